@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from evac.building.build import build_building
 from evac.building.findings import Finding
 from evac.building.surfacemesh import SurfaceMesh
-from evac.errors import BuildingError, PluginError, ScenarioError, naming, plugin_code, text_of
+from evac.errors import BuildingError, PluginError, ScenarioError, fault, naming, plugin_code, text_of
 from evac.people.groups import check_people
 from evac.people.population import Population, build_population
 from evac.people.ways import check_ways
@@ -212,7 +212,7 @@ def make_population(
     people = build_population(case, building, ground.fields, case.simulation.seed)
     stopping = check_ways(case.source, building, ground.fields, ground.world, people.crowd, people.groups)
     border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
-    with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene"):
+    with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):
         contact.check_scene(border)
     return people, stopping, border
 
@@ -247,7 +247,7 @@ def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:
 
 
 def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
-    with plugin_code(f"{word} {cls.name!r}: cannot be made"):
+    with plugin_code(f"{word} {cls.name!r}: cannot be made", cls):
         return cls(**table)
 
 
@@ -315,9 +315,8 @@ def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
 
     read = _called(importer, path, importer.read)
     if not isinstance(read, SurfaceMesh | Plan):
-        raise PluginError(
-            f"{path}: importer {importer.name!r} returned {type(read).__name__}; it must return a Plan or a SurfaceMesh"
-        )
+        wrong = f"read() returns {'None' if read is None else f'an object of class {type(read).__name__}'}"
+        raise fault(f"{path}: importer {importer.name!r}", wrong, "return a Plan or a SurfaceMesh", type(importer).read)
     return read
 
 
@@ -327,7 +326,7 @@ def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -
         raise BuildingError(f"{path}: no such file; check the path")
     if path.stat().st_size == 0:
         raise BuildingError(f"{path}: the file is empty; export it again")
-    with plugin_code(f"{path}: importer {importer.name!r}"):
+    with plugin_code(f"{path}: importer {importer.name!r}", importer):
         try:
             return method(path)
         except (ValueError, OSError) as error:

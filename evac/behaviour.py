@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.errors import PluginError, plugin_code
-from evac.parameters import Configurable
+from evac.errors import fault
+from evac.parameters import Configurable, did_you_mean
+from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.directions.fields import Fields
     from evac.directions.routes import Route
     from evac.outside import Outside
-    from evac.physics.state import Crowd, World
+    from evac.physics.state import World
     from evac.scene import Scene
 
 
@@ -23,6 +24,9 @@ _LEGAL = {
     "extra_direction": "finite",
     "start_time": "a number, inf for never",
 }
+
+#: Remedy for a behaviour that has written to an array that it does not declare in `writes`.
+DECLARE = "add the array to `writes`"
 
 #: What behaviours may write.
 WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
@@ -71,7 +75,7 @@ class Behaviour(Configurable):
         scene : BehaviourScene
         """
 
-    def act(self, crowd: "Crowd", time: float) -> None:
+    def act(self, crowd: Crowd, time: float) -> None:
         """Act at one tick: write the declared arrays in place, given the current state of everybody.
 
         Parameters
@@ -126,7 +130,7 @@ class BehaviourScene:
 
     def __init__(
         self,
-        crowd: "Crowd",
+        crowd: Crowd,
         scene: "Scene",
         groups: tuple[Any, ...],
         generator: np.random.Generator,
@@ -146,11 +150,13 @@ class BehaviourScene:
 
         Raises
         ------
-        PluginError
+        AttributeError
             The behaviour does not set ``keeps_distance``.
         """
         if self._outside is None:
-            raise PluginError("scene.outside exists only for behaviours that keep distances; set keeps_distance = True")
+            raise AttributeError(
+                "scene.outside exists only for behaviours that keep distances; set keeps_distance = True"
+            )
         return self._outside
 
     @property
@@ -174,8 +180,8 @@ class BehaviourScene:
         return self.scene.version
 
 
-def check_writes(behaviour: Behaviour) -> None:
-    """Check that a behaviour declares to write only arrays that behaviours may write.
+def check_declared(behaviour: Behaviour) -> None:
+    """Check that the arrays that a behaviour declares to read and write exist, and that behaviours may write them.
 
     Parameters
     ----------
@@ -184,27 +190,44 @@ def check_writes(behaviour: Behaviour) -> None:
     Raises
     ------
     PluginError
-        The behaviour declares another array; names both.
+        A declaration is wrong; names behaviour and array.
     """
-    with plugin_code(f"behaviour {behaviour.name!r}: writes"):
-        declared = list(behaviour.writes)
-    for array in declared:
-        if array not in WRITABLE:
-            raise PluginError(
-                f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)} only"
-            )
+    what = f"behaviour {behaviour.name!r}"
+    for word, allowed in (("reads", tuple(Crowd.kinds)), ("writes", WRITABLE)):
+        declared = getattr(behaviour, word)
+        if not (isinstance(declared, tuple | list) and all(isinstance(array, str) for array in declared)):
+            remedy = f"write {word} = ('{allowed[0]}',), for example"
+            raise fault(what, f"{word} is {declared!r}, not a tuple of names", remedy, behaviour, word)
+        for array in declared:
+            if array not in allowed:
+                hint = did_you_mean(array, allowed)
+                raise fault(
+                    what, f"{word} contains {array!r}, which behaviours cannot {word[:-1]}", hint, behaviour, word
+                )
 
 
-def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
-    """Return views of a crowd's arrays, read-only except for those that a behaviour declares to write.
+class DeclaredCrowd(Crowd):
+    """A crowd of which only the arrays that a behaviour declares can be accessed, and only those written be changed."""
+
+    def __getattribute__(self, name: str) -> Any:
+        own = object.__getattribute__(self, "__dict__")
+        if name in Crowd.kinds and name not in own.get("_declared", (name,)):
+            raise AttributeError(f"crowd.{name} is not declared; add {name!r} to reads, or to writes if it is changed")
+        return super().__getattribute__(name)
+
+
+def crowd_for(behaviour: Behaviour, crowd: Crowd) -> Crowd:
+    """Return views of a crowd's arrays, restricted to those that a behaviour declares, read-only but for its writes.
 
     Raises
     ------
     PluginError
-        As `check_writes`.
+        As `check_declared`.
     """
-    check_writes(behaviour)
-    return _views(crowd, behaviour.writes)
+    check_declared(behaviour)
+    declared = DeclaredCrowd(**_views(crowd, behaviour.writes).values())
+    declared.__dict__["_declared"] = frozenset((*behaviour.reads, *behaviour.writes))
+    return declared
 
 
 def outside_for(behaviour: Behaviour, outside: "Outside") -> "Outside | None":
@@ -220,7 +243,7 @@ def _views(arrays: Arrays, writable: Sequence[str]) -> Arrays:
     return type(arrays)(**views)
 
 
-def check_written(behaviour: Behaviour, crowd: "Crowd", outside: "Outside | None", routes: int, time: float) -> None:
+def check_written(behaviour: Behaviour, crowd: Crowd, outside: "Outside | None", routes: int, time: float) -> None:
     """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics.
 
     Parameters
@@ -238,6 +261,8 @@ def check_written(behaviour: Behaviour, crowd: "Crowd", outside: "Outside | None
     PluginError
         A value is not valid for its array, or a route does not exist; names behaviour, time and person.
     """
+    what, cls = f"t = {time:.3f} s: behaviour {behaviour.name!r}", type(behaviour)
+    method = cls.prepare if cls.act is Behaviour.act else cls.act
     checked = {name: getattr(crowd, name) for name in sorted(set(behaviour.writes) & _LEGAL.keys())}
     if outside is not None and behaviour.keeps_distance:
         checked["outside.speed_factor"] = outside.speed_factor
@@ -248,14 +273,10 @@ def check_written(behaviour: Behaviour, crowd: "Crowd", outside: "Outside | None
             is_lost |= written < 0.0
         if is_lost.any():
             person = int(np.argwhere(is_lost)[0, 0])
-            raise PluginError(
-                f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote {written[person]} to {place} of person "
-                f"{person}; it must be {_LEGAL[name]}"
-            )
+            wrong = f"wrote {written[person]} to {place} of person {person}"
+            raise fault(what, wrong, f"it must be {_LEGAL[name]}", method)
     if "route" in behaviour.writes:
         lost = np.flatnonzero((crowd.route < 0) | (crowd.route >= routes))
         if len(lost):
-            raise PluginError(
-                f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote route {crowd.route[lost[0]]} for person "
-                f"{lost[0]}; it must be from 0 to {routes - 1}, see Behaviour.routes"
-            )
+            wrong = f"wrote route {crowd.route[lost[0]]} for person {lost[0]}"
+            raise fault(what, wrong, f"it must be from 0 to {routes - 1}, see Behaviour.routes", method)

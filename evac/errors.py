@@ -1,11 +1,15 @@
 """The exceptions of evac: one root, one class for each kind of cause."""
 
+import inspect
 import re
+import shlex
+import sys
 import traceback
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 #: Characters of an error's text that are shown, and of a line of a file.
 LONGEST = 1000
@@ -25,7 +29,19 @@ class ScenarioError(EvacError):
 
 
 class PluginError(EvacError):
-    """A plugin cannot be found, loaded or configured, or breaks its contract."""
+    """A plugin cannot be found, loaded or configured, or breaks its contract.
+
+    Attributes
+    ----------
+    file : str
+        Plugin file that is at fault, which the text of the error advises to check; empty if there is none.
+    """
+
+    file = ""
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        return f"{text}; check it with: evac plugins --check {shlex.quote(self.file)}" if self.file else text
 
 
 class SimulationError(EvacError):
@@ -83,10 +99,10 @@ def quoted_line(text: str, error: str) -> str:
     return f"{quoted}; correct the file there"
 
 
-def text_of(error: BaseException) -> str:
-    """Return the text of an error in one line of at most `LONGEST` characters and an ellipsis."""
+def text_of(item: object) -> str:
+    """Return the text of an error or a path in one line of at most `LONGEST` characters and an ellipsis."""
     try:
-        text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode()
+        text = " ".join(str(item).split()).encode("utf-8", "backslashreplace").decode()
     except Exception:
         text = "(its text cannot be shown)"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
@@ -98,27 +114,117 @@ def in_one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
-def place_of(error: BaseException) -> str:
-    """Return file and line of the innermost frame of an exception outside of evac; within evac if there is none."""
+def place_of(source: Any, attribute: str = "") -> str:
+    """Return file and line of an exception, code, an object of a plugin class, or an attribute in the body of a class.
+
+    The place of an exception is its innermost frame outside of evac, or within evac if there is none.
+    """
+    file, line = (
+        _place_of_error(source) if isinstance(source, BaseException) else _place_of_code(_code_of(source), attribute)
+    )
+    return f"{file}, line {line}" if file else "no file"
+
+
+def _place_of_error(error: BaseException, file: str = "") -> tuple[str, int]:
+    """Return the place of an exception, in a certain file if it passed through that."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return error.filename, error.lineno or 1
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
-    outside = [frame for frame in frames if Path(__file__).parent not in Path(frame.filename).parents]
-    return next((f"{frame.filename}, line {frame.lineno}" for frame in reversed(outside or frames)), "no file")
+    inside = [frame for frame in frames if file and frame.filename == file]
+    outside = [frame for frame in frames if not _is_own(frame.filename)]
+    return next(((one.filename, one.lineno or 1) for one in reversed(inside or outside or frames)), ("", 0))
+
+
+def _place_of_code(source: Any, attribute: str = "") -> tuple[str, int]:
+    """Return the place of a function, a kernel, a module or a class, or of an attribute that is set in its body."""
+    source = inspect.unwrap(source) if callable(source) else source
+    with suppress(OSError, TypeError):
+        lines, first = inspect.getsourcelines(source)
+        wanted = re.compile(rf"\s*(def {attribute}\(|{attribute}\b[^=(]*=)")
+        stated = (k for k, line in enumerate(lines) if attribute and wanted.match(line))
+        return inspect.getsourcefile(source) or "", max(first, 1) + next(stated, 0)  # a module starts at line 0
+    module = source if inspect.ismodule(source) else sys.modules.get(getattr(source, "__module__", ""))
+    return getattr(module, "__file__", None) or "", 1
+
+
+def _is_own(file: str) -> bool:
+    """Return whether a file belongs to evac or to its own plugins."""
+    own = (getattr(sys.modules.get(name), "__file__", None) for name in ("evac", "evac_plugins"))
+    return any(one and Path(one).parent in Path(file).parents for one in own)
+
+
+def is_foreign(plugin: Any) -> bool:
+    """Return whether a plugin, given as a class or an object of the class, is not part of evac."""
+    return not _is_own(_place_of_code(_code_of(plugin))[0])
+
+
+def fault(what: str, wrong: str, remedy: str, source: Any, attribute: str = "") -> PluginError:
+    """Return the error for a mistake in a plugin, with its file and line, and the advice to check the file.
+
+    Parameters
+    ----------
+    what : str
+        The plugin.
+    wrong, remedy : str
+        What is wrong, and what to change.
+    source : function, kernel, class, object of a plugin class, module, or (str, int)
+        Where the mistake is: code, or file and line.
+    attribute : str
+        Name of the attribute of the class or module that is wrong.
+    """
+    file, line = source if isinstance(source, tuple) else _place_of_code(_code_of(source), attribute)
+    what = what.replace(file, Path(file).name) if file else what  # the path follows
+    error = PluginError(f"{what}: {wrong} ({file}, line {line}); {remedy}" if file else f"{what}: {wrong}; {remedy}")
+    error.file = "" if _is_own(file) else file
+    return error
+
+
+def _code_of(plugin: Any) -> Any:
+    """Return the class of an object of a plugin class, and other code itself."""
+    is_code = isinstance(plugin, type) or inspect.ismodule(plugin) or hasattr(plugin, "__wrapped__")
+    return plugin if is_code or inspect.isroutine(plugin) else type(plugin)
 
 
 @contextmanager
-def plugin_code(what: str) -> Iterator[None]:
+def plugin_code(what: str, plugin: Any, read_only: str = "") -> Iterator[None]:
     """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
 
     This includes SystemExit, since no plugin may end the process. A KeyboardInterrupt comes from the user and is
-    passed on.
+    passed on. Standard output and standard error are restored if the plugin has replaced them, which is an error too.
+
+    Parameters
+    ----------
+    what : str
+        The plugin and what it does, for the message.
+    plugin : object, class, function, module or Path
+        The plugin, whose file is named if the exception was raised in it or in evac.
+    read_only : str
+        Remedy if the plugin has written to a read-only array.
     """
+    streams = sys.stdout, sys.stderr
     try:
         yield
     except (EvacError, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
+        text = f"SyntaxError: {error.msg}" if isinstance(error, SyntaxError) else in_one_line(error)
         advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "correct the plugin"
-        raise PluginError(f"{what}: {in_one_line(error)} ({place_of(error)}); {advice}, or remove it") from error
+        remedy = f"{advice}, or remove it"
+        trace = traceback.extract_tb(error.__traceback__)
+        if trace and _is_own(trace[-1].filename) and "; " in text:  # evac has raised it, and states the remedy
+            text, _, remedy = text.rpartition("; ")
+        if read_only and isinstance(error, ValueError) and "read-only" in text:
+            remedy = read_only
+        own = (str(plugin), 1) if isinstance(plugin, Path) else _place_of_code(_code_of(plugin))
+        place = _place_of_error(error, own[0])
+        raise fault(what, text, remedy, own if _is_own(place[0]) else place) from error
+    else:
+        if sys.stdout is not streams[0] or sys.stderr is not streams[1]:
+            own = (str(plugin), 1) if isinstance(plugin, Path) else plugin
+            remedy = "restore it, as contextlib.redirect_stdout does"
+            raise fault(what, "replaces sys.stdout or sys.stderr", remedy, own)
+    finally:
+        sys.stdout, sys.stderr = streams
 
 
 @contextmanager

@@ -43,7 +43,7 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     """Return the routes that people can take, each once; `full` adds one of every strategy."""
     wanted = list(routes_of(case))
     for behaviour in behaviours:
-        with plugin_code(f"behaviour {behaviour.name!r}: routes"):
+        with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
             wanted.extend(behaviour.routes())
     if full:
         wanted.extend(Route((), strategy) for strategy in STRATEGIES)
@@ -76,7 +76,7 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
     """Return the forces that are not zero everywhere; with `full`, all of them."""
     needed = []
     for force in forces:
-        with plugin_code(f"force {force.name!r}: is_needed"):
+        with plugin_code(f"force {force.name!r}: is_needed", force):
             if full or force.is_needed():
                 needed.append(force)
     return needed
@@ -88,7 +88,7 @@ def needed_behaviours(
     """Return the behaviours that have an effect in their scenes; with `full`, all of them."""
     needed = []
     for behaviour, scene in scenes:
-        with plugin_code(f"behaviour {behaviour.name!r}: is_needed"):
+        with plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
             if full or behaviour.is_needed(scene):
                 needed.append((behaviour, scene))
     return needed
@@ -165,7 +165,7 @@ def explain(
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
     seen_by = f"seen by {', '.join(keepers)}" if keepers else "no behaviour keeps distances"
     parts.append(Part("people outside", bool(keepers), seen_by))
-    with plugin_code(f"contact model {model.name!r}: parts"):
+    with plugin_code(f"contact model {model.name!r}: parts", model):
         parts.extend(Part(*row) for row in model.parts())
     parts.extend(Part(*row) for row in loop)
     parts.append(Part("contact solves", True, "only in steps with contacts in reach"))

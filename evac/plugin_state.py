@@ -25,7 +25,7 @@ def state_of(plugin: Any, what: str, prefix: str) -> dict[str, NDArray[Any]]:
     PluginError
         It fails, or returns something else than a dictionary of arrays.
     """
-    with plugin_code(f"{what}: state"):
+    with plugin_code(f"{what}: state", plugin):
         state = plugin.state()
     if not isinstance(state, dict):
         raise PluginError(f"{what}: state() returns {reprlib.repr(state)}; return a dict of arrays")

@@ -6,7 +6,7 @@ import importlib.metadata
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 from evac import hookspecs
-from evac.contract import BASES, check_class, check_module, is_a, kind_of
-from evac.errors import BuildingError, PluginError, plugin_code
+from evac.contract import check_answer, check_class, check_module, kind_of
+from evac.errors import BuildingError, PluginError, fault, plugin_code, text_of
 from evac.parameters import Configurable, did_you_mean
 
 if TYPE_CHECKING:
@@ -150,12 +150,12 @@ class Registry:
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
         for name in builtins:
-            with plugin_code(f"built-in plugin {name} cannot be loaded"):
+            with plugin_code(f"built-in plugin {name} cannot be loaded", None):
                 module = importlib.import_module(name)
             self._register(module, Provenance(name, "built-in", "evac", version))
         for entry in sorted(importlib.metadata.entry_points(group="evac"), key=lambda entry: entry.name):
             origin = entry.dist.name if entry.dist else "unknown"
-            with plugin_code(f"plugin {entry.value} of distribution {origin} cannot be loaded"):
+            with plugin_code(f"plugin {entry.value} of distribution {origin} cannot be loaded", None):
                 module = entry.load()
             self._register(
                 module, Provenance(entry.value, "distribution", origin, entry.dist.version if entry.dist else "")
@@ -190,13 +190,17 @@ class Registry:
         PluginError
             The file cannot be loaded, breaks the contract, or claims a name that is taken.
         """
-        path = Path(path).resolve()
-        if not path.is_file():
-            raise PluginError(f"plugin file {path}: no such file; check the path")
-        text = path.read_bytes()
+        try:
+            path = Path(path).resolve()
+            text = path.read_bytes()
+        except (OSError, ValueError) as error:  # such as a path that is too long, or with a null character
+            reason = (
+                "no such file" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", None) or error
+            )
+            raise PluginError(f"plugin file {text_of(path)}: {reason}; check the path") from None
         provenance = Provenance(str(path), "file", str(path), hashlib.sha256(text).hexdigest()[:16])
         if provenance not in self.provenance:
-            with plugin_code(f"plugin file {path} cannot be loaded"):
+            with plugin_code(f"plugin file {path} cannot be loaded", path):
                 module = _module_of(path, text)
             self._register(module, provenance)
 
@@ -211,7 +215,7 @@ class Registry:
         kind = check_class(cls, cls.__module__)
         if self._tables[kind].get(cls.name) is not cls:
             plugin = f"{cls.__module__}.{cls.__qualname__}"
-            self._enter(kind, cls, plugin)
+            self._enter(kind, cls, plugin, cls)
             self.provenance.append(Provenance(plugin, "class", cls.__module__, ""))
 
     def names_of_classes(self) -> list[str]:
@@ -246,7 +250,7 @@ class Registry:
             "plugin with an importer"
         )
 
-    def calls(self, hook: str, **given: Any) -> list[tuple[str, Callable[[], Any]]]:
+    def calls(self, hook: str, **given: Any) -> list[tuple[str, "partial[Any]"]]:
         """Return a call of a hook for each plugin that has it, so that the caller can handle failures one by one.
 
         Parameters
@@ -258,7 +262,7 @@ class Registry:
 
         Returns
         -------
-        list of (str, callable)
+        list of (str, partial)
             Name of the plugin, and its function with its arguments bound; in the order of registration.
         """
         found = getattr(self.hook, hook).get_hookimpls()
@@ -278,7 +282,7 @@ class Registry:
             A plugin fails; names it.
         """
         for plugin, call in reversed(self.calls(hook, **given)):
-            with plugin_code(f"{plugin}: {hook}"):
+            with plugin_code(f"{plugin}: {hook}", call.func):
                 call()
 
     def providers(self, used: Iterable[Configurable]) -> list[str]:
@@ -327,40 +331,34 @@ class Registry:
             self._manager.register(module, name=plugin)
             self._manager.check_pending()
         except (pluggy.PluginValidationError, ValueError) as error:
-            raise PluginError(
-                f"plugin {plugin}: {error}; see evac.hookspecs for the hooks and their arguments"
-            ) from error
+            remedy = "see evac.hookspecs for the hooks and their arguments"
+            raise fault(f"plugin {plugin}", text_of(error), remedy, module) from error
         self.provenance.append(provenance)
         for kind, hook in KINDS.items():
             if not hasattr(module, hook):
                 continue
-            with plugin_code(f"plugin {plugin}: {hook}()"):
-                answer = getattr(module, hook)()
-            if isinstance(answer, (str, bytes)) or not isinstance(answer, Sequence):
-                raise PluginError(f"plugin {plugin}: {hook}() must return a list, not {answer!r}")
+            function = getattr(module, hook)
+            with plugin_code(f"plugin {plugin}: {hook}()", function):
+                answer = function()
+            check_answer(kind, answer, function, plugin)
             for item in answer:
-                self._enter(kind, item, plugin)
+                self._enter(kind, item, plugin, function)
 
-    def _enter(self, kind: str, item: Any, plugin: str) -> None:
-        """Enter one class or folder in its table, checked."""
+    def _enter(self, kind: str, item: Any, plugin: str, origin: Any) -> None:
+        """Enter one class or folder in its table, checked; `origin` is the code that returned it."""
         word = kind.replace("_", " ")
         if kind == "case":
             item = Path(item)
             if not (item / "case.toml").is_file():
-                raise PluginError(f"plugin {plugin}: {item}, the folder of a case, has no case.toml; add it")
+                raise fault(f"plugin {plugin}", f"{item}, the folder of a case, has no case.toml", "add it", origin)
             name = item.name
         else:
-            if not is_a(kind, item):
-                raise PluginError(
-                    f"plugin {plugin}: {KINDS[kind]} returned {item!r}; it must derive from evac.{BASES[kind][1]}"
-                )
             check_class(item, plugin)
             name = item.name
         if (kind, name) in self._owners:
-            raise PluginError(
-                f"{word} {name!r} is registered twice, by {self._owners[kind, name]} and by {plugin}; "
-                "rename one, or remove one of the plugins"
-            )
+            where = origin if kind == "case" else item
+            taken = f"{word} {name!r} is provided by {self._owners[kind, name]} already"
+            raise fault(f"plugin {plugin}", taken, "choose another name, or remove one of the plugins", where)
         self._owners[kind, name] = plugin
         self._tables[kind][name] = item
 

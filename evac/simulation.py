@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac import assembly, plan
-from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for, outside_for
+from evac.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
 from evac.directions.fields import Fields
@@ -144,7 +144,7 @@ class Simulation:
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
-        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
+        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(self.population.crowd.level), [level.name for level in building.levels]
         number, solvers = number_of_threads(self._threads, n), self.registry.solvers
@@ -160,11 +160,11 @@ class Simulation:
         self._acts: dict[str, bool] = {}
         self._version, self._force_is_read = self.scene.version, False
         for behaviour, scene in self.behaviours:
-            with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
+            with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare", behaviour, DECLARE):
                 self._force_is_read |= "contact_force" in behaviour.reads
                 behaviour.prepare(scene)
             self._check_written(behaviour)
-            with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
+            with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks", behaviour):
                 self._acts[behaviour.name] = behaviour.acts_at_ticks()
 
     def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[plan.Part]:
@@ -376,13 +376,13 @@ class Simulation:
         for behaviour, scene in self.behaviours:
             if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
                 what = f"behaviour {behaviour.name!r}: restore"
-                with plugin_code(what), part_of(state, f"behaviour.{behaviour.name}.") as own:
+                with plugin_code(what, behaviour), part_of(state, f"behaviour.{behaviour.name}.") as own:
                     behaviour.restore(own)
                 with part_of(state, "generator.") as own:
                     words = taken(own, behaviour.name, np.uint64, MOST_WORDS.shape, 0, MOST_WORDS)
                 restore_generator(scene.generator, words)
         what = f"contact model {self.contact.name!r}: restore"
-        with plugin_code(what), part_of(state, f"contact.{self.contact.name}.") as own:
+        with plugin_code(what, self.contact), part_of(state, f"contact.{self.contact.name}.") as own:
             self.contact.restore(own)
         with part_of(state, "engine.") as own:
             self.engine.restore(own)
@@ -428,7 +428,7 @@ class Simulation:
         if self.outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):
             self.outside.arrays.speed_factor[:] = 1.0
         for behaviour, scene in self.behaviours if self.full else acting:
-            with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}"):
+            with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}", behaviour, DECLARE):
                 behaviour.act(scene.crowd, self.time)
             self._check_written(behaviour)
 

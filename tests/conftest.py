@@ -29,10 +29,14 @@ PLUGIN = """
         group_keys = ("time", "leader")
         time = Parameter({"uniform": [0.0, 10.0]}, "time", unit="s", minimum=0, distribution=True)
         shared = Parameter(False, "shared")
+        def prepare(self, scene):
+            pass
 
     class Follow(Behaviour):
         name = "follow"
         group_keys = ("leader",)
+        def prepare(self, scene):
+            pass
 
     class Drawn(Importer):
         name = "drawn"

@@ -38,7 +38,7 @@ def registry(tmp_path):
     ("content", "error", "words"),
     [
         ("bug", PluginError, r"importer 'odd': ZeroDivisionError: .*odd\.py, line 12"),
-        ("other", PluginError, "importer 'odd' returned str"),
+        ("other", PluginError, "importer 'odd': read\\(\\) returns an object of class str"),
         ("", BuildingError, "the file is empty"),
         (None, BuildingError, "no such file"),
     ],

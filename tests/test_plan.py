@@ -105,12 +105,16 @@ ODD = """
             if Odd.asked > 1:
                 raise ValueError("asked again")
             return False
+        def prepare(self, scene):
+            pass
 
     class Fails(Behaviour):
         '''Fails where it is asked.'''
         name = "fails"
         def acts_at_ticks(self):
             raise ValueError("oops")
+        def prepare(self, scene):
+            pass
 
     class Parts(ContactModel):
         '''Fails where it is asked.'''

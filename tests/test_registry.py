@@ -120,27 +120,27 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return 1 / 0\n",
          ["evac_forces(): ZeroDivisionError: division by zero"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return 'social'\n",
-         ["evac_forces() must return a list, not 'social'"]),
+         ["evac_forces() returns 'social'"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return [int]\n",
-         ["evac_forces returned <class 'int'>", "it must derive from evac.Force"]),
+         ["evac_forces() returns int", "derive it from evac.Force"]),
         ("from evac import Behaviour, hookimpl\n"
          "class A(Behaviour):\n    name = 'a b'\n@hookimpl\ndef evac_behaviours():\n    return [A]\n",
-         ["A.name is 'a b'; it must be one word in lower case"]),
+         ["A.name is 'a b'"]),
         ("from evac import Behaviour, hookimpl\n"
          "class A(Behaviour):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
-         ["evac_forces returned", "it must derive from evac.Force"]),
+         ["evac_forces() returns", "derive it from evac.Force"]),
         ("from evac import Force, hookimpl\n"
          "class A(Force):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
          ["A has no cutoff(), which every Force needs"]),
         ("from evac import ContactModel, hookimpl\n"
          "class A(ContactModel):\n    name = 'model'\n@hookimpl\ndef evac_contact_models():\n    return [A]\n",
-         ["A.name 'model' is a key of its section"]),
+         ["A.name is 'model', a key of its section"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_building_cases():\n    return ['/nowhere']\n",
          ["/nowhere", "case.toml"]),
         ("from evac import Importer, hookimpl\n"
          "class A(Importer):\n    name = 'a'\n    suffixes = '.a'\n    def read(self, path):\n        pass\n"
          "@hookimpl\ndef evac_importers():\n    return [A]\n",
-         ["A.suffixes is '.a'; it must be a tuple of endings in lower case"]),
+         ["A.suffixes is '.a'"]),
     ],
 )  # fmt: skip
 def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):

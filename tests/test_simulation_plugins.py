@@ -5,7 +5,7 @@ import textwrap
 import numpy as np
 import pytest
 
-from evac.errors import PluginError, SimulationError
+from evac.errors import PluginError
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 from tests.runs import SQUEEZED, assert_same_bits, in_the_room, model_of, run_ticks
@@ -23,7 +23,7 @@ def test_a_behaviour_that_reads_contact_forces_does_not_depend_on_the_output(mod
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("scene.crowd.route[:] = 99999", "'squeezed' .*route 99999 for person 0"),
+        ("scene.crowd.route[:] = 99999", "'squeezed': .*route 99999 for person 0"),
         ("scene.crowd.start_time[2] = float('nan')", "nan to start_time of person 2"),
         ("scene.crowd.speed_factor[1] = -1.0", "-1.0 to speed_factor of person 1"),
     ],
@@ -39,13 +39,13 @@ def test_what_prepare_writes_is_checked(tmp_path, line, words):
 def test_what_a_behaviour_writes_for_people_outside_is_checked(tmp_path):
     text = SQUEEZED.replace("def act(self, crowd, time)", "keeps_distance = True\n\n        def prepare(self, scene)")
     text = text.replace(IN_PLACE, "scene.outside.speed_factor[3] = float('nan')")
-    with pytest.raises(PluginError, match=r"'squeezed' wrote nan to outside\.speed_factor of person 3; it must be"):
+    with pytest.raises(PluginError, match=r"'squeezed': wrote nan to outside\.speed_factor of person 3 .*; it must be"):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
 
 
 def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
     text = SQUEEZED.replace('writes = ("speed_factor",)', 'writes = ("position",)')
-    with pytest.raises(PluginError, match=r"squeezed: .*'position'"):
+    with pytest.raises(PluginError, match=r"'squeezed': .*'position'"):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
 
 
@@ -54,7 +54,7 @@ IN_PLACE = "crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5"
 
 def test_an_array_that_a_behaviour_would_replace_is_refused(tmp_path):
     text = SQUEEZED.replace(IN_PLACE, "crowd.speed_factor = 0.5 * crowd.speed_factor")
-    with pytest.raises(PluginError, match=r"crowd\.speed_factor cannot be replaced; write into the array"):
+    with pytest.raises(PluginError, match=r"crowd\.speed_factor cannot be replaced .*; write into the array"):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})).run()
 
 
@@ -264,7 +264,7 @@ def test_a_force_that_fails_is_named(tmp_path, method):
 
 def test_a_force_that_divides_by_zero_is_told_of(tmp_path):
     case = in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **{"forces.divides": {}})
-    with pytest.raises(SimulationError, match="person 0 "):
+    with pytest.raises(PluginError, match=r"force 'divides': .*\(inf, .* person 0 .*odd\.py, line \d+"):
         Simulation(case).run()
 
 

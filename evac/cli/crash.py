@@ -12,8 +12,9 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from evac.errors import in_one_line
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 #: Exit status of an error in evac itself, EX_SOFTWARE of sysexits.h.
 INTERNAL_ERROR = 70
+
+#: Number of crash files that are kept; the oldest are removed.
+KEPT = 20
 
 #: Number of file names that are tried for a crash file.
 MOST_FILES = 100
@@ -47,10 +51,10 @@ def report_crash(error: BaseException, what: str, case: "Case | None" = None, no
 
 
 def crash_file(error: BaseException, case: "Case | None" = None, notes: list[str] | None = None) -> str:
-    """Write a crash file to the current folder, or else to the temporary folder; return a sentence with its path.
+    """Write a crash file to the folder of crash files, or to the temporary folder; return a sentence with its path.
 
     It contains the traceback, the command, versions and the settings of the case, but no environment variables and no
-    values of variables.
+    values of variables. Only the newest `KEPT` files are kept.
     """
     try:
         text = "".join(_report(error, case, notes or []))
@@ -58,12 +62,41 @@ def crash_file(error: BaseException, case: "Case | None" = None, notes: list[str
         text = f"{in_one_line(error)}\nno report, {in_one_line(failure)}\n"
     stamp = f"evac-crash-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
     why = ""
-    for folder in (Path.cwd, lambda: Path(tempfile.gettempdir())):
+    for folder in (crash_folder, lambda: Path(tempfile.gettempdir())):
         try:
-            return f"details are in {_written(folder(), stamp, text)}"
+            path = _written(folder(), stamp, text)
         except OSError as failure:
             why = why or f"{failure.strerror or failure}"
+        else:
+            _prune(path)
+            return f"details are in {path}"
     return f"no crash file could be written: {why}"
+
+
+def crash_folder() -> Path:
+    """Return the folder of crash files, ``crashes`` in the cache folder of the user, created if it is missing.
+
+    Raises
+    ------
+    OSError
+        There is no home folder, or the folder cannot be created.
+    """
+    from evac.jit.store import cache_root
+
+    root = cache_root()
+    if root is None:
+        raise OSError("there is no home folder")
+    folder = root / "crashes"
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return folder
+
+
+def _prune(newest: Path) -> None:
+    """Remove the oldest crash files in the folder of one, but for `KEPT` of them."""
+    with suppress(OSError):
+        others = [path for path in newest.parent.glob("evac-crash-*.txt") if path != newest]
+        for path in sorted(others, key=lambda path: path.lstat().st_mtime)[: -(KEPT - 1)]:
+            path.unlink(missing_ok=True)
 
 
 def _written(folder: Path, stamp: str, text: str) -> Path:
@@ -118,6 +151,18 @@ def _settings(case: "Case") -> str:
     from evac.output.results import plain
 
     return f"{case.source}\n{json.dumps(plain(case.to_dict()), indent=2)}"
+
+
+def refuse_to_leave() -> None:
+    """Let `os._exit` raise SystemExit in this process, so that a plugin cannot end a run as if it had succeeded."""
+    process, leave = os.getpid(), os._exit
+
+    def refuse(status: int) -> NoReturn:
+        if os.getpid() != process:  # a forked process ends by it
+            leave(status)
+        raise SystemExit(status)
+
+    os._exit = refuse
 
 
 def catch_the_rest() -> None:

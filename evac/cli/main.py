@@ -2,6 +2,7 @@
 
 import argparse
 import atexit
+import errno
 import gc
 import importlib
 import os
@@ -10,10 +11,10 @@ import sys
 from collections.abc import Sequence
 
 from evac.cli.cases import loaded_case
-from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, report_crash
+from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, refuse_to_leave, report_crash
 from evac.cli.streams import guard_streams, warn_lost_output
 from evac.cli.warned import shown_warnings
-from evac.errors import EvacError, PluginError
+from evac.errors import EvacError, PluginError, text_of
 
 #: Exit status for bad input, and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
@@ -58,6 +59,7 @@ def program() -> int:
     """Run `main` as a process of its own, with streams that never raise and errors reported without traceback."""
     guard_streams()
     catch_the_rest()
+    refuse_to_leave()
     try:
         return main()
     finally:
@@ -81,15 +83,18 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments = parser().parse_args(argv)
             return int(arguments.execute(arguments))
         except EvacError as error:
-            lines = [f"evac: {error}", *getattr(error, "__notes__", ())]
+            details = ""
             if isinstance(error, PluginError) and error.__cause__ is not None:
-                lines.append(crash_file(error, loaded_case(arguments), hidden))
-            print("\n".join(lines), file=sys.stderr)
+                details = f" ({crash_file(error, loaded_case(arguments), hidden)})"
+            print("\n".join([f"evac: {error}{details}", *getattr(error, "__notes__", ())]), file=sys.stderr)
             return BAD_INPUT
         except KeyboardInterrupt:
             print("evac: interrupted", file=sys.stderr)
             return INTERRUPTED_STATUS
         except BaseException as error:
+            if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+                print(f"evac: {text_of(error.filename)}: this name is too long; check the path", file=sys.stderr)
+                return BAD_INPUT
             if isinstance(error, SystemExit) and arguments is None:
                 raise  # from argparse, which has printed the help or an error about the command line
             report_crash(error, "internal error", loaded_case(arguments), hidden)

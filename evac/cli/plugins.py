@@ -1,7 +1,13 @@
-"""evac plugins: list all registered plugins with their parameters, units and defaults, or describe one."""
+"""evac plugins: list all registered plugins with their parameters, units and defaults, describe one, or check a file.
+
+`evac plugins --check FILE` applies the checks of `evac.conformance.check_plugin` to everything in a plugin file, and
+ends with status 2 if one of them fails.
+"""
 
 import argparse
 import inspect
+import sys
+from pathlib import Path
 from typing import Any
 
 from evac.cli.cases import declare_plugin
@@ -11,11 +17,14 @@ from evac.cli.screen import console, show_table, shown
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("name", metavar="NAME", nargs="?", help="name of one model, behaviour or other plugin")
+    parser.add_argument("--check", metavar="FILE", help="check everything in a plugin file")
     declare_plugin(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Print the origin of each plugin and what it provides, or only what has the given name."""
+    """Print the origin of each plugin and what it provides, or only what has the given name; or check a file."""
+    if arguments.check is not None:
+        return _check(arguments.check, arguments.plugins)
     from evac.errors import PluginError
     from evac.parameters import did_you_mean
     from evac.registry import Registry
@@ -34,6 +43,32 @@ def execute(arguments: argparse.Namespace) -> int:
         for item in items:
             _show(item, None if arguments.name is None else registry.get(item["kind"], item["name"]))
     return 0
+
+
+def _check(file: str, others: list[str]) -> int:
+    """Check all plugins in a file and print a line for each; return 0, or 2 if a check has failed.
+
+    Files given with --plugin are registered first, so that names that they take are refused.
+    """
+    from evac.cli.main import BAD_INPUT
+    from evac.conformance import check_plugin
+    from evac.errors import EvacError
+    from evac.registry import Registry
+
+    registry, status = Registry([*others, file]), 0
+    for kind, name in registry.provided_by(Path(file).resolve()):
+        title = f"{kind.replace('_', ' ')} {name}"
+        if kind == "case":
+            print(f"{title}: is checked by: evac check {registry.get(kind, name)}")
+            continue
+        try:
+            check_plugin(registry.get(kind, name))
+        except EvacError as error:
+            print(f"evac: {error}", file=sys.stderr)
+            status = BAD_INPUT
+        else:
+            print(f"{title}: all checks passed")
+    return status
 
 
 def _show(item: dict[str, Any], plugin: Any) -> None:

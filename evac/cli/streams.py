@@ -77,9 +77,17 @@ def _guarded(stream: TextIO | None, number: int) -> TextIO:
     return _text(raw, stream.encoding, line_buffering=stream.line_buffering or number == 2)
 
 
+class _Text(io.TextIOWrapper):
+    """A text stream that a plugin cannot close."""
+
+    def close(self) -> None:
+        """Flush only."""
+        self.flush()
+
+
 def _text(raw: _Lenient, encoding: str, *, line_buffering: bool) -> TextIO:
     buffered = io.BufferedWriter(raw)
-    return io.TextIOWrapper(buffered, encoding, errors="backslashreplace", line_buffering=line_buffering)
+    return _Text(buffered, encoding, errors="backslashreplace", line_buffering=line_buffering)
 
 
 def warn_lost_output() -> None:

@@ -26,7 +26,6 @@ from evac.conformance.classes import (
     SHIPPED_CASE,
     check_construction,
     check_contract,
-    check_declarations,
     check_parameters,
     check_registration,
 )
@@ -102,8 +101,6 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
         if case is None:
             return
         run(check_surface, case, cls.name)
-    elif issubclass(cls, Behaviour):
-        run(check_declarations, cls(**values))
     if case is None:
         case = run(check_registration, cls, values, pace)
     if issubclass(cls, Behaviour) and (missing := run(check_declared_arrays, case, cls.name, ticks)):

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from evac.behaviour import Behaviour, BehaviourScene
+from evac.behaviour import DECLARE, Behaviour, BehaviourScene
 from evac.conformance.failures import CheckError, scene
-from evac.errors import PluginError, place_of, text_of
-from evac.physics.state import Crowd
+from evac.errors import plugin_code
 from evac.scenario.case import Case
 from evac.simulation import Simulation
 
@@ -83,52 +82,34 @@ def check_distance(case: Case, name: str) -> None:
 
 
 def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
-    """Return a simulation, and a prepared behaviour with its scene, whose crowd records which arrays are read."""
+    """Return a simulation, and a prepared behaviour with its scene."""
     with scene(case.title):
-        with _naming_writes():
-            simulation = Simulation(case, full=True)
+        simulation = Simulation(case, full=True)
         found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
         if found is None:
             raise CheckError(f"the case does not use behaviour {name!r}", "give a case that does")
         behaviour, view = found
-        view.crowd = _WatchedCrowd(**view.crowd.values())
-        view.crowd.__dict__["noted"] = set()
-        with _declared_only(behaviour, view, simulation):
+        with _declared_only(behaviour, simulation):
             behaviour.prepare(view)
         return simulation, behaviour, view
 
 
 def _act(behaviour: Behaviour, view: BehaviourScene, simulation: Simulation, lines: "_Lines", time: float) -> None:
     """Call `act` once, and refuse accesses to arrays that are not declared."""
-    with _declared_only(behaviour, view, simulation), lines.noted():
+    with _declared_only(behaviour, simulation), lines.noted():
         behaviour.act(view.crowd, time)
 
 
 @contextmanager
-def _naming_writes() -> Iterator[None]:
-    """Name the remedy if the behaviour writes to an array that is read-only because it is not declared."""
-    try:
-        yield
-    except (ValueError, PluginError) as error:
-        cause = error.__cause__ if isinstance(error, PluginError) else error
-        if not (isinstance(cause, ValueError) and "read-only" in str(cause)):
-            raise
-        wrong = f"writes an array without declaring it: {text_of(cause)} ({place_of(cause)})"
-        raise CheckError(wrong, "add it to `writes`") from cause
-
-
-@contextmanager
-def _declared_only(behaviour: Behaviour, view: BehaviourScene, simulation: Simulation) -> Iterator[None]:
-    """Refuse that the block reads or writes arrays that the behaviour does not declare."""
+def _declared_only(behaviour: Behaviour, simulation: Simulation) -> Iterator[None]:
+    """Refuse that the block writes arrays that the behaviour does not declare, also with kernels."""
     crowd = simulation.population.crowd
     before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
-    with _naming_writes():
+    with plugin_code("its method", behaviour, DECLARE):
         yield
     for key, array in before.items():
         if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
             raise CheckError(f"writes {key!r} without declaring it", "add it to `writes`")
-    if undeclared := sorted(view.crowd.__dict__["noted"] - {*behaviour.reads, *behaviour.writes}):
-        raise CheckError(f"reads {', '.join(undeclared)} without declaring it", "add it to `reads`")
 
 
 def _made_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:
@@ -197,12 +178,3 @@ def _raising(file: str) -> set[int]:
         return set()
     spans = [(node.lineno, node.end_lineno or node.lineno) for node in ast.walk(tree) if isinstance(node, ast.Raise)]
     return {line for first, last in spans for line in range(first, last + 1)}
-
-
-class _WatchedCrowd(Crowd):
-    """A crowd that records which arrays are accessed."""
-
-    def __getattribute__(self, name: str) -> Any:
-        if name in Crowd.kinds:
-            self.__dict__.setdefault("noted", set()).add(name)
-        return super().__getattribute__(name)

@@ -13,6 +13,7 @@ from evac.checkpoints import without_state
 from evac.conformance.failures import CheckError, scene
 from evac.errors import PluginError, ResultError, counted, text_of
 from evac.output.recorder import Recorder
+from evac.output.recording import reading
 from evac.scenario.case import Case
 from evac.simulation import Simulation
 
@@ -51,14 +52,17 @@ def check_read_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
                 simulation.recording.recorders = []
                 with _scene(case, 0, "finished before its start"):
                     type(recorder)(**recorder.values()).finish(simulation, None)
-                recorder.start(simulation)
+                with reading(simulation, "start()", recorder):
+                    recorder.start(simulation)
                 for _ in range(ticks):
                     before = simulation.state()
-                    recorder.record(simulation)
+                    with reading(simulation, "record()", recorder):
+                        recorder.record(simulation)
                     if different := _difference(before, simulation.state()):
                         raise CheckError(f"changes {different}", "only read the simulation, and copy arrays")
                     simulation.advance_tick()
-                recorder.finish(simulation, simulation.results())
+                with reading(simulation, "finish()", recorder):
+                    recorder.finish(simulation, simulation.results())
 
 
 def check_resume(recorder: Recorder, case: Case, ticks: int = 10) -> None:

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from evac.conformance.failures import CheckError, scene
 from evac.errors import PluginError, ResultError, RunWarning, text_of
 from evac.output.exporter import Exporter, export
@@ -46,29 +44,12 @@ def check_files(exporter: Exporter, trajectory: Trajectory) -> None:
 
 def _exported(exporter: Exporter, trajectory: Trajectory, place: Path) -> dict[Path, bytes]:
     """Return the files that an exporter writes, with their content; refuse files outside of `place`."""
-    named = export(trajectory, exporter, place)
-    if not named:
-        raise CheckError("write() returns no file", "return the paths that a user opens")
-    for path in named:
-        if not isinstance(path, Path) or not path.is_file():
-            raise CheckError(
-                f"write() returns {path!r}, which is not an existing file", "return the paths of written files"
-            )
+    export(trajectory, exporter, place)
     files = sorted(path for path in place.parent.rglob("*") if path.is_file())
     strays = [path for path in files if path != place and place not in path.parents]
     if strays:
         raise CheckError(f"writes {strays[0].name} outside `path`", "write to `path` only")
     return {path: path.read_bytes() for path in files}
-
-
-def check_data_untouched(exporter: Exporter, trajectory: Trajectory) -> None:
-    """Check that an exporter does not change the trajectory in memory."""
-    before = {name: getattr(trajectory, name).copy() for name in ("position", "velocity", "radius")}
-    with tempfile.TemporaryDirectory() as folder, scene("a run of some ticks"):
-        export(trajectory, exporter, Path(folder, f"export{exporter.suffix}"))
-        for name, array in before.items():
-            if not np.array_equal(array, getattr(trajectory, name), equal_nan=True):
-                raise CheckError(f"changes trajectory.{name}", "copy the array before changing it")
 
 
 def check_without_frames(exporter: Exporter, trajectory: Trajectory) -> None:
@@ -86,6 +67,5 @@ def check_without_frames(exporter: Exporter, trajectory: Trajectory) -> None:
 
 EXPORTER_CHECKS: tuple[Callable[[Exporter, Trajectory], None], ...] = (
     check_files,
-    check_data_untouched,
     check_without_frames,
 )

@@ -34,7 +34,7 @@ class CheckError(PluginError):
 
     def __init__(self, wrong: str, remedy: str) -> None:
         super().__init__(f"{wrong}; {remedy}")
-        self.place = ""
+        self.wrong, self.remedy, self.place = wrong, remedy, ""
 
 
 @contextmanager
@@ -68,15 +68,17 @@ def run_check(plugin: Any, check: Callable[..., Found], *arguments: Any) -> Foun
     Raises
     ------
     PluginError
-        The check failed: names plugin, check, what was examined, and the remedy. Its cause is the exception that the
-        plugin raised, if there is one.
+        The check failed: names plugin, check, what was examined, file, line, and the remedy. Its cause is the exception
+        that the plugin raised, if there is one.
     """
     try:
         with examining("the class"):
             return check(*arguments)
     except CheckError as failure:
-        text = f"{name_of(plugin)}: {check.__name__}, {failure.place}: {failure}"
-        raise PluginError(text) from failure.__cause__
+        place = place_of(plugin)
+        where = "" if ", line " in failure.wrong or place == "no file" else f" ({place})"
+        what = f"{name_of(plugin)}: {check.__name__}, {failure.place}"
+        raise PluginError(f"{what}: {failure.wrong}{where}; {failure.remedy}") from failure.__cause__
 
 
 def name_of(plugin: Any) -> str:
@@ -88,7 +90,8 @@ def name_of(plugin: Any) -> str:
 def _failure_of(error: BaseException, remedy: str) -> CheckError:
     """Return the failure for an exception, with the exception that the plugin raised as its cause."""
     if isinstance(error, EvacError):
-        wrong, _, stated = text_of(error).rpartition("; ")
+        text = text_of(error.args[0]) if isinstance(error, PluginError) else text_of(error)  # no advice to check it
+        wrong, _, stated = text.rpartition("; ")
         failure = CheckError(wrong, stated) if wrong else CheckError(stated, remedy)
         failure.__cause__ = error.__cause__ or error
         return failure

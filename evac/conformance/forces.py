@@ -8,34 +8,13 @@ import numpy as np
 
 from evac.arrays import FloatArray
 from evac.conformance.failures import CheckError, examining, scene
-from evac.jit import call_body_force, call_pair_force
 from evac.physics.force import Force
-from evac.physics.pair_contact import PairContact
+from evac.physics.parts import functions_of
 
 
 def check_functions(force: Force) -> None:
     """Check the signatures of the functions, the packed parameters, and the cut-off."""
-    if force.pair is None and force.body is None:
-        raise CheckError("the force names no function", "define `pair` or `body`, see docs/plugins.md")
-    for function, call, name in ((force.pair, call_pair_force, "pair"), (force.body, call_body_force, "body")):
-        if function is not None:
-            with examining(f"its function {name}"):
-                call.check(function, name)
-    packed_row(force)
-    with examining("its cutoff()"):
-        cutoff = force.cutoff()
-        if not (isinstance(cutoff, (int, float, np.number)) and math.isfinite(cutoff) and cutoff >= 0.0):
-            raise CheckError(f"it returns {cutoff!r}", "return a distance [m], finite and not negative")
-
-
-def packed_row(plugin: Force | PairContact) -> FloatArray:
-    """Return the packed parameters, after checking that they are finite numbers."""
-    with examining("its packed()", "define packed(), which returns the numbers that the function reads"):
-        packed = plugin.packed()
-        is_row = isinstance(packed, np.ndarray) and packed.dtype == np.float64 and packed.ndim == 1
-        if not (is_row and np.isfinite(packed).all()):
-            raise CheckError(f"it returns {packed!r}", "return finite numbers in a float64 array with one axis")
-        return packed
+    functions_of(force)
 
 
 def check_pair_force(force: Force) -> None:

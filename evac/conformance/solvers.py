@@ -168,7 +168,7 @@ def exercises() -> list[Exercise]:
 def check_signature(solver: type[Solver]) -> None:
     """Check that the kernel takes a problem, a tolerance and a limit, and returns a count."""
     with examining("its kernel solve"):
-        call_solver.check(getattr(solver, "solve", None), "solve")
+        call_solver.check(getattr(solver, "solve", None), "solve", solver)
 
 
 def check_answers(solver: type[Solver]) -> None:

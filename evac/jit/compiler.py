@@ -25,10 +25,12 @@ from numba.core.typing import mathdecl, templates
 from numba.core.typing.typeof import typeof_impl
 from numba.cpython import mathimpl
 
-from evac.errors import PluginError
+from evac.errors import fault
+from evac.jit.digest import kernels_in
 from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import NOTE_RAISED, Entry, Kernel
 from evac.jit.processor import Processor, host
+from evac.jit.refusals import refused
 
 
 class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
@@ -232,11 +234,16 @@ def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
         Numba cannot compile the kernel.
     """
     arguments = [type_of(kind) for _, kind in entry.signature[0]]
+    compiling = numba.typeof(entry).dispatcher
     try:
-        compiling = numba.typeof(entry).dispatcher
         compiling.compile(tuple(arguments))
-    except numba.core.errors.NumbaError as error:
-        raise PluginError(f"kernel {entry.label} cannot be compiled: {error}") from None
+    except Exception as error:  # numba raises exceptions of many classes
+        if isinstance(error, MemoryError):
+            raise
+        for part in kernels_in(entry):
+            if isinstance(part, Entry) and part is not entry:
+                compile_entry(part, f"{symbol}_part", processor)  # raises if the mistake is there
+        raise refused(entry, error) from None
     result = compiling.overloads[tuple(arguments)]
     _check_result(entry, result.fndesc.restype)
     library = _codegen(processor).create_library(symbol)
@@ -265,7 +272,7 @@ def _check_result(entry: Entry, found: types.Type) -> None:
     wanted = entry.signature[1]
     given = list(found) if isinstance(found, types.BaseTuple) else [found]
     if wanted and not (len(given) == len(wanted) and all(map(_fits, given, wanted))):
-        raise PluginError(f"kernel {entry.label} returns {found}; it must return {', '.join(wanted)}")
+        raise fault(f"kernel {entry.title}", f"returns {found}", f"return {', '.join(wanted)} in every case", entry)
 
 
 def _fits(found: types.Type, wanted: str) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from evac.errors import PluginError
+from evac.errors import PluginError, fault, text_of
 from evac.jit.layout import Array, Kind, Struct, check_array, describe, kind_of
 
 #: Whether kernels run as Python functions, for debugging.
@@ -59,6 +59,11 @@ class Kernel:
         """Qualified name of the kernel with its module."""
         return f"{self.__module__}.{self.function.__qualname__}"
 
+    @property
+    def title(self) -> str:
+        """Name of the kernel for messages, without its module."""
+        return str(self.function.__name__)
+
     def __call__(self, *arguments: Any) -> Any:
         """Run the Python function."""
         return self.function(*arguments)
@@ -85,7 +90,10 @@ class Entry(Kernel):
             code = function.__code__
             names = code.co_varnames[: code.co_argcount]
             if len(names) != len(like.kinds):
-                raise TypeError(f"kernel {self.label} takes {len(names)} arguments; it must take {len(like.kinds)}")
+                raise TypeError(
+                    f"kernel {self.title} takes {len(names)} arguments, {', '.join(names) or 'none'}; it must take"
+                    f" {len(like.kinds)}"
+                )
             self._signature = tuple(zip(names, like.kinds, strict=True)), like.returns
         self._call: Callable[..., Any] | None = None
         self._address = 0
@@ -103,12 +111,12 @@ class Entry(Kernel):
                 parts = get_args(result) if get_origin(result) is tuple else [result]
                 returned = () if result is type(None) else tuple(map(kind_of, parts))
             except KeyError as missing:
-                raise TypeError(f"kernel {self.label}: {missing} has no type annotation; add one") from None
+                raise TypeError(f"kernel {self.title}: {missing} has no type annotation; add one") from None
             except TypeError as wrong:
-                raise TypeError(f"kernel {self.label}: {wrong}") from None
+                raise TypeError(f"kernel {self.title}: {wrong}") from None
             numbers = tuple(kind for kind in returned if isinstance(kind, str))
             if numbers != returned:
-                raise TypeError(f"kernel {self.label}: it must return int, float, bool, a tuple of them or None")
+                raise TypeError(f"kernel {self.title}: it must return int, float, bool, a tuple of them or None")
             self._signature = arguments, numbers
         return self._signature
 
@@ -222,8 +230,8 @@ class AddressCall:
         self.kinds = tuple(kind_of(hint) for hint in arguments)
         self.returns = tuple(str(kind_of(hint)) for hint in returns)
 
-    def check(self, entry: Any, what: str) -> None:
-        """Check that an entry has this signature; `what` is its name in the message.
+    def check(self, entry: Any, what: str, plugin: Any) -> None:
+        """Check that an entry has this signature; `what` is its name in the message, `plugin` the class that names it.
 
         Raises
         ------
@@ -232,14 +240,16 @@ class AddressCall:
         """
         found = f"the {type(entry).__name__} {getattr(entry, '__name__', entry)}"
         if isinstance(entry, Entry):
-            named, returned = entry.signature
+            try:
+                named, returned = entry.signature
+            except TypeError as wrong:
+                raise fault(what, text_of(wrong), f"declare a kernel {self}", entry) from None
             kinds = tuple(kind for _, kind in named)
             if (kinds, returned) == (self.kinds, self.returns):
                 return
-            found = _described(kinds, returned)
-        raise PluginError(
-            f"{what} must be a kernel {self}, not {found}; decorate it with a decorator of evac.jit for this purpose"
-        )
+            found = f"{entry.title}{_described(kinds, returned)}"
+        remedy = "decorate it with a decorator of evac.jit for this purpose"
+        raise fault(what, f"must be a kernel {self}, not {found}", remedy, entry if callable(entry) else plugin)
 
     def __str__(self) -> str:
         return _described(self.kinds, self.returns)

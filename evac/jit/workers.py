@@ -185,7 +185,9 @@ def _compile_elsewhere(
             if answer is None:
                 running -= 1
             elif "error" in answer:
-                raise PluginError(answer["error"])
+                error = PluginError(answer["error"])
+                error.file = answer["file"]
+                raise error
             else:
                 if answer["problem"]:
                     _warn(store, answer["problem"])
@@ -238,7 +240,7 @@ def serve() -> None:
             code, problem = _compile_here(Task(entry, digest), processor, store)
             answer = {"digest": digest, "code": base64.b64encode(code).decode(), "problem": problem}
         except PluginError as error:
-            answer = {"error": str(error)}
+            answer = {"error": error.args[0], "file": error.file}
         except Exception:  # the parent compiles the kernel again and reports the error
             continue
         answers.write(json.dumps(answer) + "\n")

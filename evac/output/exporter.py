@@ -5,14 +5,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from evac.errors import plugin_code
+from evac.errors import fault, plugin_code
 from evac.output.files import EXPORT_FOLDER, TEMPORARY, move_into, replacing, writing
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:
     from evac.output.trajectory import Trajectory
+
+#: Remedy for an exporter that has written to an array of the trajectory.
+COPY = "copy the arrays of the trajectory before changing them"
 
 
 class Exporter(Configurable, ABC):
@@ -77,18 +80,31 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
         The exporter fails.
     """
     place = exporter.place(trajectory) if path is None else path
-    what = f"the {exporter.name} export"
-    with plugin_code(f"{place}: exporter {exporter.name!r}"):
-        with writing(what, place):
+    told = f"the {exporter.name} export"
+    with plugin_code(f"{place}: exporter {exporter.name!r}", exporter, COPY):
+        with writing(told, place):
             (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
         if exporter.suffix:
-            with replacing(place, what) as new:
-                written = list(exporter.write(trajectory, new))
+            with replacing(place, told) as new:
+                new.unlink()  # so that it is noticed if the exporter writes no file
+                written = _write(exporter, trajectory, new)
             return [place if path == new else path for path in written]
-        with writing(what, place), TemporaryDirectory(dir=place, prefix=TEMPORARY) as made:
-            written = list(exporter.write(trajectory, Path(made)))
+        with writing(told, place), TemporaryDirectory(dir=place, prefix=TEMPORARY) as made:
+            written = _write(exporter, trajectory, Path(made))
             move_into(Path(made), place)
         return [place / path.relative_to(made) if path.is_relative_to(made) else path for path in written]
+
+
+def _write(exporter: Exporter, trajectory: "Trajectory", place: Path) -> list[Path]:
+    """Call an exporter, and return the files that it says it has written, which must exist."""
+    written = exporter.write(trajectory, place)
+    paths: list[Any] = list(written) if isinstance(written, Iterable) else [written]
+    for one in paths or [None]:
+        if not isinstance(one, Path) or not one.exists():
+            wrong = f"write() returns {one!r}, which is no path of an existing file"
+            remedy = "return the paths of the files that it has written and a user opens"
+            raise fault(f"exporter {exporter.name!r}", wrong, remedy, type(exporter).write)
+    return paths
 
 
 def file_stems(names: Iterable[str]) -> list[str]:

@@ -81,7 +81,8 @@ class FileLock:
         else:
             if _is_at(file, self.path):
                 _remove(self.path)
-            os.close(file)
+            with suppress(OSError):  # a plugin may have closed it
+                os.close(file)
 
     def _lock(self, file: int) -> None:
         try:

@@ -1,5 +1,6 @@
 """Quality warnings: numerical or physical problems of a run, one line each, with how to fix them."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -41,6 +42,14 @@ def contact_warnings(report: Mapping[str, Any]) -> tuple[str, ...]:
         found.append(
             f"in {unconverged} of {report['steps']} steps contacts were not solved to the tolerance, with residuals up "
             f"to {report['greatest_residual']:.2g} m/s; use a smaller simulation.step, or more iterations"
+        )
+    if report["failed_solves"]:
+        solver, at = report["parameters"]["solver"], report["failed_solver"]
+        file, _, _ = at.rpartition(", line ")
+        found.append(
+            f"solver {solver!r} failed {counted(report['failed_solves'], 'time')}: its percussions were not finite, or"
+            f" missed the tolerance although it stated a smaller residual ({at}); correct it, a stronger solver takes"
+            f" its place until then; check it with: evac plugins --check {shlex.quote(file)}"
         )
     failed = report["failed_position_corrections"]
     if failed:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from evac.registry import Registry
     from evac.simulation import Simulation
 
+#: Remedy for a recorder that has written to an array of the simulation.
+READ = "only read the simulation, and copy arrays before changing them"
+
 
 class Recording:
     """Calls the recorders of a run; errors name the recorder.
@@ -50,7 +53,7 @@ class Recording:
         self.is_started = True
         with self._noting_files():
             for recorder in self.recorders:
-                with plugin_code(f"recorder {recorder.name!r}: start"):
+                with reading(simulation, f"recorder {recorder.name!r}: start", recorder):
                     recorder.start(simulation)
         self.record(simulation)
 
@@ -58,7 +61,7 @@ class Recording:
         """Check that the files exist, then call every recorder."""
         self.check_files()
         for recorder in self.recorders:
-            with plugin_code(f"t = {simulation.time:.3f} s: recorder {recorder.name!r}"):
+            with reading(simulation, f"t = {simulation.time:.3f} s: recorder {recorder.name!r}", recorder):
                 recorder.record(simulation)
 
     def finish(
@@ -69,18 +72,19 @@ class Recording:
         error: BaseException | None,
     ) -> None:
         """Call every recorder and plugin to finish; then raise the first error, unless the run has failed already."""
-        calls: list[tuple[str, Callable[[], Any]]] = []
+        calls: list[tuple[str, Any, Callable[[], Any]]] = []
         if self.is_started and error is None:
-            calls.append(("recorders", self.check_files))
+            calls.append(("recorders", self, self.check_files))
         for recorder in self.recorders if self.is_started else ():
-            calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, simulation, results)))
-        for plugin, call in registry.calls("evac_finish", simulation=simulation, results=results, error=error):
-            calls.append((f"{plugin}: evac_finish", call))
+            finish = partial(recorder.finish, simulation, results)
+            calls.append((f"recorder {recorder.name!r}: finish", recorder, finish))
+        for plugin, hook in registry.calls("evac_finish", simulation=simulation, results=results, error=error):
+            calls.append((f"{plugin}: evac_finish", hook.func, hook))
         failures = []
         with self._noting_files():
-            for what, call in calls:
+            for what, code, call in calls:
                 try:
-                    with plugin_code(what):
+                    with reading(simulation, what, code):
                         call()
                 except EvacError as failure:
                     failures.append(failure)
@@ -100,7 +104,7 @@ class Recording:
         """Return the files that the recorders have written so far and their lengths [bytes]."""
         files: dict[str, int] = {}
         for recorder in self.recorders:
-            with plugin_code(f"recorder {recorder.name!r}: files"):
+            with plugin_code(f"recorder {recorder.name!r}: files", recorder):
                 files |= {str(name): int(length) for name, length in recorder.files().items()}
         return files
 
@@ -169,7 +173,7 @@ class Recording:
                 )
         for recorder in self.recorders:
             what = f"recorder {recorder.name!r}: check_state"
-            with plugin_code(what), part_of(state, f"{recorder.name}.") as own:
+            with reading(simulation, what, recorder), part_of(state, f"{recorder.name}.") as own:
                 recorder.check_state(simulation, own, folder, lengths)
 
     def check_files(self) -> None:
@@ -213,7 +217,7 @@ class Recording:
         self._made = set(plugin_files)
         for recorder in self.recorders:
             what = f"recorder {recorder.name!r}: restore"
-            with plugin_code(what), part_of(state, f"{recorder.name}.") as own:
+            with reading(simulation, what, recorder), part_of(state, f"{recorder.name}.") as own:
                 recorder.restore(simulation, own)
         if self._folder is not None and self.files() != files:
             raise ResultError(
@@ -222,11 +226,37 @@ class Recording:
             )
 
 
+@contextmanager
+def reading(simulation: "Simulation", what: str, plugin: Any) -> Iterator[None]:
+    """Run code of a plugin that only reads a simulation, whose arrays are read-only within the context.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    what, plugin
+        As for `evac.errors.plugin_code`.
+
+    Raises
+    ------
+    PluginError
+        The plugin fails, or writes to an array.
+    """
+    arrays = [*simulation.population.crowd.values().values(), simulation.displacement_velocity]
+    for array in arrays:
+        array.flags.writeable = False
+    try:
+        with plugin_code(what, plugin, READ):
+            yield
+    finally:
+        for array in arrays:
+            array.flags.writeable = True
+
+
 def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any]]:
     """Yield the result of each plugin's evac_metrics; for a plugin that fails, the error instead."""
     for plugin, call in registry.calls("evac_metrics", results=results):
         try:
-            with plugin_code(f"{plugin}: evac_metrics"):
+            with plugin_code(f"{plugin}: evac_metrics", call.func):
                 yield plugin, call()
         except PluginError as error:
             yield plugin, {"error": str(error)}

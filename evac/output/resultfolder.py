@@ -92,7 +92,8 @@ class ResultFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._handle >= 0:
-            os.close(self._handle)
+            with suppress(OSError):  # a plugin may have closed it
+                os.close(self._handle)
             self._handle = -1
         self._lock.release()
 

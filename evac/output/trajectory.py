@@ -217,7 +217,9 @@ class Trajectory:
     @cached_property
     def level(self) -> IntArray:
         """Levels, (f, n) int32; -1 for people who are out."""
-        return np.nan_to_num(self._padded("level", ()), nan=-1.0).astype(np.int32)
+        level = np.nan_to_num(self._padded("level", ()), nan=-1.0).astype(np.int32)
+        level.flags.writeable = False
+        return level
 
     @cached_property
     def _frames(self) -> list[Frame]:
@@ -227,6 +229,7 @@ class Trajectory:
         values = np.full((len(self), self.number_of_people, *shape), np.nan)
         for k, frame in enumerate(self._frames):
             values[k, frame["person"]] = frame[name]  # type: ignore[literal-required]
+        values.flags.writeable = False
         return values
 
 
@@ -260,6 +263,8 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     low, high = plan.min(axis=0) - FAR_OUTSIDE, plan.max(axis=0) + FAR_OUTSIDE
     bounds = Bounds(len(people.radius), len(building.levels), low, high)
     time, records, end = read_frames(path, data, start, header["format"], bounds)
+    for array in (people.group, people.radius, time):
+        array.flags.writeable = False
     return Trajectory(
         path, header, building, people.group, people.groups, people.radius, time, records, end, len(data) - end
     )

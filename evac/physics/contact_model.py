@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
-from evac.errors import PluginError, ScenarioError
+from evac.errors import PluginError, ScenarioError, fault, is_foreign
 from evac.jit import Entry, Struct
 from evac.parameters import Configurable, Parameter
 from evac.physics import driver
-from evac.physics.state import Crowd, Traits, World
+from evac.physics.state import Crowd, State, Traits, World
 from evac.physics.status import OK
 
 if TYPE_CHECKING:
@@ -173,10 +173,8 @@ class ContactModel(Configurable, ABC):
             return NoParameters()  # a law without a struct is refused when it is loaded
         missing = [name for name in struct.kinds if not hasattr(self, name)]
         if missing:
-            raise PluginError(
-                f"contact model {self.name!r}: its law reads {struct.__name__}.{missing[0]}; give the model an"
-                " attribute of that name, or define own(people, world), which returns the struct"
-            )
+            remedy = "give the model an attribute of that name, or define own(people, world), which returns the struct"
+            raise fault(self._what, f"its law reads {struct.__name__}.{missing[0]}", remedy, self)
         return struct(**{name: getattr(self, name) for name in struct.kinds})
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -212,7 +210,21 @@ class ContactModel(Configurable, ABC):
         PluginError
             The model defines neither this method nor a law.
         """
-        raise PluginError(f"contact model {self.name!r} has neither a law nor step(contacts, h); define one of them")
+        raise fault(self._what, "has neither a law nor step(contacts, h)", "define one of them", self)
+
+    def culprit(self, state: State) -> PluginError | None:
+        """Return the error if the law of a plugin has set velocities that are not finite, in a step that failed."""
+        bodies = state.bodies
+        free, solved = bodies.free[: bodies.inside], bodies.solved[: bodies.inside]
+        lost = np.flatnonzero(np.isfinite(free).all(axis=1) & ~np.isfinite(solved).all(axis=1))
+        if not len(lost) or not is_foreign(self):
+            return None
+        wrong = f"its law sets the velocity {solved[lost[0]]} of person {bodies.row[lost[0]]}"
+        return fault(self._what, wrong, "it must be finite", self.law or self)
+
+    @property
+    def _what(self) -> str:
+        return f"contact model {self.name!r}"
 
     def advance(self, engine: "Engine") -> int:
         """Make all steps of the clock; return a status, OK if all were made."""
@@ -262,15 +274,12 @@ class ContactModel(Configurable, ABC):
             array.flags.writeable = name == "percussion"
         found = self.step(seen, engine.state.clock.h)
         if np.shape(found) != (n, 2):
-            raise PluginError(
-                f"contact model {self.name!r}: step returned velocities of shape {np.shape(found)}, not {(n, 2)}; "
-                "return one velocity for each body"
-            )
+            wrong = f"step returns velocities of shape {np.shape(found)}, not {(n, 2)}"
+            raise fault(self._what, wrong, "return one velocity for each body", type(self).step)
         if not np.isfinite(found).all():
             row = int(np.argwhere(~np.isfinite(found))[0, 0])
-            raise PluginError(
-                f"contact model {self.name!r}: step returned the velocity {found[row]} of body {row}; it must be finite"
-            )
+            wrong = f"step returns the velocity {found[row]} of body {row}"
+            raise fault(self._what, wrong, "it must be finite", type(self).step)
         bodies.solved[:n] = found
 
 

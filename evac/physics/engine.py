@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.errors import PluginError, SimulationError, plugin_code
+from evac.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
 from evac.jit import AddressCall, Entry
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
@@ -27,10 +27,11 @@ from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.order import rows_by_place, rows_by_travel_time
 from evac.physics.overlaps import separate
+from evac.physics.packing import pack_forces
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
-from evac.physics.state import Crowd, Events, Forces, State, World
+from evac.physics.state import Crowd, Events, State, World
 from evac.physics.team import conduct, conduct_blocks, serve
 from evac.physics.threads import Threads
 from evac.saved import FINITE, taken
@@ -122,7 +123,10 @@ class Engine:
             clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
-                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"), self._served(model):
+                with (
+                    plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}", model),
+                    self._served(model),
+                ):
                     found = model.advance(self)
                 if found != status.OK:
                     self._handle(model, int(found), clock.now * step)
@@ -154,13 +158,12 @@ class Engine:
             return
         self._model = None  # until all of it is loaded
         state = self.state
-        with plugin_code(f"contact model {model.name!r}"):
+        with plugin_code(f"contact model {model.name!r}", model):
             state.traits = model.traits(state.world)
             self._own = model.own(len(state.bodies.row), state.world)
             if model.law is not None:
-                AddressCall([State, type(self._own), float], (int,)).check(
-                    model.law, f"contact model {model.name!r}: law"
-                )
+                call = AddressCall([State, type(self._own), float], (int,))
+                call.check(model.law, f"contact model {model.name!r}: law", type(model))
         addresses_of(self.entries(model), progress)
         if isinstance(model, SolvedContactModel):
             state.problem = make_problem(len(state.bodies.row), len(state.contacts.body))
@@ -170,7 +173,7 @@ class Engine:
         parts.solver = parts.make_phase = 0
         if isinstance(model, SolvedContactModel):
             solver = self._solver(model)
-            parts.solver = solver.solve.address
+            parts.solver, parts.checks_solver = solver.solve.address, int(is_foreign(solver))
             if self.threads is not None and solver.make_phase is not None:
                 parts.make_phase = solver.make_phase.address
         parts.stronger = parts.separation = 0
@@ -236,7 +239,8 @@ class Engine:
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load a part that a step turned out to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
-            self.state.parts.stronger = self._solver(model, stronger=True).solve.address
+            solver = self._solver(model, stronger=True)
+            self.state.parts.stronger, self.state.parts.checks_stronger = solver.solve.address, int(is_foreign(solver))
         else:
             self.state.parts.separation = separate.address
 
@@ -264,15 +268,40 @@ class Engine:
             for name in ("row", "kind", "link", "time"):
                 setattr(state.events, name, grown(getattr(state.events, name)))
         elif found in _FAILURES:
+            if culprit := self._force_at_fault(time) or model.culprit(state):
+                raise culprit
             failure = _FAILURES[found].format(parts=driver.GREATEST_PARTS, fastest=driver.FASTEST)
             advice = model.advice().get(found, "")
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:
-            raise PluginError(
-                f"contact model {model.name!r}: its law returned {found}, which is not a status of"
-                " evac.physics.status that a law may return; models that solve contact problems must derive from"
-                " SolvedContactModel"
-            )
+            wrong = f"its law returns {found}, not a status of evac.physics.status that a law may return"
+            remedy = "return OK, and derive models that solve contact problems from SolvedContactModel"
+            raise fault(f"contact model {model.name!r}", wrong, remedy, model.law or model)
+
+    def _force_at_fault(self, time: float) -> PluginError | None:
+        """Return the error if a force in the step that failed was not finite; None if all were finite."""
+        state, bodies = self.state, self.state.bodies
+        if np.isfinite(bodies.push[: bodies.inside]).all():
+            return None
+        for name, forces, kernel in (
+            ("pair", self._pair_forces, add_forces),
+            ("body", self._body_forces, add_body_forces),
+        ):
+            for force in forces:
+                alone = pack_forces([force])
+                alone.address[0] = getattr(force, name).address
+                setattr(state, "forces" if name == "pair" else "body_forces", alone)
+                bodies.push[:] = 0.0
+                kernel(state)
+                lost = np.flatnonzero(~np.isfinite(bodies.push[: bodies.inside]).all(axis=1))
+                if len(lost):
+                    x, y = bodies.push[lost[0]]
+                    wrong = (
+                        f"{getattr(force, name).title} adds a force of ({x:g}, {y:g}) N to person {bodies.row[lost[0]]}"
+                    )
+                    remedy = "return finite numbers at every gap, also where bodies overlap"
+                    return fault(f"t = {time:.3f} s: force {force.name!r}", wrong, remedy, getattr(force, name))
+        return None
 
     def own_arrays(self) -> list[str]:
         """Return the names of the arrays in the parameter struct of the loaded contact model."""
@@ -329,6 +358,9 @@ class Engine:
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
         report["mean_overlap"] = total / overlaps if overlaps else 0.0
         report["greatest_overlap_at"] = self.deepest_overlap()
+        report["failed_solver"] = ""
+        if isinstance(model, SolvedContactModel) and report["failed_solves"]:
+            report["failed_solver"] = place_of(self._solver(model))
         report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
         return report | {"model": model.name, "parameters": model.values()}
 
@@ -348,22 +380,3 @@ class Engine:
 
     def _level_name(self, level: int) -> str | int:
         return self.levels[level] if self.levels else level
-
-
-def pack_forces(forces: Sequence[Force]) -> Forces:
-    """Pack the cut-offs and parameters of forces; shorter parameter rows are padded with zeros."""
-    packed = []
-    for force in forces:
-        with plugin_code(f"force {force.name!r}"):
-            packed.append((force.cutoff(), force.packed()))
-    parameters = np.zeros((len(packed), max((len(row) for _, row in packed), default=1)))
-    for k, (_, row) in enumerate(packed):
-        parameters[k, : len(row)] = row
-    cutoff = np.array([cutoff for cutoff, _ in packed], dtype=np.float64)
-    return Forces(
-        number=len(packed),
-        address=np.zeros(len(packed), dtype=np.int64),
-        cutoff=cutoff,
-        parameters=parameters,
-        farthest=float(cutoff.max(initial=0.0)),
-    )

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
-from evac.errors import PluginError, ScenarioError
+from evac.errors import PluginError, ScenarioError, fault, in_one_line
 from evac.jit import Entry, Floats, Struct, Triples, call_pair_contact
 from evac.jit.digest import kernels_in
 from evac.physics.contact_model import BorderScene, ContactModel
 from evac.physics.contacts import push, use_free_velocity
+from evac.physics.packing import check_indices, packed_row
 from evac.physics.stability import (
     add_stiffness,
     damping_limit,
@@ -90,14 +91,16 @@ class PairContact(ContactModel):
         Raises
         ------
         PluginError
-            `pair` is missing or of another signature, it has been replaced, or the class names a law of its own.
+            `pair` is missing or of another signature, it reads a parameter that does not exist, it has been replaced,
+            or the class names a law of its own; or the parameters are not finite.
         """
-        call_pair_contact.check(self.pair, f"contact model {self.name!r}: pair")
+        what = f"contact model {self.name!r}"
+        call_pair_contact.check(self.pair, f"{what}: pair", type(self))
         if self.law is None or self.pair not in kernels_in(self.law):
-            raise PluginError(
-                f"contact model {self.name!r}: its law does not call its function {self.pair.label}; name `pair` in the"
-                " body of the class, and derive a model with a law of its own from ContactModel"
-            )
+            wrong = f"its law does not call its function {self.pair.title}"
+            remedy = "name `pair` in the body of the class, and derive a model with a law of its own from ContactModel"
+            raise fault(what, wrong, remedy, self)
+        check_indices(self.pair, packed_row(self, what), what)
 
     def packed(self) -> FloatArray:
         """Return the parameters (p,) float64 that the function reads; by default all declared numbers."""
@@ -112,8 +115,11 @@ class PairContact(ContactModel):
         ------
         ScenarioError
             The step is too long.
+        PluginError
+            The law attracts bodies, or is not finite.
         """
         super().check_scene(scene)
+        self._check_sign(scene)
         if self.overdamped:
             return
         load = float((scene.mass * scene.speed / scene.tau).max(initial=0.0))
@@ -131,8 +137,47 @@ class PairContact(ContactModel):
                 f" be at most {step:.2g} s (or choose parameters of contact.{self.name} that make contacts softer)"
             )
 
+    def _check_sign(self, scene: BorderScene) -> None:
+        """Refuse a law that only attracts, which would have no effect, since such forces are replaced by zero."""
+        mass, radius = 0.5 * float(scene.mass.min()), float(scene.radius.min())
+        forces = [self._force(share * radius, mass) for share in (0.001, 0.01, 0.1, 0.5, 1.0)]
+        if min(forces) < 0.0 and max(forces) <= 0.0:
+            wrong = f"{self.pair.title} returns {forces[-1]:.3g} N for the gap {-radius:.3g} m"
+            remedy = "return a positive force, which is repulsive, for a negative gap"
+            raise fault(f"contact model {self.name!r}", wrong, remedy, self.pair)
+
     def _force(self, overlap: float, mass: float, closing: float = 0.0) -> float:
-        return float(self.pair.function(-overlap, closing, mass, self.packed()))
+        return self.force(-overlap, closing, mass, self.packed())
+
+    def force(self, gap: float, closing: float, mass: float, packed: FloatArray) -> float:
+        """Return the force [N] that the function returns in Python.
+
+        Raises
+        ------
+        PluginError
+            It is not a finite number; names the function and its arguments.
+        """
+        what, remedy = f"contact model {self.name!r}", "return a finite number for every gap that is negative or zero"
+        called = f"for the gap {gap:.3g} m, the closing speed {closing:.3g} m/s and the reduced mass {mass:.3g} kg"
+        try:
+            with np.errstate(all="ignore"):
+                force = self.pair.function(gap, closing, mass, packed)
+        except Exception as error:
+            raise fault(what, f"{self.pair.title} raises {in_one_line(error)} {called}", remedy, self.pair) from error
+        if not (isinstance(force, (int, float, np.number)) and np.isreal(force) and np.isfinite(force)):
+            raise fault(what, f"{self.pair.title} returns {force} {called}", remedy, self.pair)
+        return float(force)
+
+    def culprit(self, state: State) -> PluginError | None:
+        """Return the error for the first contact at which the function is not finite; None if there is none."""
+        contacts, packed = state.contacts, self.packed()
+        for c in range(contacts.number):
+            gap, closing = min(float(contacts.gap[c]), 0.0), -float(contacts.velocity_before[c])
+            try:
+                self.force(gap, closing, 1.0 / float(contacts.omega[c]), packed)
+            except PluginError as error:
+                return error
+        return super().culprit(state)
 
     def _overlap(self, load: float, mass: float, largest: float) -> float:
         """Return the overlap [m] that balances a load [N], or the largest one."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from evac.directions.sampling import sample_travel_times
-from evac.errors import PluginError, plugin_code
+from evac.errors import PluginError, fault, plugin_code
 from evac.jit import Entry, call_body_force, call_pair_force
 from evac.parameters import did_you_mean
 from evac.physics import driver
@@ -12,6 +12,7 @@ from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces, drive, drive_overdamped
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
+from evac.physics.packing import check_indices, cutoff_of, packed_row
 from evac.physics.pair_contact import PairContact
 from evac.physics.rows import call_solver
 from evac.physics.seams import reaches
@@ -50,20 +51,21 @@ def functions_of(force: Force) -> list[Entry]:
     Raises
     ------
     PluginError
-        If it names none, or one of another signature.
+        If it names none, if one has another signature or reads a parameter that does not exist, or if parameters or
+        cut-off are invalid.
     """
     found: list[Entry] = []
-    if force.pair is not None:
-        call_pair_force.check(force.pair, f"force {force.name!r}: pair")
-        found += [add_forces, force.pair]
-    if force.body is not None:
-        call_body_force.check(force.body, f"force {force.name!r}: body")
-        found += [add_body_forces, force.body]
+    what = f"force {force.name!r}"
+    for name, call, caller in (("pair", call_pair_force, add_forces), ("body", call_body_force, add_body_forces)):
+        function = getattr(force, name)
+        if function is not None:
+            call.check(function, f"{what}: {name}", type(force))
+            check_indices(function, packed_row(force, what), what)
+            found += [caller, function]
     if not found:
-        raise PluginError(
-            f"force {force.name!r} names no function; give it `pair`, a function marked with evac.jit.pair_force, or"
-            " `body`, one marked with evac.jit.body_force"
-        )
+        remedy = "define `pair`, decorated with evac.jit.pair_force, or `body`, decorated with evac.jit.body_force"
+        raise fault(what, "names no function", remedy, force)
+    cutoff_of(force)
     return found
 
 
@@ -86,7 +88,7 @@ def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], st
         if name not in solvers:
             raise PluginError(f"contact.{model.name}.solver: unknown solver {name!r}; {did_you_mean(name, [*solvers])}")
         found = solvers[name]
-        with plugin_code(f"solver {name!r}"):
-            call_solver.check(getattr(found, "solve", None), f"solver {name!r}: solve")
+        with plugin_code(f"solver {name!r}", found):
+            call_solver.check(getattr(found, "solve", None), f"solver {name!r}: solve", found)
         name = found.stronger
     return found

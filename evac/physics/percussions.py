@@ -13,8 +13,25 @@ The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap 
 import math
 
 from evac.jit import inner
+from evac.physics import tallies as at
 from evac.physics.blocks import WALL, block_of_contact, divide, next_row
-from evac.physics.rows import AX, AY, BEFORE, BIAS, BOUND, BX, BY, INELASTIC, SPRING, call_solver, renew_velocity
+from evac.physics.rows import (
+    AX,
+    AY,
+    BEFORE,
+    BIAS,
+    BOUND,
+    BX,
+    BY,
+    INELASTIC,
+    SPRING,
+    call_solver,
+    renew_velocity,
+    row_residual,
+)
+
+#: Rounding error of a residual, as a share.
+SHARE = 1e-6
 
 
 @inner
@@ -65,15 +82,39 @@ def find_percussions(state, free, velocity, normal, tangential, tolerance, limit
 @inner
 def solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit):
     """Solve the problem once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
-    problem = state.problem
+    problem, parts = state.problem, state.parts
     pack(state, free, compliance, tangential)
     conduct = problem.conduct
-    if solver != state.parts.solver:
+    if solver != parts.solver:
         problem.conduct = 0  # threads make the phases of the model's own solver
     problem.iterations += call_solver(solver, problem, tolerance, limit)
     problem.conduct = conduct
+    if (parts.checks_solver if solver == parts.solver else parts.checks_stronger) == 1:
+        _check_solution(state, tolerance)
     if not _unpack(state, velocity, tangential):
         problem.residual = math.inf  # with NaN values, comparisons of residuals are all false
+
+
+@inner
+def _check_solution(state, tolerance):
+    """Replace velocities and residual by those of the percussions that a solver found; count failed solves.
+
+    A solve has failed if percussions are not finite, or if the residual exceeds the tolerance [m/s] and the solver has
+    stated a smaller one.
+    """
+    problem = state.problem
+    stated = problem.residual
+    renew_velocity(problem)
+    found = row_residual(problem)
+    total = 0.0
+    for r in range(problem.size):
+        total += problem.percussion[r]
+    if not math.isfinite(total):
+        found = math.inf
+    if not found <= stated * (1.0 + SHARE):  # a stated residual may also be NaN
+        problem.residual = found
+        if found > tolerance:
+            state.tally[at.FAILED_SOLVES] += 1.0
 
 
 @inner

@@ -370,6 +370,8 @@ class Parts(Struct):
     parameters: Struct  # of the law
     solver: int
     stronger: int  # solver for solves that fail
+    checks_solver: int  # 1: the solver is not part of evac, so that its results are checked
+    checks_stronger: int
     separation: int
     drive: int
     forces: int

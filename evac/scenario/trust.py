@@ -1,11 +1,12 @@
 """Plugin files named in a case: they are code, executed only when the case is run and only from inside its folder."""
 
 import copy
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, text_of
 from evac.scenario.problems import Key, Problem
 
 if TYPE_CHECKING:
@@ -28,10 +29,11 @@ def named_files(content: Mapping[str, Any], folder: Path) -> tuple[tuple[Path, .
     paths: list[Path] = []
     problems: list[Problem] = []
     for index, name in enumerate(names if isinstance(names, list) else []):
-        if isinstance(name, str) and (folder / name).is_file():
+        if isinstance(name, str) and os.path.isfile(folder / name):  # which is also False if the name is too long
             paths.append((folder / name).resolve())
         elif isinstance(name, str):
-            problems.append(Problem(("plugins", "files", index), f"no such file {folder / name}; check the path"))
+            text = f"no such file {text_of(folder / name)}; check the path"
+            problems.append(Problem(("plugins", "files", index), text))
     return tuple(dict.fromkeys(paths)), problems
 
 

@@ -153,7 +153,7 @@ def run_stream(case: StreamCase, folder: Path) -> None:
         missing = [name for name in FILES if not (folder / "r" / name).is_file()]
         assert not missing, (case, missing)
         _check_whole(folder / "r" / "trajectory.evac")
-    assert not list(folder.glob("evac-crash-*")), case
+    assert b"details are in" not in done.stdout + done.stderr, case
 
 
 def _check_quiet(said: bytes) -> None:
@@ -372,6 +372,6 @@ def check_plugin(case: PluginCase, folder: Path, status: int, said: str) -> None
         assert "room.obj" in lines[0], (case, said)
     elif status == 2:
         assert "evil" in lines[0], (case, said)
-        (crash,) = re.findall(r"evac-crash-\S+\.txt", said)
-        report = (folder / crash).read_text(encoding="utf-8")
+        (crash,) = re.findall(r"details are in (\S+\.txt)", said)
+        report = Path(crash).read_text(encoding="utf-8")
         assert "evil.py" in report, (case, report)

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,15 @@ from evac.cli.main import main
 from evac.errors import CacheWarning, PluginError
 
 SECRET = "a-token-that-nobody-may-see"
+
+
+@pytest.fixture(autouse=True)
+def crashes(monkeypatch, tmp_path):
+    """The folder of crash files; the current folder is another one."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setenv("EVAC_CACHE_DIR", str(tmp_path))
+    return tmp_path / "crashes"
 
 
 def raising(error):
@@ -33,15 +43,14 @@ def raising(error):
         OSError(),
     ],
 )
-def test_an_unexpected_error_is_one_line_and_a_file(error, monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_an_unexpected_error_is_one_line_and_a_file(error, monkeypatch, capsys, crashes):
     monkeypatch.setenv("EVAC_TOKEN", SECRET)
     monkeypatch.setattr("evac.cli.catalogue.execute", raising(error))
     assert main(["list"]) == INTERNAL_ERROR == 70
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("evac: ")
     assert type(error).__name__ in line
-    (path,) = tmp_path.glob("evac-crash-*.txt")
+    (path,) = crashes.iterdir()
     assert str(path) in line
     report = path.read_text(encoding="utf-8")
     for part in ("command: ", "evac 0.", "numpy ", "Traceback", "in fail"):
@@ -50,8 +59,7 @@ def test_an_unexpected_error_is_one_line_and_a_file(error, monkeypatch, capsys, 
     assert path.stat().st_mode & 0o077 == 0
 
 
-def test_lack_of_memory_says_what_needs_less(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_lack_of_memory_says_what_needs_less(monkeypatch, capsys):
     monkeypatch.setattr("evac.cli.catalogue.execute", raising(MemoryError("146 TiB")))
     assert main(["list"]) == INTERNAL_ERROR
     (line,) = capsys.readouterr().err.splitlines()
@@ -59,70 +67,76 @@ def test_lack_of_memory_says_what_needs_less(monkeypatch, capsys, tmp_path):
     assert "directions.spacing" in line
 
 
-def test_the_settings_of_the_case_are_in_the_file(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_the_settings_of_the_case_are_in_the_file(monkeypatch, capsys, crashes):
 
     def fail(*given, **named):
         raise ZeroDivisionError
 
     monkeypatch.setattr("evac.simulation.Simulation", fail)
     assert main(["explain", "square_room", "--seed", "4711"]) == INTERNAL_ERROR
-    (path,) = tmp_path.glob("evac-crash-*.txt")
+    (path,) = crashes.iterdir()
     assert '"seed": 4711' in path.read_text(encoding="utf-8")
 
 
-def test_a_failing_plugin_leaves_its_traceback(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "evil.py").write_text("def deep():\n    return 1 / 0\n\ndeep()\n")
+def test_a_failing_plugin_leaves_its_traceback(capsys, crashes):
+    Path("evil.py").write_text("def deep():\n    return 1 / 0\n\ndeep()\n")
     assert main(["list", "--plugin", "evil.py"]) == 2
-    first, second = capsys.readouterr().err.splitlines()
-    assert "ZeroDivisionError" in first
-    assert "evil.py, line 2" in first
-    (path,) = tmp_path.glob("evac-crash-*.txt")
-    assert str(path) in second
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "ZeroDivisionError" in line
+    assert "evil.py, line 2" in line
+    (path,) = crashes.iterdir()
+    assert str(path) in line
     assert "in deep" in path.read_text(encoding="utf-8")
 
 
-def test_bad_input_leaves_no_file(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_bad_input_leaves_no_file(monkeypatch, capsys, crashes):
     monkeypatch.setattr("evac.cli.catalogue.execute", raising(PluginError("not this one")))
     assert main(["list"]) == 2
     assert main(["check", "nothing.toml"]) == 2
-    assert not list(tmp_path.iterdir())
+    assert not crashes.exists()
 
 
-def test_the_file_goes_elsewhere_or_nowhere(monkeypatch, tmp_path):
-    """Root may write anywhere, so that a folder is removed instead of being protected."""
-    gone, spare = tmp_path / "gone", tmp_path / "spare"
-    gone.mkdir()
+def test_the_file_goes_elsewhere_or_nowhere(monkeypatch, tmp_path, crashes):
+    """Root may write anywhere, so that the folder cannot be created instead of being protected."""
+    crashes.write_text("not a folder")
+    spare = tmp_path / "spare"
     spare.mkdir()
-    monkeypatch.chdir(gone)
-    gone.rmdir()
     monkeypatch.setattr(crash.tempfile, "gettempdir", lambda: str(spare))
     assert str(spare) in crash_file(ValueError())
     assert len(list(spare.iterdir())) == 1
     assert str(spare) in crash_file(ValueError())  # a second one of the same second
     assert len(list(spare.iterdir())) == 2
-    monkeypatch.setattr(crash.tempfile, "gettempdir", lambda: str(gone))
+    monkeypatch.setattr(crash.tempfile, "gettempdir", lambda: str(tmp_path / "gone"))
     assert "could be written" in crash_file(ValueError())
 
 
-def test_a_report_that_fails_is_no_second_crash(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_the_oldest_files_are_removed(crashes):
+    crashes.mkdir()
+    (crashes / "notes.txt").write_text("of the user")
+    for k in range(crash.KEPT + 5):
+        old = crashes / f"evac-crash-20200101-000000-{k}.txt"
+        old.write_text("old")
+        os.utime(old, (k, k))
+    newest = crash_file(ValueError("new")).removeprefix("details are in ")
+    left = {path.name for path in crashes.glob("evac-crash-*")}
+    assert left == {Path(newest).name, *(f"evac-crash-20200101-000000-{k}.txt" for k in range(6, crash.KEPT + 5))}
+    assert (crashes / "notes.txt").is_file()
+
+
+def test_a_report_that_fails_is_no_second_crash(monkeypatch, crashes):
 
     def fail(*given):
         raise MemoryError
 
     monkeypatch.setattr(crash, "_report", fail)
-    assert str(tmp_path) in crash_file(ValueError("the first"))
-    (path,) = tmp_path.iterdir()
+    assert str(crashes) in crash_file(ValueError("the first"))
+    (path,) = crashes.iterdir()
     assert "ValueError: the first" in path.read_text(encoding="utf-8")
 
 
-def test_warnings_of_libraries_are_kept_for_crash_files(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_warnings_of_libraries_are_kept_for_crash_files(monkeypatch, capsys, crashes):
     monkeypatch.setattr(sys, "warnoptions", [])
-    (tmp_path / "noisy.py").write_text("import warnings\nwarnings.warn('from the plugin')\n")
+    Path("noisy.py").write_text("import warnings\nwarnings.warn('from the plugin')\n")
 
     def warn_and_fail(arguments):
         from evac.registry import Registry
@@ -141,12 +155,12 @@ def test_warnings_of_libraries_are_kept_for_crash_files(monkeypatch, capsys, tmp
     assert "warning: from the cache\n" in said
     assert "noisy.py, line 2: UserWarning: from the plugin\n" in said
     assert "library" not in said
-    (path,) = tmp_path.glob("evac-crash-*.txt")
+    (path,) = crashes.iterdir()
     assert "RuntimeWarning: from a library" in path.read_text(encoding="utf-8")
 
 
-def test_threads_destructors_and_the_exit_change_no_status(tmp_path):
-    (tmp_path / "noise.py").write_text(
+def test_threads_destructors_and_the_exit_change_no_status(crashes):
+    Path("noise.py").write_text(
         "import atexit, sys, threading\n"
         "def fail():\n    raise ValueError('of a thread')\n"
         "class Evil:\n    def __del__(self):\n        raise ValueError('of a destructor')\n"
@@ -158,18 +172,18 @@ def test_threads_destructors_and_the_exit_change_no_status(tmp_path):
         "@hookimpl\ndef evac_behaviours():\n    return []\n"
     )
     command = [sys.executable, "-P", "-m", "evac", "list", "--plugin", "noise.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "square_room" in done.stdout
     assert "Traceback" not in done.stderr
     for where in ("of a thread", "of a destructor", "of the exit"):
         assert where in done.stderr
-    (path,) = tmp_path.glob("evac-crash-*.txt")  # of the thread
+    (path,) = crashes.iterdir()  # of the thread
     assert "in fail" in path.read_text(encoding="utf-8")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no device that is always full")
-def test_lost_output_is_told_where_it_can_be(tmp_path):
+def test_lost_output_is_told_where_it_can_be():
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-P", "-m", "evac", "list"]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)

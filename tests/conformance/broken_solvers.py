@@ -114,7 +114,7 @@ def solver(solve, **attributes):
 
 
 APART, CORNER, QUEUE = "scene 'two people who move apart", "scene 'a person in a corner", "scene 'a queue of"
-SOLVE, SIGNATURE = "its kernel solve", r"solve must be a kernel \(Problem, float64, int64\) -> \(int64\), not "
+SOLVE, SIGNATURE = "its kernel solve", r"solve: must be a kernel \(Problem, float64, int64\) -> \(int64\), not "
 
 BROKEN = [
     Broken(solver(idle), "check_answers", CORNER, "the residual is .* m/s after .* iterations; iterate"),
@@ -127,7 +127,7 @@ BROKEN = [
     Broken(solver(endless), "check_limits", f"{QUEUE}.*at most 1 iteration", "its limit is 1; stop at the limit"),
     Broken(solver(remembering), "check_work_arrays", QUEUE, "work arrays; initialise"),
     Broken(solver(meddling), "check_work_arrays", QUEUE, r"changes problem\.data"),
-    Broken(solver(swapped), "check_signature", SOLVE, SIGNATURE + r"\(Problem, int64, float64\)"),
+    Broken(solver(swapped), "check_signature", SOLVE, SIGNATURE + r"swapped\(Problem, int64, float64\)"),
     Broken(solver(without_an_address), "check_signature", SOLVE, SIGNATURE + "the Kernel"),
     Broken(odd(Solver), "check_signature", SOLVE, SIGNATURE + "the NoneType"),
     Broken(solver(of_an_unknown_attribute), "check_answers", APART, "cannot be compiled: .*'hardness'"),

@@ -23,8 +23,11 @@ from tests.conformance.broken_contact_models import Bounce, Linear, Tunes
 from tests.conformance.broken_files import Counting
 from tests.conformance.broken_solvers import solver, sound
 
-#: Plugin, check, what was examined, what is wrong, and the remedy.
+#: Plugin, check, what was examined, what is wrong, and the remedy, without file and line.
 FORM = re.compile(r"(.+?): (check_\w+), (scene '.+?'|the [^:]+|its [^:]+): (.+); (.+)")
+
+#: File and line of a mistake.
+PLACE = re.compile(r" \(\S+\.py, line \d+\)")
 
 BROKEN = [
     pytest.param(broken, id=f"{module.__name__.rpartition('.')[2]}-{k}")
@@ -46,7 +49,8 @@ def test_a_failure_names_plugin_check_scene_and_remedy(broken):
     with pytest.raises(PluginError) as failure:
         check_plugin(broken.cls, **broken.values)
     text = str(failure.value)
-    found = FORM.fullmatch(text)
+    assert PLACE.search(text) or "module_of" in broken.cls.__module__, text  # which has no file
+    found = FORM.fullmatch(PLACE.sub("", text))
     assert found, text
     plugin, check, examined, wrong, remedy = found.groups()
     assert plugin in (broken.cls.name, getattr(broken.cls, "__name__", "")), text
@@ -55,13 +59,12 @@ def test_a_failure_names_plugin_check_scene_and_remedy(broken):
     assert re.search(broken.words, f"{wrong}; {remedy}"), text
     if broken.raises:
         assert isinstance(failure.value.__cause__, broken.raises)
-        assert re.search(r"\(\S+\.py, line \d+\)", wrong), text
 
 
 def test_every_check_is_failed_by_a_broken_plugin():
     modules = [vars(module) for name, module in sys.modules.items() if name.startswith("evac.conformance.")]
     checks = {name for module in modules for name, found in module.items() if name.startswith("check_")}
-    imported = {"check_writes", "check_class", "check_interface", "check_surface", "check_case"}
+    imported = {"check_class", "check_interface", "check_surface", "check_case"}
     assert checks - imported == {broken.values[0].check for broken in BROKEN}
 
 
@@ -95,7 +98,7 @@ def test_lines_that_no_scene_reaches_are_named():
 
 
 def test_a_behaviour_is_checked_in_a_case_that_uses_it():
-    with pytest.raises(PluginError, match=r"check_declared_arrays, scene 'Twenty .* behaviour 'slower'; give a case"):
+    with pytest.raises(PluginError, match=r"check_declared_arrays, scene .* behaviour 'slower' .*; give a case"):
         check_plugin(Slower, load_case("square_room"))
 
 
@@ -106,8 +109,8 @@ def test_an_importer_that_reads_another_surface_each_time_is_found(tmp_path):
     changes = {"building.mesh": str(tmp_path / "room.plan"), "building.areas": []}
     case = load_case("square_room", changes, registry=registry)
     with pytest.raises(
-        PluginError, match=r"check_surface, scene '.*room\.plan': two readings .* points; keep no state"
+        PluginError, match=r"check_surface, scene '.*room\.plan': two readings .* points .*; keep no state"
     ):
         check_plugin(Counting, case)
-    with pytest.raises(PluginError, match=r"read by 'meshio'; give a case that uses 'counting'"):
+    with pytest.raises(PluginError, match=r"read by 'meshio' .*; give a case that uses 'counting'"):
         check_plugin(Counting, load_case("square_room", registry=registry))

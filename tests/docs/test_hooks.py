@@ -59,6 +59,8 @@ CLASS = """
             return 0.0
         def record(self, simulation):
             pass
+        def prepare(self, scene):
+            pass
 
     @hookimpl
     def {hook}():

@@ -237,5 +237,5 @@ def pair(x: float) -> float:
 
 @pytest.mark.parametrize("entry", [fraction, nothing, pair], ids=["fraction", "nothing", "pair"])
 def test_a_kernel_returns_what_it_declares(entry):
-    with pytest.raises(PluginError, match=f"test_compiler.{entry.__name__} returns .*; it must return"):
+    with pytest.raises(PluginError, match=rf"kernel {entry.__name__}: returns .*test_compiler\.py, line \d+\); return"):
         entry(1.0)

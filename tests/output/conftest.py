@@ -224,6 +224,7 @@ def results(building):
             "residual": np.nan,
             "unconverged_steps": 0,
             "failed_position_corrections": 0,
+            "failed_solves": 0,
             "energy": {"driving_work": 0.0, "contact_dissipation": 0.0, "contact_creation": 0.0},
         },
         phases={"contact": 1.5},

@@ -16,6 +16,7 @@ ALL_RIGHT = {
     "unconverged_steps": 0,
     "greatest_residual": 5e-4,
     "failed_position_corrections": 0,
+    "failed_solves": 0,
     "energy": {"driving_work": 1000.0, "contact_dissipation": 400.0, "contact_creation": 410.0},
 }
 PLACE = r"person 7 at \(9\.50, 3\.00\) on level 'hall'"

@@ -4,7 +4,7 @@ import numpy as np
 
 from evac.jit import Pairs, kernel
 from evac.physics.allocation import make_contacts, make_problem, make_state
-from evac.physics.engine import pack_forces
+from evac.physics.packing import pack_forces
 from evac.physics.percussions import pack, solve_once
 from evac.physics.rows import row_residual
 from evac.physics.state import State

@@ -185,7 +185,7 @@ class Swapped(Wind):
 
 
 @pytest.mark.parametrize(
-    ("force", "words"), [(Neither(), "'neither' names no function"), (Swapped(), "'swapped': body")]
+    ("force", "words"), [(Neither(), "'neither': names no function"), (Swapped(), "'swapped': body")]
 )
 def test_a_force_without_a_right_function_is_named(force, words):
     with pytest.raises(PluginError, match=words):

@@ -191,7 +191,7 @@ class Wrong(PairContact):
 
 @pytest.mark.parametrize("model", [Without(), Wrong()])
 def test_a_model_without_the_law_of_a_contact_is_named(model):
-    with pytest.raises(PluginError, match=rf"contact model '{model.name}': pair must be a kernel"):
+    with pytest.raises(PluginError, match=rf"contact model '{model.name}': pair: must be a kernel"):
         walk(model, make_crowd([(0, 0)]), 1)
 
 

@@ -53,7 +53,7 @@ QUICK_TESTS: Mapping[Callable[[Trial], list[Check]], int] = {
 STAIR_RUNS, DOOR_RUNS = 5, 10
 QUICK_RUNS = 2
 QUICK_STAIRS = capacity.STAIR_WIDTHS[:2]
-QUICK_DOORS = (0.8, capacity.IMO_DOOR)
+QUICK_DOORS = (capacity.IMO_DOOR,)
 
 #: The documents of the tests, and the sources in which they were read, since not all originals were available.
 SOURCES = (

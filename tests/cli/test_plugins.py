@@ -1,0 +1,92 @@
+"""evac plugins --check, and plugins that interfere with the process they run in."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conformance.mistakes import DO, WRITE
+from tests.conformance.sound import BEHAVIOUR, BODY_FORCE, EXPORTER, RECORDER
+
+
+def test_what_passes_all_checks_is_listed(evac, capsys):
+    both = BODY_FORCE + BEHAVIOUR.replace('"tried"', '"other"')
+    Path("both.py").write_text(both)
+    assert evac("plugins", "--check", "both.py") == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines() == ["force tried: all checks passed", "behaviour other: all checks passed"]
+    assert said.err == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (BEHAVIOUR.replace(DO, "self.count = time"), "tried: check_same_bits, .* state"),
+        (EXPORTER.replace(WRITE, "        return [path]\n"), "tried: check_files, .*which is no path"),
+        (BEHAVIOUR.replace("crowd, time)", "crowd)"), r"plugin odd\.py: Slow defines act\(self, crowd\)"),
+    ],
+)
+def test_a_failed_check_is_one_line_and_status_2(evac, text, words, capsys):
+    Path("odd.py").write_text(text)
+    assert evac("plugins", "--check", "odd.py") == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    assert re.search(rf"^evac: {words}", line), line
+    assert re.search(rf"\({Path('odd.py').resolve()}, line \d+\); ", line), line
+
+
+def test_a_failure_does_not_hide_other_plugins(evac, capsys):
+    Path("two.py").write_text(BODY_FORCE + RECORDER.replace("simulation.population", "simulation.populaton"))
+    assert evac("plugins", "--check", "two.py") == 2
+    said = capsys.readouterr()
+    assert said.out == "force tried: all checks passed\n"
+    assert said.err.startswith("evac: tried: check_read_only, ")
+
+
+def test_a_path_that_is_too_long_is_one_line(evac, capsys):
+    path = "x" * 5000
+    for words in (["plugins", "--check", path], ["list", "--plugin", path], ["check", path], ["export", path]):
+        assert evac(*words) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert re.match("evac: .*xxx.*; check the path$", line)
+        assert len(line) < 1200
+
+
+#: What a plugin does to the process, and the status and the text of the only line that begins with "evac: ".
+INTERFERES = {
+    "os._exit(0)": (2, "SystemExit: 0 (", "raise an exception instead"),
+    "sys.stdout = None": (2, "replaces sys.stdout", "restore it"),
+    "sys.stderr = object()": (2, "replaces sys.stdout or sys.stderr", "restore it"),
+    "sys.stdout.close()": (3, "people still inside", ""),
+    "sys.stderr.close()": (3, "people still inside", ""),
+    "os.closerange(3, 100)": (2, "Bad file descriptor", "a plugin has closed a file"),
+}
+
+
+@pytest.mark.parametrize("code", INTERFERES)
+def test_what_a_plugin_does_to_the_process_is_told_in_one_line(code, tmp_path):
+    status, wrong, remedy = INTERFERES[code]
+    (tmp_path / "odd.py").write_text(BEHAVIOUR.replace(DO, code).replace("import numpy as np", "import os, sys"))
+    words = ["run", "square_room", "--plugin", "odd.py", "--out", "result", "--set", "behaviours.tried={}"]
+    command = [sys.executable, "-P", "-m", "evac", *words, "simulation.duration=1", "output.replay=false"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == status, done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("evac: ") and "bodies in" not in line]
+    assert wrong in line
+    assert remedy in line
+    assert "Traceback" not in done.stderr
+    if status == 3:
+        assert "results in" in done.stdout
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_process_may_end_by_itself(tmp_path):
+    code = "os.waitpid(os.fork() or os._exit(0), 0)"
+    (tmp_path / "forks.py").write_text(BEHAVIOUR.replace("class Slow", f"import os\n{code}\n\nclass Slow"))
+    command = [sys.executable, "-P", "-m", "evac", "list", "--plugin", "forks.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
