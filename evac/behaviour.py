@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.errors import fault
+from evac.errors import fault, plugin_code
 from evac.parameters import Configurable, did_you_mean
 from evac.physics.state import Crowd
 
@@ -194,7 +194,8 @@ def check_declared(behaviour: Behaviour) -> None:
     """
     what = f"behaviour {behaviour.name!r}"
     for word, allowed in (("reads", tuple(Crowd.kinds)), ("writes", WRITABLE)):
-        declared = getattr(behaviour, word)
+        with plugin_code(f"{what}: {word}", behaviour):
+            declared = getattr(behaviour, word)
         if not (isinstance(declared, tuple | list) and all(isinstance(array, str) for array in declared)):
             remedy = f"write {word} = ('{allowed[0]}',), for example"
             raise fault(what, f"{word} is {declared!r}, not a tuple of names", remedy, behaviour, word)

@@ -12,6 +12,9 @@ UP = "z"
 #: Least height above the ground of solid bodies, and above and below flights [m].
 HEADROOM = 2.0
 
+#: Greatest absolute coordinate, height or length [m]: farther from the origin, rounding errors exceed a millimetre.
+FARTHEST = 1e8
+
 #: Greatest number of characters in a title and in the name of a group or of a part of a building.
 LONGEST_NAME = 200
 

@@ -5,6 +5,7 @@ import re
 import shlex
 import sys
 import traceback
+import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -14,6 +15,9 @@ from typing import Any
 #: Characters of an error's text that are shown, and of a line of a file.
 LONGEST = 1000
 LONGEST_QUOTED = 120
+
+#: Categories of Unicode that break lines, control terminals, or cannot be written: controls, surrogates, separators.
+_CONTROL = frozenset({"Cc", "Cs", "Zl", "Zp"})
 
 
 class EvacError(Exception):
@@ -97,6 +101,18 @@ def quoted_line(text: str, error: str) -> str:
     if re.search(r'"[^"]*\\', line):
         return f"{quoted}; a backslash has a special meaning within double quotes: use forward slashes or single quotes"
     return f"{quoted}; correct the file there"
+
+
+def is_one_line(text: str) -> bool:
+    """Return whether a text contains neither line breaks nor other control characters, nor what XML cannot contain."""
+    return text.isprintable() or not any(
+        unicodedata.category(sign) in _CONTROL or sign in "\ufffe\uffff" for sign in text
+    )
+
+
+def escaped(text: str) -> str:
+    """Return a text in which line breaks and control characters are escaped as in Python."""
+    return text if is_one_line(text) else "".join(sign if is_one_line(sign) else repr(sign)[1:-1] for sign in text)
 
 
 def text_of(item: object) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from evac.errors import PluginError, ScenarioError
+from evac.errors import PluginError, ScenarioError, escaped
 
 #: Greatest absolute value of a parameter: far beyond any quantity in SI units, and exact as a whole number.
 GREATEST = 1e15
@@ -18,7 +18,7 @@ def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
     if close:
         return f"did you mean {close[0]!r}?"
-    return "known: " + (", ".join(sorted(known)) or "none")
+    return "known: " + (escaped(", ".join(sorted(known))) or "none")
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     assert (tmp_path / "r" / "runs.parquet").is_file()
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
+    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html", "manifest.jsonl"}
 
 
 def test_a_script_is_told_what_the_command_tells(tmp_path):
@@ -285,7 +285,9 @@ def test_every_file_of_a_run_is_written_once_and_the_summary_again_with_the_time
     monkeypatch.setattr("os.replace", lambda new, path: replaced.append(str(path)) or real(new, path))
     results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
     assert results.number_of_people == 20
-    written = [str(path) for path in (tmp_path / "r").rglob("*.*") if path.name != "trajectory.evac"]
+    written = [
+        str(path) for path in (tmp_path / "r").rglob("*.*") if path.name not in ("trajectory.evac", "manifest.jsonl")
+    ]
     assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
     expected = [*written, str(tmp_path / "r" / "summary.json")]
     assert sorted(name.replace("r.running", "r") for name in replaced) == sorted(expected)
@@ -325,7 +327,7 @@ def test_a_plugin_that_fails_when_the_run_has_ended_leaves_the_result_in_its_pla
     run(case, tmp_path / "r")
     text = """
         from evac import hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         @hookimpl
         def evac_finish(simulation, results, error):

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import FloatArray
 from evac.building import stairs
 from evac.building.conforming import Height
-from evac.building.doors import placed
+from evac.building.doors import Rooms, placed
 from evac.building.findings import Finding
 from evac.building.outlines import (
     Strip,
@@ -83,9 +83,7 @@ class _Drawing:
                 self._check_storey(f"{kind} {item.name!r}", item.storey)
         for name in plan.storeys:
             self._make_floor(name)
-        for door in plan.doors:
-            with self._naming(f"door {door.name!r}"):
-                self._open_door(door)
+        self._open_doors()
         self.rooms = dict(self.floors)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
         self._cut_exits()
@@ -145,19 +143,34 @@ class _Drawing:
             rooms = with_walls(rooms, storey.wall)
         self.floors[name] = united(rooms)
 
-    def _open_door(self, door: Item) -> None:
-        """Add the ground between a door and the rooms on both its sides."""
+    def _open_doors(self) -> None:
+        """Open the doors of the plan in order; each meets what is near it of the rooms and of earlier doors."""
+        rooms = {name: Rooms(floor) for name, floor in self.floors.items()}
+        for name, own in rooms.items():
+            own.expect([door for door in self.plan.doors if door.storey == name])
+        for door in self.plan.doors:
+            own, known = rooms[door.storey], len(self.findings)
+            with self._naming(f"door {door.name!r}"):
+                try:
+                    ground = self._open_door(door, own.near_next())
+                except ValueError:  # its message also says what is farther away
+                    del self.findings[known:]
+                    ground = self._open_door(door, own.floor())
+            own.add(ground)
+        self.floors = {name: own.floor() for name, own in rooms.items()}
+
+    def _open_door(self, door: Item, floor: BaseGeometry) -> list[BaseGeometry]:
+        """Return the ground between a door and the rooms on both its sides."""
         assert door.segment is not None
-        floor = self.floors[door.storey]
         segment, change = placed(floor, door.segment, door.reach)
         if change:
             self._find("assumed", f"door {door.name!r} {change}", door.storey, segment)
         found = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
+        ground = [one.polygon for one in found if one is not None and not one.polygon.is_empty]
         if all(found):
-            self._add(door.storey, [one for one in found if one is not None])
             z = self.plan.storeys[door.storey].z
             self.doors.append((door.name, np.column_stack([segment, [z, z]])))
-            return
+            return ground
         if not any(found):
             raise ValueError(
                 f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
@@ -168,12 +181,12 @@ class _Drawing:
                 f"{written(segment)} on storey {door.storey!r} has a room on one side only; move it, increase "
                 "reach if the wall is thicker, or make it an exit"
             )
-        self._add(door.storey, [one for one in found if one is not None])
         ends = np.concatenate([*segment])[None]
         if door.outside == "exit":
             self.edges.append((f"exit:{door.name}", door.storey, ends))
         else:
             self.openings.append((door.storey, ends[0]))
+        return ground
 
     def _add(self, storey: str, strips: list[Strip]) -> None:
         """Add strips of ground to a floor."""
@@ -324,6 +337,9 @@ class _Drawing:
             pieces = self._recess(item, segment, beside)
         elif between_floors(floor, np.array(pieces), DOOR_REACH).any():
             raise ValueError(between_rooms(segment, item.storey))
+        elif beside < length - LEAST_LENGTH:
+            text = f"exit {item.name!r} is {beside:.3f} m wide instead of {length:.3f} m: walls cover the rest of it"
+            self._find("warning", text, item.storey, segment)
         self.edges.append((tag, item.storey, np.array(pieces)))
 
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
@@ -338,7 +354,7 @@ class _Drawing:
     def _recess(self, item: Item, segment: FloatArray, beside: float) -> list[FloatArray]:
         """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
         floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
-        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: move the exit there"
+        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
         if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
             raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
         found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
@@ -346,9 +362,14 @@ class _Drawing:
         if len(inward) > 1:
             raise ValueError(between_rooms(segment, item.storey))
         if not inward:
-            length = float(np.hypot(*(segment[1] - segment[0])))
-            part = f", {beside:.2f} of its {length:.2f} m excepted" if beside > LEAST_LENGTH else ""
-            raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}{part}; {edge}")
+            if beside > LEAST_LENGTH:
+                longest = max(self._outline(item, segment), key=lambda piece: np.hypot(*(piece[2:] - piece[:2])))
+                length = float(np.hypot(*(segment[1] - segment[0])))
+                raise ValueError(
+                    f"of {written(segment)}, only {beside:.2f} of {length:.2f} m are on the outline of storey "
+                    f"{item.storey!r}; move the exit along it, or shorten it to {written(longest.reshape(2, 2))}"
+                )
+            raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {edge}")
         self._add(item.storey, inward)
         text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
         self._find("warning" if inward[0].depth > DEEP else "assumed", text, item.storey, segment)

@@ -65,3 +65,8 @@ def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tup
 def warnings_of(findings: tuple[Finding, ...] | list[Finding]) -> tuple[str, ...]:
     """Return the texts of the warnings among findings."""
     return tuple(str(one) for one in findings if one.kind == "warning")
+
+
+def away(distance: float) -> str:
+    """Describe, for a message, how far away something is [m]."""
+    return "which it only touches" if f"{distance:.2f}" == "0.00" else f"{distance:.2f} m away"

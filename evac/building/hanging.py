@@ -50,10 +50,12 @@ def split_at_vertices(
         If splitting does not terminate because vertices are too close to each other, or no cell is wide enough.
     """
     owner = np.arange(len(triangles))
+    farthest: tuple[float, int] = (0.0, 0)
     for _ in range(MOST_ROUNDS):
         hanging = _hanging_vertices(vertices, triangles, edges, distance)
         if not hanging:
             return triangles, owner, edges
+        farthest = max(max((_distance(vertices, p, edge), p) for edge, on in hanging.items() for p in on), farthest)
         pieces: list[tuple[int, int, int]] = []
         cut_from: list[int] = []
         for row, (a, b, c) in enumerate(triangles.tolist()):
@@ -73,11 +75,11 @@ def split_at_vertices(
             name: np.array([part for a, b in pairs.tolist() for part in _parts(a, b, hanging)], dtype=np.int64)
             for name, pairs in edges.items()
         }
-    x, y, z = vertices[next(iter(hanging.values()))[0]]
+    off, (x, y, z) = farthest[0], vertices[farthest[1]]
     raise BuildingError(
-        f"{source}: the distance of vertices around ({x:z.2f}, {y:z.2f}, {z:z.2f}) is close to building.weld "
-        f"({distance:g} m), so cells cannot be split at them; repair the mesh there, or set building.weld to a "
-        "multiple of its value"
+        f"{source}: splitting cells at vertices on their sides does not end around ({x:z.2f}, {y:z.2f}, {z:z.2f}): "
+        f"vertices there lie up to {off:.2g} m beside a side, within building.weld ({distance:g} m); set building.weld "
+        f"to less than {off:.2g}, or repair the mesh there"
     )
 
 

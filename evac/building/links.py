@@ -12,6 +12,7 @@ from evac.arrays import FloatArray, IndexArray, IntArray
 from evac.building.checks import isolated_parts
 from evac.building.edges import EdgeTable, chains, edge_place, segment_lengths, straight_segments
 from evac.building.elevation import level_elevation
+from evac.building.findings import away
 from evac.building.levels import LevelSet
 from evac.building.model import Building, Door, Exit, Level, Portal
 from evac.building.surface import Surface
@@ -78,17 +79,19 @@ def find_exits_and_walls(
 
 def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
     """Return the doors of a surface, each on the level that is nearest to its middle."""
+    if not surface.doors:
+        return ()
+    middle = np.array([ends.mean(axis=0) for _, ends in surface.doors])
+    point = shapely.points(middle[:, :2])
+    off = np.empty((len(levels), len(middle)))
+    for row, level in enumerate(levels):
+        near = shapely.get_coordinates(shapely.shortest_line(level.polygon, point))[::2]
+        height = level_elevation(surface.vertices, level, near)
+        off[row] = shapely.distance(level.polygon, point) + np.abs(height - middle[:, 2])
     doors = []
-    for name, ends in surface.doors:
-        middle = ends.mean(axis=0)
-        point = shapely.Point(middle[:2])
-        off = []
-        for level in levels:
-            near = shapely.get_coordinates(shapely.shortest_line(level.polygon, point))[:1]
-            height = float(level_elevation(surface.vertices, level, near)[0])
-            off.append(float(level.polygon.distance(point)) + abs(height - float(middle[2])))
+    for (name, ends), on in zip(surface.doors, off.argmin(axis=0).tolist(), strict=True):
         segment = ends[:, :2].ravel()
-        doors.append(Door(name, int(np.argmin(off)), segment, float(np.hypot(*(segment[2:] - segment[:2])))))
+        doors.append(Door(name, on, segment, float(np.hypot(*(segment[2:] - segment[:2])))))
     return tuple(doors)
 
 
@@ -107,7 +110,7 @@ def nearest_wall(walls: FloatArray, wall_level: IntArray, levels: tuple[Level, .
     x1, y1, x2, y2 = walls[row]
     return (
         f"the nearest free edge is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) of level "
-        f"{levels[wall_level[row]].name!r}, {distance[row]:.2f} m away"
+        f"{levels[wall_level[row]].name!r}, {away(distance[row])}"
     )
 
 

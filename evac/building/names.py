@@ -1,30 +1,14 @@
 """Names in buildings: one line without control characters, of a bounded length."""
 
-import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar
 
 from evac.building.findings import Finding
 from evac.defaults import LONGEST_NAME
-from evac.errors import BuildingError
+from evac.errors import BuildingError, is_one_line
 
 Value = TypeVar("Value")
-
-#: Categories of Unicode that break lines, control terminals, or cannot be written: controls, surrogates, separators.
-_CONTROL = frozenset({"Cc", "Cs", "Zl", "Zp"})
-
-
-def is_one_line(text: str) -> bool:
-    """Return whether a text contains neither line breaks nor other control characters, nor what XML cannot contain."""
-    return text.isprintable() or not any(
-        unicodedata.category(sign) in _CONTROL or sign in "\ufffe\uffff" for sign in text
-    )
-
-
-def escaped(text: str) -> str:
-    """Return a text in which line breaks and control characters are escaped as in Python."""
-    return text if is_one_line(text) else "".join(sign if is_one_line(sign) else repr(sign)[1:-1] for sign in text)
 
 
 def repaired(name: str) -> str:

@@ -274,6 +274,6 @@ def _middle(segments: FloatArray) -> tuple[float, float]:
 
 def _note(what: str, width: float, level: str, place: tuple[float, float], bodies: FloatArray) -> Finding:
     wider = np.count_nonzero(bodies > width)
-    people = f"{wider} of {counted(len(bodies), 'person', 'people')} ({bodies.max():.2f} m)"
-    text = f"{what} only {width:.2f} m wide, less than {people}, for whom it is a wall: widen it if they should pass"
+    people = f"{wider} of {counted(len(bodies), 'person', 'people')} wider than it (up to {bodies.max():.2f} m)"
+    text = f"{what} only {width:.2f} m wide, a wall for {people}: widen it if they should pass"
     return Finding("warning", text, level, place)

@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import BoolArray, FloatArray
 from evac.building.edges import segment_lengths
 from evac.building.extent import FACTORS
+from evac.building.findings import away
 from evac.building.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut, flat_parts
 
 #: Pieces of an outline lie along a segment if their directions differ by less than this (25 degrees).
@@ -160,7 +161,7 @@ def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, betw
     x1, y1, x2, y2 = own[row]
     return (
         f"the nearest edge of its outline is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}), "
-        f"{shapely.distance(lines[row], line):.2f} m away{_in_other_unit(polygon, ends)}"
+        f"{away(shapely.distance(lines[row], line))}{_in_other_unit(polygon, ends)}"
     )
 
 

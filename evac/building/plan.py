@@ -12,7 +12,7 @@ from evac.arrays import FloatArray
 from evac.building.findings import Finding
 from evac.building.planparts import DOOR_REACH, OUTSIDE, Item, Stair, Storey
 from evac.building.shapes import Shape, polygons_of, segment_of
-from evac.defaults import HEADROOM
+from evac.defaults import FARTHEST, HEADROOM
 from evac.errors import BuildingError, counted
 
 if TYPE_CHECKING:
@@ -115,6 +115,8 @@ class Plan:
             raise BuildingError(f"{self.source}: {what}: give either polygons or file, and not both")
         self._number(what, "z", z)
         self._number(what, "wall", wall, least=0.0)
+        if not isinstance(options or {}, Mapping):
+            raise BuildingError(f"{self.source}: {what}: options must be a table, not {options!r}")
         found = () if polygons is None else self._polygons(what, name, polygons)
         self.storeys[name] = Storey(
             name, float(z), found, Path(file) if file is not None else None, float(wall), dict(options or {})
@@ -177,10 +179,8 @@ class Plan:
         for key, value in (("length", length), ("landing", landing), ("gap", gap)):
             if value is not None:
                 self._number(what, key, value, least=0.0)
-        if direction is not None and (np.shape(direction) != (2,) or not np.linalg.norm(direction) > 0.0):
-            raise BuildingError(f"{self.source}: {what}: direction must be a vector [x, y], not {direction!r}")
+        way = None if direction is None else self._vector(what, "direction", direction)
         edge = None if upper_edge is None else self._segment(what, "upper_edge", upper_edge)
-        way = None if direction is None else np.asarray(direction, np.float64)
         count = 1 if landing is not None and landings is None else landings or 0
         if count and landing is None:
             raise BuildingError(f"{self.source}: {what}: landings requires a landing depth, such as landing = 1.5")
@@ -370,9 +370,19 @@ class Plan:
         except ValueError as error:
             raise BuildingError(f"{self.source}: {what}: {key}: {error}") from error
 
-    def _number(self, what: str, key: str, value: Any, least: float = -np.inf) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
-            raise BuildingError(f"{self.source}: {what}: {key} must be a finite number, not {value!r}")
+    def _vector(self, what: str, key: str, value: Any) -> FloatArray:
+        try:
+            vector = np.asarray(value, np.float64)
+        except (TypeError, ValueError, OverflowError):
+            vector = np.empty(0)
+        if vector.shape != (2,) or not (np.abs(vector) <= FARTHEST).all() or not vector.any():
+            raise BuildingError(f"{self.source}: {what}: {key} must be a vector [x, y], not {value!r}")
+        return vector
+
+    def _number(self, what: str, key: str, value: Any, least: float = -FARTHEST) -> float:
+        is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if not is_number or not abs(value) <= FARTHEST:
+            raise BuildingError(f"{self.source}: {what}: {key} must be a number up to {FARTHEST:g}, not {value!r}")
         if value < least:
             raise BuildingError(f"{self.source}: {what}: {key} must be at least {least:g}, not {value:g}")
         return float(value)

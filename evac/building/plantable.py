@@ -11,7 +11,7 @@ import shapely
 from evac.building.plan import Plan
 from evac.building.planparts import Item, Stair
 from evac.defaults import HEADROOM
-from evac.errors import BuildingError
+from evac.errors import BuildingError, escaped
 from evac.parameters import did_you_mean
 
 #: Name of each list of tables, and the method of `Plan` that takes the keys of one table as arguments.
@@ -57,7 +57,8 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
         if not isinstance(items, list):
             raise BuildingError(f"{source}: {prefix}{section} must be a list of tables: [[{section}]]")
         for index, item in enumerate(items):
-            key = f"{prefix}{section}.{item['name'] if isinstance(item, Mapping) and 'name' in item else index}"
+            name = item["name"] if isinstance(item, Mapping) and "name" in item else index
+            key = escaped(f"{prefix}{section}.{name}")
             _check_keys(f"{source}: {key}", item, getattr(plan, method))
             values = dict(item)
             if section == "storeys" and isinstance(values.get("file"), str):

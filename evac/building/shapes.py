@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 from evac.building.findings import Finding
+from evac.defaults import FARTHEST
 
 #: Accepted representations of a shape: one of these, or a list of them.
 Shape: TypeAlias = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
@@ -88,13 +89,15 @@ def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> lis
     Raises
     ------
     ValueError
-        The shape is invalid, a coordinate is not finite, or there is no polygon with a positive area.
+        The shape is invalid, a coordinate is not finite or too far from the origin, or there is no polygon with a
+        positive area.
     """
     found: list[BaseGeometry] = []
     others: list[BaseGeometry] = []
     for one in geometries(given):
-        if not np.isfinite(shapely.get_coordinates(one)).all():
-            raise ValueError("a coordinate is not finite; correct it")
+        corners = shapely.get_coordinates(one)
+        if not (np.abs(corners) <= FARTHEST).all():  # nor NaN
+            raise ValueError(f"a coordinate is not finite, or farther than {FARTHEST:g} m from the origin; correct it")
         if one.geom_type == "Polygon":
             found += _valid(shapely.force_2d(one), level, findings)
         elif not one.is_empty:
@@ -114,17 +117,20 @@ def segment_of(given: Shape) -> FloatArray:
     Raises
     ------
     ValueError
-        The shape is not a line of two different points.
+        The shape is not a line of two different points near enough to the origin.
     """
     if isinstance(given, (str, Mapping)):
         lines = list(geometries(given))
         given = lines[0] if len(lines) == 1 else []
     try:
         ends = shapely.get_coordinates(given) if isinstance(given, BaseGeometry) else np.array(given, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         ends = np.empty(0)
-    if ends.shape != (2, 2) or not np.isfinite(ends).all() or np.hypot(*(ends[1] - ends[0])) < LEAST_LENGTH:
-        raise ValueError(f"a segment must be two different points [[x1, y1], [x2, y2]], not {given!r}")
+    if ends.shape != (2, 2) or not (np.abs(ends) <= FARTHEST).all() or np.hypot(*(ends[1] - ends[0])) < LEAST_LENGTH:
+        raise ValueError(
+            f"a segment must be two different points [[x1, y1], [x2, y2]], at most {FARTHEST:g} m from the "
+            f"origin, not {given!r}"
+        )
     rounded: FloatArray = np.round(ends, 6) + 0.0
     return rounded
 

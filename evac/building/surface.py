@@ -17,6 +17,7 @@ from evac.building.polygons import least_height, plan_area
 from evac.building.resolution import check_resolution
 from evac.building.surfacemesh import TriangleMesh
 from evac.building.welding import weld_points
+from evac.defaults import FARTHEST
 from evac.errors import BuildingError
 
 #: Largest share by which welding may change the area of the ground.
@@ -28,8 +29,8 @@ SILL = 0.02
 #: Greatest rise of a riser, and smallest slope of the sides of a stair, which are not flights [m, degrees].
 MOST_RISER, UPRIGHT = 0.5, 85.0
 
-#: Maximum extent of a building, and maximum distance of its points from the origin [m].
-LARGEST, FARTHEST = 1e5, 1e8
+#: Maximum extent of a building [m].
+LARGEST = 1e5
 #: Minimum width of a building [m], in its larger direction: nobody fits into a smaller one.
 LEAST_WIDTH = 0.5
 

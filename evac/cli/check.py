@@ -181,9 +181,11 @@ def show_people(simulation: "Simulation") -> None:
     """Show the groups with their start levels and their times to an exit."""
     import numpy as np
 
+    from evac.people.ways import walked_lengths
+
     population = simulation.population
     crowd = population.crowd
-    lengths = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route, crowd.radius)
+    lengths = walked_lengths(simulation.fields, simulation.scene.world, crowd)
     with np.errstate(divide="ignore", invalid="ignore"):
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)

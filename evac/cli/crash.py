@@ -1,5 +1,6 @@
 """Unexpected errors: a one-line message, and a crash file with the details needed to find the cause."""
 
+import errno
 import importlib.metadata
 import json
 import os
@@ -16,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from evac.errors import in_one_line
+from evac.errors import in_one_line, text_of
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
@@ -27,8 +28,38 @@ INTERNAL_ERROR = 70
 #: Number of crash files that are kept; the oldest are removed.
 KEPT = 20
 
+#: What to do about errors of the system that the user alone can correct.
+ADVICE = {
+    errno.ENAMETOOLONG: "give a shorter path; names such as NAME.running are made from it",
+    errno.ELOOP: "the link leads to itself; give another path",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENFILE: "close other programs",
+    errno.EAGAIN: "raise the limit of processes (ulimit -u), or use fewer (--jobs, --threads)",
+}
+
 #: Number of file names that are tried for a crash file.
 MOST_FILES = 100
+
+
+def fault_of_path(error: BaseException) -> str:
+    """Return what is wrong with a path or the limits of the process that an error names; empty for other errors."""
+    if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):  # of pathlib, until Python 3.12
+        return f"{text_of(error)}: the link leads to itself; give another path"
+    if isinstance(error, FileNotFoundError) and not _is_folder_there():
+        return "the current folder has been removed; change to another one"
+    advice = ADVICE.get(error.errno or 0) if isinstance(error, OSError) else None
+    if advice is None or not isinstance(error, OSError):
+        return ""
+    named = f"{text_of(ValueError(os.fsdecode(error.filename)))}: " if error.filename else ""
+    return f"{named}{error.strerror}; {advice}"
+
+
+def _is_folder_there() -> bool:
+    try:
+        os.getcwd()
+    except OSError:
+        return False
+    return True
 
 
 def report_crash(error: BaseException, what: str, case: "Case | None" = None, notes: list[str] | None = None) -> None:

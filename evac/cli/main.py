@@ -2,7 +2,6 @@
 
 import argparse
 import atexit
-import errno
 import gc
 import importlib
 import os
@@ -11,10 +10,10 @@ import sys
 from collections.abc import Sequence
 
 from evac.cli.cases import loaded_case
-from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, refuse_to_leave, report_crash
+from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, fault_of_path, refuse_to_leave, report_crash
 from evac.cli.streams import guard_streams, warn_lost_output
 from evac.cli.warned import shown_warnings
-from evac.errors import EvacError, PluginError, text_of
+from evac.errors import EvacError, PluginError
 
 #: Exit status for bad input, and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
@@ -92,8 +91,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             print("evac: interrupted", file=sys.stderr)
             return INTERRUPTED_STATUS
         except BaseException as error:
-            if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
-                print(f"evac: {text_of(error.filename)}: this name is too long; check the path", file=sys.stderr)
+            if place := fault_of_path(error):
+                print(f"evac: {place}", file=sys.stderr)
                 return BAD_INPUT
             if isinstance(error, SystemExit) and arguments is None:
                 raise  # from argparse, which has printed the help or an error about the command line

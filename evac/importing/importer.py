@@ -15,7 +15,7 @@ from evac.building.model import Building
 from evac.building.plan import Plan
 from evac.building.surfacemesh import SurfaceMesh
 from evac.building.tagged import tagged_surface
-from evac.defaults import FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
+from evac.defaults import FARTHEST, FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
 from evac.errors import BuildingError, EvacError, ScenarioError
 from evac.importing.casefile import case_text, check_folder, write_text
 from evac.importing.openings import Opening, find_openings
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: Default density of people in rooms [1/m2].
 DENSITY = 0.1
+#: Greatest density that can be asked for [1/m2]; what rooms can hold is less.
+MOST_DENSITY = 100.0
 #: Default height between the storeys of consecutive files [m].
 STOREY_HEIGHT = 3.0
 #: Options of the building, in addition to those of importers.
@@ -114,6 +116,8 @@ def import_building(
     ScenarioError
         An option or the number of an exit is not known, or the folder contains something else.
     """
+    if density is not None and not 0.0 <= density <= MOST_DENSITY:
+        raise ScenarioError(f"density: must be between 0 and {MOST_DENSITY:g} people per square metre, not {density!r}")
     registry = registry or Registry()
     paths, place = tuple(Path(file) for file in files), Path(folder)
     check_folder(place, CASE, REPORT)
@@ -186,8 +190,10 @@ def _options(
     for key in given.keys() & (BUILDING_OPTIONS.keys() - declared.keys()):
         wanted: type = type(BUILDING_OPTIONS[key])
         is_number = isinstance(given[key], int | float) and not isinstance(given[key], bool)
-        if not (is_number if wanted is float else isinstance(given[key], wanted)):
-            word = "a number" if wanted is float else "true or false" if wanted is bool else "a word"
+        if not (is_number and abs(given[key]) <= FARTHEST if wanted is float else isinstance(given[key], wanted)):
+            word = (
+                f"a number up to {FARTHEST:g}" if wanted is float else "true or false" if wanted is bool else "a word"
+            )
             raise ScenarioError(f"option {key!r}: must be {word}, not {given[key]!r}")
     importers = [cls(**{key: given[key] for key in given if key in cls.declared()}) for cls in classes]
     values = {key: value for importer in importers for key, value in importer.values().items()}

@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any
 
 import numba
+from llvmlite import binding as llvm
 from llvmlite import ir
 from numba import types
 from numba.core import codegen, compiler, cpu, dispatcher, typed_passes, typing, untyped_passes
@@ -31,6 +32,9 @@ from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import NOTE_RAISED, Entry, Kernel
 from evac.jit.processor import Processor, host
 from evac.jit.refusals import refused
+
+#: LLVM's level of optimisation, whatever numba's is: what is not optimised needs functions that only numba provides.
+OPTIMISATION = 3
 
 
 class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
@@ -68,7 +72,7 @@ class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
         super().__init__("evac")
 
     def _customize_tm_options(self, options: dict[str, Any]) -> None:
-        options.update(self.processor.options())
+        options.update(self.processor.options(), opt=OPTIMISATION)
 
     def _customize_tm_features(self) -> str:
         return self.processor.features
@@ -257,9 +261,24 @@ def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
         if not variable.is_declaration:
             variable.linkage = "internal"
     module.verify()
-    passes, builder = library.codegen._module_pass_manager()
+    passes, builder = library.codegen._module_pass_manager(opt=OPTIMISATION)
     passes.run(module, builder)
+    _check_names(entry, module)
     return bytes(library.codegen._tm.emit_object(module))
+
+
+def _check_names(entry: Entry, module: Any) -> None:
+    """Refuse code that cannot be loaded, since LLVM ends the process that loads it.
+
+    Raises
+    ------
+    PluginError
+    """
+    declared = [function.name for function in module.functions if function.is_declaration]
+    for name in declared:
+        if not (name.startswith("llvm.") or name == NOTE_RAISED or llvm.address_of_symbol(name)):
+            remedy = "use numbers, tuples and the functions of math, and unset variables that begin with NUMBA_"
+            raise fault(f"kernel {entry.title}", f"needs {name}, which is not available to kernels", remedy, entry)
 
 
 def _check_result(entry: Entry, found: types.Type) -> None:

@@ -1,7 +1,9 @@
 """Digests of everything that a kernel is compiled from; changes of comments and documentation do not affect them."""
 
 import hashlib
+import os
 import sys
+from contextlib import suppress
 from enum import EnumType
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -18,14 +20,30 @@ from evac.jit.layout import describe
 _COMPILER = ("compiler.py", "instructions.py", "layout.py", "processor.py")
 
 
+#: Environment variables of numba that do not change the code of a kernel.
+_HARMLESS = {"NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS", "NUMBA_THREADING_LAYER", "NUMBA_CACHE_DIR"}
+
+#: File in the current folder with options of numba.
+_OPTIONS_FILE = Path(".numba_config.yaml")
+
+
+def _options() -> str:
+    """Return the options of numba that are not the default ones, each behind a comma."""
+    set_here = sorted((name, value) for name, value in os.environ.items() if name.startswith("NUMBA_"))
+    options = "".join(f", {name}={value}" for name, value in set_here if name not in _HARMLESS)
+    with suppress(OSError):
+        options += f", {_OPTIONS_FILE} {hashlib.sha256(_OPTIONS_FILE.read_bytes()).hexdigest()}"
+    return options
+
+
 @lru_cache
 def versions() -> str:
-    """Return the versions of Python, numba, llvmlite and the compiler in this package."""
+    """Return the versions of Python, numba, llvmlite and the compiler in this package, and the options of numba."""
     own = hashlib.sha256()
     for name in _COMPILER:
         own.update((Path(__file__).parent / name).read_bytes())
     python = ".".join(map(str, sys.version_info[:2]))
-    return f"python {python}, numba {version('numba')}, llvmlite {version('llvmlite')}, {own.hexdigest()}"
+    return f"python {python}, numba {version('numba')}, llvmlite {version('llvmlite')}, {own.hexdigest()}{_options()}"
 
 
 def digest_of(entry: Entry, processor: str) -> str:

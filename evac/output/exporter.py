@@ -8,7 +8,8 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from evac.errors import fault, plugin_code
-from evac.output.files import EXPORT_FOLDER, TEMPORARY, move_into, replacing, writing
+from evac.output.files import EXPORT_FOLDER, move_into, replacing, writing
+from evac.output.manifest import TEMPORARY
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from evac.errors import ResultError
+from evac.output.manifest import MANIFEST_NAME, TEMPORARY, note_written
 
 TRAJECTORY_NAME = "trajectory.evac"
 SUMMARY_NAME = "summary.json"
@@ -30,9 +31,6 @@ ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
 BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
-
-#: Beginning of the names of files that are being written, see `replacing`.
-TEMPORARY = ".evac-"
 
 #: Pattern of the files of single frames, see `frame_name`.
 FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
@@ -87,6 +85,7 @@ WRITTEN = (
     REPORT_NAME,
     f"{TEMPORARY}*",
     CHECKPOINT_NAME,
+    MANIFEST_NAME,
     SUMMARY_NAME,  # these two are removed last, since they identify a result folder
     TRAJECTORY_NAME,
 )
@@ -140,6 +139,7 @@ def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
     with writing(what, path):
         if path.is_dir() and not path.is_symlink():
             raise IsADirectoryError(errno.EISDIR, "is a folder")
+        note_written([path])
         handle, name = tempfile.mkstemp(path.suffix, TEMPORARY, path.parent)
         os.close(handle)
         new = Path(name)
@@ -170,6 +170,7 @@ def move_into(source: Path, target: Path) -> None:
                 raise NotADirectoryError(errno.ENOTDIR, "is a link", str(new))
             new.mkdir(exist_ok=True)
         else:
+            note_written([new])
             os.replace(path, new)
 
 

@@ -60,9 +60,11 @@ class FileLock:
         while self._file < 0:
             with writing("the lock", self.path):
                 self.path.parent.mkdir(parents=True, exist_ok=True)
-                file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+                file = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
             try:
                 self._lock(file)
+                if not _is_lock(file):
+                    raise ResultError(f"{self.path}: is not a lock of evac, which needs this name; move it away")
                 if _is_at(file, self.path):  # otherwise the previous holder has removed it meanwhile
                     self._file = file
                     self._sign()
@@ -118,6 +120,15 @@ def _is_at(file: int, path: Path) -> bool:
     try:
         return os.path.samestat(os.fstat(file), os.stat(path))
     except OSError:
+        return False
+
+
+def _is_lock(file: int) -> bool:
+    """Return whether an open file is empty, or was written by `FileLock`."""
+    content = os.pread(file, 4096, 0) if hasattr(os, "pread") else b""
+    try:
+        return not content or "process" in json.loads(content)
+    except (ValueError, TypeError, RecursionError):
         return False
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evac.errors import EvacError, PluginError, ResultError, plugin_code
 from evac.output.digests import RunningDigest
 from evac.output.files import sync_file, writing
+from evac.output.manifest import note_written
 from evac.output.recorder import Recorder
 from evac.output.resultfolder import files_of_others, is_written
 from evac.plugin_state import state_of
@@ -123,6 +124,9 @@ class Recording:
             yield
         finally:
             self._made |= self._files_there() - before
+            if self._folder is not None and self._folder.is_dir():
+                with writing("the manifest", self._folder):
+                    note_written(self._folder / name for name in self.plugin_files())
 
     def _files_there(self) -> set[str]:
         return files_of_others(self._folder) if self._folder is not None and self._folder.is_dir() else set()

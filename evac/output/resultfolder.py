@@ -19,11 +19,9 @@ from typing import Any, Self
 
 from evac.errors import ResultError
 from evac.output.files import (
-    BUILDING_FOLDER,
     CHECKPOINT_NAME,
-    EXPORT_FOLDER,
-    FRAMES_FOLDER,
-    PLUGIN_FILES,
+    RUNS_PARQUET_NAME,
+    RUNS_STREAM_NAME,
     SUMMARY_NAME,
     TRAJECTORY_NAME,
     WRITTEN,
@@ -33,6 +31,7 @@ from evac.output.files import (
 )
 from evac.output.layout import is_trajectory
 from evac.output.lock import FileLock
+from evac.output.manifest import COMPLETE, MANIFEST_NAME, REPLACED, RUNNING, TEMPORARY, mark, read_manifest
 
 #: Name of the file of a case in its folder.
 CASE_NAME = "case.toml"
@@ -79,6 +78,7 @@ class ResultFolder:
         self._check_place()
         self._lock.acquire()
         try:
+            self._check_beside()
             self.repair()
             check_folder(self.path)
             if self.running.exists() and not self.running.is_dir():
@@ -112,7 +112,10 @@ class ResultFolder:
         """
         with writing("the results", self.running):
             self.running.mkdir(parents=True, exist_ok=True)
+            self._check_no_study()
             remove_written(self.running)
+            (self.running / MANIFEST_NAME).unlink(missing_ok=True)
+            mark(self.running, RUNNING, self._place.name)
             self._hold()
 
     def reopen(self, source: Path) -> None:
@@ -131,9 +134,11 @@ class ResultFolder:
         with writing("the results", self.running):
             if not self.running.exists() or not self.running.samefile(source):
                 if self.running.exists():  # of another run, which cannot be resumed
+                    self._check_no_study()
                     remove_written(self.running)
                     carry_over(self.running, self._place)
                 os.rename(self._place, self.running)
+            mark(self.running, RUNNING, self._place.name)
             self._hold()
 
     def check(self) -> None:
@@ -174,6 +179,7 @@ class ResultFolder:
                     sync_file(path)
             sync_folder(self.running)
             if self._place.exists():
+                mark(self._place, REPLACED, self._place.name)
                 os.rename(self._place, self._replaced)
             self._finish_replacement()
         return self.path
@@ -195,6 +201,7 @@ class ResultFolder:
                 for name in plugin_files:
                     (self.running / name).unlink(missing_ok=True)
                 remove_written(self.running)
+                (self.running / MANIFEST_NAME).unlink(missing_ok=True)
                 _remove_if_empty(self.running)
 
     def repair(self) -> None:
@@ -217,9 +224,30 @@ class ResultFolder:
         if not self._place.exists():
             os.rename(self.running, self._place)
             sync_folder(self._place.parent)
+            mark(self._place, COMPLETE, self._place.name)
         if self._replaced.exists():
             remove_written(self._replaced)
             carry_over(self._replaced, self._place)
+
+    def _check_no_study(self) -> None:
+        """Refuse to remove the runs of a stopped study."""
+        if any((self.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
+            raise ResultError(
+                f"{self.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "
+                "(--out), or remove this one"
+            )
+
+    def _check_beside(self) -> None:
+        """Refuse folders beside the result whose names are those of a run, but that are results themselves."""
+        running = read_manifest(self.running)
+        if running.state and (running.state, running.result) != (RUNNING, self._place.name):
+            raise ResultError(f"{self.running}: is a result of its own, but the run needs this name; move it away")
+        is_earlier = read_manifest(self._replaced).state == REPLACED
+        if os.path.lexists(self._replaced) and not is_earlier and not _is_empty(self._replaced):
+            raise ResultError(
+                f"{self._replaced}: is not the earlier result of an interrupted replacement, but the run needs this "
+                "name; move it away"
+            )
 
     def _check_place(self) -> None:
         """Raise an error for folders that cannot be replaced by renaming."""
@@ -302,7 +330,7 @@ def is_written(name: str) -> bool:
 
 
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
-    """Remove the files of a run from a folder: those of evac, and those of plugins listed in its summary.
+    """Remove the files that the manifest of a folder lists; links are neither followed nor removed.
 
     Parameters
     ----------
@@ -310,22 +338,22 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     keep : iterable of str
         Names of files that are kept, relative to the folder.
     """
-    kept = {folder / name for name in keep}
-    listed = _summary(folder).get(PLUGIN_FILES)
-    of_plugins = [folder / name for name in listed if is_within(name)] if isinstance(listed, list) else []
-    for path in (*(path for path in of_plugins if path.is_file()), *_written(folder)):
-        if path not in kept:
-            path.unlink()
-    ours = [folder / name for name in (FRAMES_FOLDER, BUILDING_FOLDER)]
-    exports = [*(folder / EXPORT_FOLDER).glob("*/"), folder / EXPORT_FOLDER]
-    for parent in dict.fromkeys([*(path.parent for path in of_plugins), *ours, *exports]):
-        if parent != folder:
-            _remove_if_empty(parent)
+    kept = set(keep)
+    listed = [name for name in read_manifest(folder).files if is_within(name) and not is_link(folder, name)]
+    temporary = [path.name for path in folder.glob(f"{TEMPORARY}*")]
+    for name in (*listed, *temporary):
+        if name not in kept and (folder / name).is_file() and not (folder / name).is_symlink():
+            (folder / name).unlink()
+    parents = {parent for name in listed for parent in PurePath(name).parents if parent.parts}
+    for parent in sorted(parents, key=lambda parent: -len(parent.parts)):
+        _remove_if_empty(folder / parent)
 
 
 def carry_over(source: Path, target: Path) -> None:
     """Move all files of a folder to another one, adding `EARLIER` to names that exist, and remove the folder."""
     for path in sorted(source.iterdir()):
+        if path.name == MANIFEST_NAME:
+            continue  # the last to go, because it says what the folder is
         new = target / path.name
         if _is_folder(path) and _is_folder(new):
             carry_over(path, new)
@@ -333,6 +361,7 @@ def carry_over(source: Path, target: Path) -> None:
         while os.path.lexists(new):
             new = new.with_name(new.name + EARLIER)
         os.rename(path, new)
+    (source / MANIFEST_NAME).unlink(missing_ok=True)
     source.rmdir()
 
 
@@ -343,6 +372,10 @@ def _written(folder: Path) -> Iterator[Path]:
 
 def _is_folder(path: Path) -> bool:
     return path.is_dir() and not path.is_symlink()
+
+
+def _is_empty(folder: Path) -> bool:
+    return _is_folder(folder) and not any(folder.iterdir())
 
 
 def _remove_if_empty(folder: Path) -> None:

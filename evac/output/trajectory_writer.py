@@ -11,6 +11,7 @@ from evac.arrays import FloatArray
 from evac.errors import ResultError, SimulationError
 from evac.output.files import writing
 from evac.output.layout import CHECK, FIELDS, FRAME, FRAME_HEAD_BYTES, RECORD_BYTES, damaged, pack_start
+from evac.output.manifest import note_written
 from evac.output.trajectory import Trajectory, read_up_to
 from evac.physics.state import Crowd
 
@@ -65,6 +66,7 @@ class TrajectoryWriter:
         self._set_up(path, origin, len(header["radius"]), 0, 0)
         with writing("the trajectory", path):
             path.parent.mkdir(parents=True, exist_ok=True)
+            note_written([path])
             path.unlink(missing_ok=True)  # a link is not followed
             self._file = path.open("xb", buffering=0)
             self._write(memoryview(start))

@@ -99,13 +99,13 @@ def make_cells(people: int, levels: int) -> Cells:
 
 
 @inner
-def line_at(x, size):
+def line_at(x: float, size: float) -> int:
     """Return the column of an x coordinate, or the row of a y coordinate [m], counted from the origin of the plan."""
     return math.floor(x / size)
 
 
 @inner
-def sort_by_level(cells, n, position, level, size):
+def sort_by_level(cells: Cells, n: int, position: FloatArray, level: IntArray, size: float) -> None:
     """Sort the first `n` people who are on a level into cells of `size` [m]."""
     cells.size = size
     number = _divide(cells, n, position, level)
@@ -133,7 +133,7 @@ def sort_by_level(cells, n, position, level, size):
 
 
 @inner
-def _divide(cells, n, position, level):
+def _divide(cells: Cells, n: int, position: FloatArray, level: IntArray) -> int:
     """Set the rectangle, the numbers of columns and rows and the first cell of each level; return how many cells."""
     levels = cells.first.shape[0]
     for at in range(levels):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from evac.arrays import FloatArray
-from evac.errors import fault, in_one_line
+from evac.errors import EvacError, fault, in_one_line
 from evac.jit import Entry
 from evac.physics.force import Force
 from evac.physics.state import Forces
@@ -27,10 +27,7 @@ def packed_row(plugin: Any, what: str) -> FloatArray:
         They are not finite numbers in a float64 array.
     """
     remedy = "define packed(), which returns the numbers that the function reads in a float64 array"
-    try:
-        packed: FloatArray = plugin.packed()
-    except Exception as error:
-        raise fault(what, f"packed() raises {in_one_line(error)}", remedy, plugin, "packed") from error
+    packed: FloatArray = _called(plugin, "packed", what, remedy)
     is_row = isinstance(packed, np.ndarray) and packed.dtype == np.float64 and packed.ndim == 1
     if not (is_row and np.isfinite(packed).all()):
         kind = f" of {packed.dtype}" if isinstance(packed, np.ndarray) else ""
@@ -78,13 +75,20 @@ def cutoff_of(force: Force) -> float:
         It is not a finite number, or it is negative.
     """
     what, remedy = f"force {force.name!r}", "return a distance [m], finite and not negative"
-    try:
-        cutoff = force.cutoff()
-    except Exception as error:
-        raise fault(what, f"cutoff() raises {in_one_line(error)}", remedy, force, "cutoff") from error
+    cutoff = _called(force, "cutoff", what, remedy)
     if not (isinstance(cutoff, (int, float, np.number)) and math.isfinite(cutoff) and cutoff >= 0.0):
         raise fault(what, f"cutoff() returns {reprlib.repr(cutoff)}", remedy, force, "cutoff")
     return float(cutoff)
+
+
+def _called(plugin: Any, method: str, what: str, remedy: str) -> Any:
+    """Return the result of a method; its exceptions are mistakes of the plugin."""
+    try:
+        return getattr(plugin, method)()
+    except (EvacError, KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        raise fault(what, f"{method}() raises {in_one_line(error)}", remedy, plugin, method) from error
 
 
 def pack_forces(forces: Sequence[Force]) -> Forces:

@@ -6,16 +6,14 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, PlainSerializer
 from pydantic_core import PydanticCustomError
 
-from evac.building.names import is_one_line
-from evac.defaults import LEAST_RADIUS, LONGEST_NAME, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.defaults import FARTHEST, LEAST_RADIUS, LONGEST_NAME, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.errors import is_one_line
 from evac.people.distributions import Distribution, distribution_from
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 Switch = Annotated[bool, Field(strict=True)]
 
-#: Greatest absolute coordinate [m]: farther from the origin, rounding errors exceed a millimetre.
-FARTHEST = 1e8
 Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FARTHEST, le=FARTHEST)]
 Point = tuple[Coordinate, Coordinate]
 

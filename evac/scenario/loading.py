@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from evac.building.names import escaped
-from evac.errors import PluginError, ScenarioError
+from evac.errors import PluginError, ScenarioError, escaped
 from evac.parameters import Configurable, did_you_mean
 from evac.scenario.case import DICTIONARY, Case, Origin
 from evac.scenario.content import faults, read_table, with_own_classes

@@ -273,10 +273,5 @@ def open_folder(place: ResultFolder, resume: bool) -> None:
             raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
         place.reopen(source)
         remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))
-    elif any((place.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
-        raise ResultError(
-            f"{place.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "
-            "(--out), or remove this one"
-        )
     else:
         place.start()

@@ -27,6 +27,7 @@ from evac.output.files import (
     replacing,
     writing,
 )
+from evac.output.manifest import note_written
 from evac.output.results import plain, versions, write_csv
 from evac.simulation import Simulation
 from evac.study.convergence import convergence, settled
@@ -85,6 +86,7 @@ def write_replays(study: "Study") -> None:
         case = study.case_of(0, run).change(changes)
         with writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
             Simulation(case, Path(place)).run()
+            note_written([study.folder / name])
             (Path(place) / REPLAY_NAME).replace(study.folder / name)
 
 

@@ -25,6 +25,7 @@ import pyarrow.parquet as pq
 from evac.ending import FAILED
 from evac.errors import ResultError, text_of
 from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, writing
+from evac.output.manifest import note_written
 from evac.study.points import Point
 from evac.study.records import read_sealed, sealed
 from evac.study.runs import Row
@@ -114,6 +115,7 @@ class Store:
         """Write a row. It survives a kill of this process; a failure of the machine can lose those of `SYNC_EVERY`."""
         with writing("the rows", self._stream_path):
             if self._file is None:
+                note_written([self._stream_path])
                 self._file = self._stream_path.open("r+b" if self._end else "wb", buffering=0)
                 self._file.truncate(self._end)
                 self._file.seek(self._end)
@@ -165,6 +167,7 @@ class Store:
                 found = file_digest(file, "sha256").hexdigest()
             sync_file(new)
             digests = self._digest_path.with_name(f"{RUNS_DIGEST_NAME}.new")
+            note_written([new, self._parquet_path, digests, self._digest_path])
             digests.write_text(f"{found} {self._digest}\n", encoding="ascii")  # the old file is valid until replaced
             digests.replace(self._digest_path)
             new.replace(self._parquet_path)

@@ -299,7 +299,7 @@ PLURALS = {
 
 #: What a class of each kind needs besides the method that raises.
 NEEDED = {
-    "behaviour": "",
+    "behaviour": "def act(self, crowd, time):\n    pass\n",
     "recorder": "def record(self, simulation):\n    pass\n",
     "force": "def cutoff(self):\n    return 0.1\n\n"
     "@staticmethod\n@pair_force\ndef pair(gap, nx, ny, ex, ey, parameters):\n    return 0.0, 0.0\n",

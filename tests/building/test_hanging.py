@@ -1,4 +1,5 @@
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import shapely
 
 from evac.assembly import read_building
 from evac.building.hanging import split_at_vertices
+from evac.building.plan import Plan
 from evac.errors import BuildingError
 
 
@@ -90,3 +92,18 @@ def test_two_needles_along_each_other(tmp_path):
     )
     with pytest.raises(BuildingError, match=r"\(13.98, 7.67, 14.00\)"):
         read_building(path, need_exit=False)
+
+
+def test_a_side_that_passes_a_corner_within_the_weld_is_refused_with_a_weld_that_helps():
+    """A valid floor with a slit, whose cells come again in every second round."""
+    first = shapely.box(0.1, 0.025, 1.8, 0.045)
+    floor = shapely.box(0, 0, 8, 10).difference(first).difference(shapely.affinity.translate(first, 1.75, 0.0))
+    plan = Plan()
+    plan.storey("floor", [floor])
+    plan.exit("out", "floor", [(8, 1), (8, 2)])
+    with pytest.raises(BuildingError, match=r"around \(1\.80, 0\.0[23], 0\.00\)") as caught:
+        plan.building()
+    least = float(re.search(r"to less than ([\d.e-]+)", str(caught.value))[1])
+    assert 0.0005 < least < 0.001
+    building = plan.building(weld=0.9 * least)
+    assert building.levels[0].polygon.area == pytest.approx(floor.area)

@@ -127,7 +127,7 @@ def test_warnings_say_for_how_many_a_gap_is_a_wall():
     assert narrow_places(building, [0.46, 0.5]) == ()  # for all of them: nobody passes it
     (warning,) = narrow_places(building, [0.4, 0.5, 0.47, 0.45])
     assert warning.place == pytest.approx((4.1, 0.225), abs=0.11)
-    assert "0.45 m wide, less than 2 of 4 people" in warning.text
+    assert "0.45 m wide, a wall for 2 of 4 people" in warning.text
 
 
 def test_where_the_ground_falls_apart_at_a_gap_it_is_told_once():

@@ -197,7 +197,7 @@ def test_warns_of_a_gap_that_some_fit_through_and_of_people_without_another(evac
     out, err = capsys.readouterr()
     lines = err.splitlines()
     assert len(lines) == warnings
-    assert "0.45 m wide, less than 2 of 3 people" in lines[0]
+    assert "0.45 m wide, a wall for 2 of 3 people" in lines[0]
     times = {row[0]: row[3:] for row in (_lines(out, "slim")[0], _lines(out, "wide")[0])}
     assert ("All can reach an exit" in out) == (warnings == 1)
     if warnings == 2:

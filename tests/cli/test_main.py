@@ -1,5 +1,6 @@
 """The parser, errors, and what is imported."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -96,3 +97,46 @@ def test_a_command_looks_seldom_for_garbage_and_starts_no_threads_of_its_own(cho
     environment = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"} | chosen
     process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert process.stdout.splitlines()[-2:] == [f"{GARBAGE_EVERY} {threads}", "True"]
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links and removed folders of POSIX")
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(("check", LONG), ("run", "square_room", "--out", "x" * 250), ("new", LONG), ("map", LONG)),
+        *(("run", "square_room", "--out", "loop"), ("resume", "loop"), ("map", "loop"), ("report", "loop")),
+        ("run", "square_room", "--plugin", "loop"),
+    ],
+)
+def test_long_names_and_links_to_themselves_are_refused_in_one_line(evac, tmp_path, words, capsys):
+    (tmp_path / "loop").symlink_to("loop")
+    assert (
+        evac(*words, *(("--set", "simulation.duration=0.1", "output.picture=false") if words[0] == "run" else ())) == 2
+    )
+    (line,) = [one for one in capsys.readouterr().err.splitlines() if one.startswith("evac: ")]
+    assert words[-1] in line
+    assert "internal" not in line
+    assert not list(tmp_path.glob("evac-crash*"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a folder in use cannot be removed on Windows")
+def test_a_current_folder_that_is_gone_is_named(evac, tmp_path, monkeypatch, capsys):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert evac("run", "square_room") == 2
+    assert "current folder" in capsys.readouterr().err
+
+
+def test_a_lack_of_processes_or_files_is_told_in_one_line(evac, monkeypatch, capsys):
+    for number in (errno.EAGAIN, errno.EMFILE):
+
+        def fail(arguments, number=number):
+            raise OSError(number, os.strerror(number))
+
+        monkeypatch.setattr("evac.cli.catalogue.execute", fail)
+        assert evac("list") == 2
+        assert "ulimit" in capsys.readouterr().err

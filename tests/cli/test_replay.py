@@ -25,7 +25,7 @@ def run(evac, *off):
 @pytest.mark.parametrize("off", [{"tables"}, {"picture"}, {"replay"}, {"animation"}, {"trajectory", "animation"}, ALL])
 def test_each_output_can_be_switched_off(evac, tmp_path, off):
     run(evac, *off)
-    left = set().union({"summary.json"}, *(FILES[key] for key in ALL - off))
+    left = set().union({"summary.json", "manifest.jsonl"}, *(FILES[key] for key in ALL - off))
     assert {path.name for path in (tmp_path / "r").iterdir()} == left
 
 

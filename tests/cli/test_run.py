@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 
-from evac.output.files import TRAJECTORY_NAME
+from evac.output.files import TRAJECTORY_NAME, replacing
 from evac.output.trajectory import read_trajectory
 
 FILES = {
@@ -26,10 +26,11 @@ FILES = {
     "building.vtm",
     "frames",
     "replay.html",
+    "manifest.jsonl",
 }
 
 #: Without picture and animation.
-BARE = {"summary.json", "egress.csv", "people.csv", "replay.html"}
+BARE = {"manifest.jsonl", "summary.json", "egress.csv", "people.csv", "replay.html"}
 
 
 def test_writes_a_result_folder(result):
@@ -172,12 +173,13 @@ def test_a_result_folder_is_overwritten_and_nothing_else(evac, tmp_path):
     evac("run", "square_room", "--out", "r")
     (tmp_path / "r" / "notes.txt").write_text("mine")
     (tmp_path / "r" / "frames" / "own.vtp").write_text("mine")
-    for name in ("picture.png", "film.gif"):
-        (tmp_path / "r" / name).write_text("drawn by evac render, of the run before")
+    (tmp_path / "r" / "film.gif").write_text("mine")
+    with replacing(tmp_path / "r" / "picture.png", "the picture") as new:
+        new.write_text("drawn by evac render, of the run before")
     quiet = ["output.animation=false", "output.picture=false"]
     assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2", *quiet) == 3
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {*BARE, TRAJECTORY_NAME, "frames", "notes.txt"}
+    assert names == {*BARE, TRAJECTORY_NAME, "frames", "notes.txt", "film.gif"}
     assert [path.name for path in (tmp_path / "r" / "frames").iterdir()] == ["own.vtp"]
 
 
@@ -285,7 +287,7 @@ def test_a_killed_run_can_be_exported_and_drawn(evac, tmp_path, capsys):
     process.kill()
     assert process.wait() == -signal.SIGKILL
     process.communicate()
-    assert {path.name for path in (tmp_path / "r.running").iterdir()} == {TRAJECTORY_NAME}
+    assert {path.name for path in (tmp_path / "r.running").iterdir()} == {TRAJECTORY_NAME, "manifest.jsonl"}
     frames = len(read_trajectory(tmp_path / "r.running"))
     assert frames >= 3
     assert evac("export", "r") == 0

@@ -221,3 +221,18 @@ def test_a_file_name_is_no_line_of_the_case(room, tmp_path):
     made = import_building([named], tmp_path / "case", exits=[1])
     assert made.fault == ""
     assert "plugins" not in tomllib.loads(text_of(made, "case.toml"))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"density": 1e308}, "density"),
+        ({"density": float("nan")}, "density"),
+        ({"options": {"weld": 1e308}}, "weld"),
+        ({"options": {"scale": float("inf")}}, "scale"),
+    ],
+)
+def test_numbers_beyond_any_building_are_refused(room, tmp_path, given, words):
+    with pytest.raises(ScenarioError, match=words):
+        import_building([room], tmp_path / "case", **given)
+    assert not (tmp_path / "case").exists()

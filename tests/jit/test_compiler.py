@@ -9,6 +9,7 @@ import sys
 import numba
 import numpy as np
 import pytest
+from llvmlite import binding as llvm
 
 import evac
 import evac_plugins
@@ -239,3 +240,17 @@ def pair(x: float) -> float:
 def test_a_kernel_returns_what_it_declares(entry):
     with pytest.raises(PluginError, match=rf"kernel {entry.__name__}: returns .*test_compiler\.py, line \d+\); return"):
         entry(1.0)
+
+
+def test_code_that_cannot_be_loaded_is_not_stored(monkeypatch):
+    """LLVM would end the process that loads it, in each later run too."""
+    monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None if name == "expm1" else 1)
+
+    @kernel
+    def grown(x: float) -> float:
+        return math.expm1(x)
+
+    with pytest.raises(PluginError, match=r"grown.* needs expm1, .*NUMBA_"):
+        grown(1.0)
+    monkeypatch.undo()
+    assert grown(0.0) == 0.0

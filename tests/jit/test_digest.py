@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 
 from evac.jit import digest
-from evac.jit.digest import digest_of
+from evac.jit.digest import digest_of, versions
 
 SOURCE = '''
     """A module of kernels."""
@@ -211,7 +211,7 @@ def test_processor_and_versions_count(module_of, monkeypatch):
 def test_every_process_has_the_same_digests():
     """Whatever the hashes of its strings are: files of one process are found by another one."""
     script = """
-from evac.jit.digest import digest_of
+from evac.jit.digest import digest_of, versions
 from evac.physics import driver, drive
 from evac_plugins import contact_dem, contact_nsm1, force_social
 entries = [driver.advance, drive.add_forces, contact_dem.spring, contact_nsm1.project, force_social.social]
@@ -261,3 +261,16 @@ def test_constants_in_modules_and_enumerations_count(module_of, monkeypatch, shi
         constants.SHIFT = value
         digests.append(digest_of(module_of(text).entry, "cpu"))
     assert (digests[0] != digests[1]) == is_other
+
+
+def test_options_of_numba_are_part_of_the_versions(monkeypatch, tmp_path):
+    plain = versions.__wrapped__()
+    monkeypatch.chdir(tmp_path)
+    assert versions.__wrapped__() == plain
+    for name in ("NUMBA_NUM_THREADS", "NUMBA_CACHE_DIR"):
+        monkeypatch.setenv(name, "3")
+    assert versions.__wrapped__() == plain
+    monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
+    checked = versions.__wrapped__()
+    (tmp_path / ".numba_config.yaml").write_text("opt: 0\n")
+    assert len({plain, checked, versions.__wrapped__()}) == 3

@@ -385,3 +385,17 @@ def _is_compiling(pid):
         return b"evac.jit.workers" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return False
+
+
+@pytest.mark.parametrize("level", ["0", "1"])
+def test_options_of_numba_have_kernels_of_their_own_that_run(compiling, own_cache, monkeypatch, level):
+    """A level of optimisation at which numba leaves functions of its own in the code, and the default after it."""
+    monkeypatch.setenv("NUMBA_OPT", level)
+    process = compiling()
+    assert process.communicate(timeout=120) == ("2.0\n", "")
+    files = {path.name for path in own_cache.iterdir()}
+    monkeypatch.delenv("NUMBA_OPT")
+    process = compiling()
+    assert process.communicate(timeout=120) == ("2.0\n", "")
+    assert len(files) == 3
+    assert len({path.name for path in own_cache.iterdir()} - files) == 3

@@ -75,3 +75,15 @@ def test_links_in_a_result_are_replaced_and_not_followed(result, tmp_path, name)
     assert thesis.read_text() == "precious"
     assert place.is_file()
     assert not place.is_symlink()
+
+
+@pytest.mark.parametrize("kind", ["csv", "jupedsim"])
+def test_a_linked_folder_of_a_result_is_not_written_to(tmp_path, kind):
+    folder, elsewhere = tmp_path / "r", tmp_path / "elsewhere"
+    evac.run(evac.load("square_room", {"simulation.duration": 0.2, "output.picture": False}), folder)
+    elsewhere.mkdir()
+    (folder / "export").symlink_to(elsewhere, target_is_directory=True)
+    exporter = Registry(builtins=BUILTIN_EXPORTERS).get("exporter", kind)()
+    with pytest.raises(ResultError, match="is a link"):
+        export(evac.read_trajectory(folder), exporter)
+    assert not [path for path in elsewhere.rglob("*") if path.is_file()]

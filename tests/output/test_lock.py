@@ -81,3 +81,20 @@ def test_a_file_system_without_locks_is_warned_of(tmp_path, monkeypatch):
     monkeypatch.setattr(lock, "_lock_now", none)
     with pytest.warns(FolderWarning, match=r"r\.lock: .*Function not implemented"), locked(tmp_path / "r.lock"):
         pass
+
+
+@pytest.mark.parametrize("content", ["precious", "[1]", "7", "{}"])
+def test_a_file_that_is_no_lock_is_left_alone(tmp_path, content):
+    path = tmp_path / "r.lock"
+    path.write_text(content)
+    with pytest.raises(ResultError, match=r"r\.lock: .*move it away"), FileLock(path, "r", "wait"):
+        pass
+    assert path.read_text() == content
+
+
+def test_a_link_in_the_place_of_a_lock_is_not_followed(tmp_path):
+    (tmp_path / "thesis.txt").write_text("precious")
+    (tmp_path / "r.lock").symlink_to(tmp_path / "thesis.txt")
+    with pytest.raises(ResultError, match=r"r\.lock"), FileLock(tmp_path / "r.lock", "r", "wait"):
+        pass
+    assert (tmp_path / "thesis.txt").read_text() == "precious"

@@ -3,11 +3,13 @@
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 from evac.errors import ResultError
+from evac.output.manifest import COMPLETE, MANIFEST_NAME, RUNNING, mark, note_written
 from evac.output.resultfolder import ResultFolder, files_of_others, find_result, is_written
 
 SUMMARY = json.dumps({"versions": {"evac": "1"}, "plugin_files": ["inside.csv", "sub/more.csv"]})
@@ -20,15 +22,24 @@ def write(folder, **texts):
         path.write_text(text)
 
 
+def write_noted(folder, **texts):
+    """Write files as evac does."""
+    write(folder, **texts)
+    note_written(folder / name.replace("__", "/").replace("_", ".") for name in texts)
+
+
 def contents(folder):
-    return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+    files = [path for path in folder.rglob("*") if path.is_file() and path.name != MANIFEST_NAME]
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in files}
 
 
 @pytest.fixture
 def earlier(tmp_path):
     """An earlier result with files of plugins and of others."""
     folder = tmp_path / "r"
-    write(folder, summary_json=SUMMARY, people_csv="old", egress_csv="old", inside_csv="old", sub__more_csv="old")
+    folder.mkdir()
+    mark(folder, COMPLETE, "r")
+    write_noted(folder, summary_json=SUMMARY, people_csv="old", egress_csv="old", inside_csv="old", sub__more_csv="old")
     write(folder, notes_txt="mine", frames__own_vtp="mine", deep__er__notes_txt="mine", sub__own_txt="mine")
     return folder
 
@@ -37,7 +48,7 @@ def run_into(folder):
     with ResultFolder(folder) as place:
         place.start()
         before = contents(folder) if folder.exists() else {}
-        write(place.running, summary_json=SUMMARY, people_csv="new", notes_txt="of a plugin", deep="new")
+        write_noted(place.running, summary_json=SUMMARY, people_csv="new", notes_txt="of a plugin", deep="new")
         assert files_of_others(place.running) == {"notes.txt", "deep"}
         assert not before or contents(folder) == before
         place.publish()
@@ -83,7 +94,10 @@ def test_a_kill_during_the_replacement_loses_nothing(earlier, monkeypatch, renam
 
 
 def test_what_a_killed_run_has_left_goes_but_for_files_of_others(tmp_path):
-    write(tmp_path / "r.running", trajectory_evac="EVACTRJ2", checkpoint_evac="old", people_csv="old", mine_txt="mine")
+    (tmp_path / "r.running").mkdir()
+    mark(tmp_path / "r.running", RUNNING, "r")
+    write_noted(tmp_path / "r.running", trajectory_evac="EVACTRJ2", checkpoint_evac="old", people_csv="old")
+    write(tmp_path / "r.running", mine_txt="mine")
     with ResultFolder(tmp_path / "r") as place:
         assert place.is_left_over
         place.start()
@@ -110,24 +124,57 @@ def test_a_run_that_has_not_begun_leaves_nothing_but_files_of_others(tmp_path):
     write(tmp_path / "r.running", mine_txt="mine")
     with ResultFolder(tmp_path / "r") as place:
         place.start()
-        write(place.running, inside_csv="of a plugin", trajectory_evac="EVACTRJ2")
+        write_noted(place.running, inside_csv="of a plugin", trajectory_evac="EVACTRJ2")
         place.discard(["inside.csv"])
     assert contents(tmp_path) == {"r.running/mine.txt": "mine"}
 
 
-def test_a_summary_cannot_make_files_outside_go(tmp_path):
-    write(tmp_path, thesis_txt="precious")
-    listed = ["../thesis.txt", str(tmp_path / "thesis.txt"), 7]
-    write(tmp_path / "r", summary_json=json.dumps({"versions": {"evac": "1"}, "plugin_files": listed}))
-    run_into(tmp_path / "r")
-    assert (tmp_path / "thesis.txt").read_text() == "precious"
+@pytest.mark.parametrize("name", ["../thesis.txt", "/thesis.txt", "linked/thesis.txt", "link.txt"])
+def test_a_manifest_cannot_make_files_outside_go(tmp_path, earlier, name):
+    write(tmp_path / "other", thesis_txt="precious")
+    (earlier / "linked").symlink_to(tmp_path / "other", target_is_directory=True)
+    (earlier / "link.txt").symlink_to(tmp_path / "other" / "thesis.txt")
+    name = name.replace("..", "../other") if name.startswith("..") else name
+    name = str(tmp_path / "other" / "thesis.txt") if name.startswith("/") else name
+    with (earlier / MANIFEST_NAME).open("a") as file:
+        file.write("\n" + json.dumps({"file": name}) + "\nno json\n[]\n")
+    run_into(earlier)
+    assert (tmp_path / "other" / "thesis.txt").read_text() == "precious"
+    assert (earlier / "link.txt").is_symlink()
+    assert (earlier / "linked").is_symlink()
+
+
+def test_files_of_others_with_the_names_of_maps_and_exports_stay(earlier):
+    write(earlier, map_png="mine", export__notes_md="mine", export__sub__notes_md="mine")
+    run_into(earlier)
+    assert {"map.png", "export/notes.md", "export/sub/notes.md"} <= contents(earlier).keys()
+
+
+@pytest.mark.parametrize("suffix", [".running", ".replaced"])
+def test_results_with_the_names_of_folders_of_a_run_are_left_alone(tmp_path, suffix):
+    own = tmp_path / f"r{suffix}"
+    run_into(own)
+    before = contents(tmp_path)
+    with pytest.raises(ResultError, match=rf"r{re.escape(suffix)}: .*move it away"), ResultFolder(tmp_path / "r"):
+        pass
+    assert contents(tmp_path) == before
+
+
+def test_the_runs_of_a_stopped_study_are_left_alone(tmp_path):
+    with ResultFolder(tmp_path / "r") as place:
+        place.start()
+        write_noted(place.running, study_json="{}", runs_arrows="rows")
+    before = contents(tmp_path)
+    with pytest.raises(ResultError, match=r"r\.running: .*--resume"), ResultFolder(tmp_path / "r") as place:
+        place.start()
+    assert contents(tmp_path) == before
 
 
 def test_a_folder_that_is_removed_during_the_run_is_noticed(earlier):
     with ResultFolder(earlier) as place:
         place.start()
         place.check()
-        place.running.rmdir()
+        shutil.rmtree(place.running)
         for again in (False, True):  # another folder of that name is not the same
             if again:
                 place.running.mkdir()
