@@ -43,6 +43,7 @@ def execute(arguments: argparse.Namespace) -> int:
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
     print(f"runs: {number}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
     with executor_of(arguments) as executor, Display() as display:
+        display.phase("checking points and seeds")
         study = conducted(
             halved_steps(case) if arguments.check_step else single(case),
             rule,

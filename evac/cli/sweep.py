@@ -74,6 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
     line = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
     print(line, file=sys.stderr, flush=True)
     with executor_of(arguments) as executor, Display() as display:
+        display.phase("checking points and seeds")
         study = conducted(
             points, rule, folder, options["repetitions"], options["workers"], executor, arguments.resume, Rows(display)
         )

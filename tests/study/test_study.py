@@ -301,6 +301,7 @@ FAILING = """
     class Odd(Behaviour):
         '''Fails or kills its process.'''
         name = "odd"
+        reads = ("mass",)
 
         def act(self, crowd, time):
             {act}

@@ -159,6 +159,14 @@ def _mean(one: EstimateTable) -> str:
     return f"{told}; {one.note}" if one.note else told
 
 
+def _change(one: EstimateTable) -> str:
+    """Return a difference with its interval, or with the reason why it has none."""
+    if one.value is None:
+        return one.note or "-"
+    reach = "" if one.low is None or one.high is None else f" ({one.low:+.2f} to {one.high:+.2f})"
+    return f"{one.value:+.2f} s{reach}{'; ' if one.note else ''}{one.note}"
+
+
 def _results(study: StudyFiles) -> dict[str, object]:
     """Return the main results, which open the report: of the only point, or how many there are."""
     summary = study.summary
@@ -175,6 +183,8 @@ def _results(study: StudyFiles) -> dict[str, object]:
                 for estimate in one.percentiles
             },
         }
+    if summary.step_change is not None:
+        results["Change of the mean with half the time step"] = _change(summary.step_change)
     if summary.failed:
         results["Failed runs"] = f"{summary.failed} of {summary.runs}"
     results["Blocked runs"] = f"{summary.blocked} of {summary.runs - summary.failed}"

@@ -80,6 +80,7 @@ class StudySummary(_Plain):
     first_seed: int
     rule: RuleTable
     points: list[PointTable] = Field(min_length=1)
+    step_change: EstimateTable | None = None
     plugins: list[str]
     versions: dict[str, str]
     table: CaseTable = Field(alias="case")
