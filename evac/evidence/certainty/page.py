@@ -268,12 +268,15 @@ def report_questions(evidence: Evidence, times: FloatArray) -> None:
     """Add the required numbers of runs, from the variance of all runs."""
     finite = times[np.isfinite(times)]
     variation = float(finite.std(ddof=1) / finite.mean())
+    regular = np.quantile(
+        times, _spread_out(4000), method="inverted_cdf"
+    )  # without interpolation between endless times
     rows: list[Row] = []
     for name in STOPPED:
         for share in (0.10, 0.05, 0.02, 0.01):
-            rule = until_known(share, name, most=10**9)
+            rule = until_known(share, name)
             runs = rule.first
-            width = rule.estimate(np.quantile(times, _spread_out(4000)), range(4000)).relative_half_width
+            width = rule.estimate(regular, range(len(regular))).relative_half_width
             needed = 4000 * (width / share) ** 2
             rows.append({"question": f"{name} to {100 * share:g} %", "runs": max(runs, round(needed))})
     evidence.heading(QUESTIONS)
