@@ -258,10 +258,14 @@ def report_steps(evidence: Evidence) -> None:
     )
     formats = {"step [s]": "g", "mean [s]": ".2f", "change [%]": "+.2f", "from": "+.2f", "to": "+.2f"}
     evidence.table("steps", rows, "Change of the mean with half the time step.", formats)
-    for row in rows:
-        reach = "no interval" if row["from"] is None else f"{row['from']:+.1f} to {row['to']:+.1f} %"
-        told = f"{row['change [%]']:+.1f} % ({reach})"
-        evidence.verdict(reported(f"Change with half the step, {row['case']}, {row['model']}", told, section=STEPS))
+    for name in dict.fromkeys(row["case"] for row in rows):
+        told = ", ".join(_change(row) for row in rows if row["case"] == name)
+        evidence.verdict(reported(f"Change of the mean with half the step, {name}", told, section=STEPS))
+
+
+def _change(row: Row) -> str:
+    reach = "no interval" if row["from"] is None else f"{row['from']:+.1f} to {row['to']:+.1f} %"
+    return f"{row['model']} {row['change [%]']:+.1f} % ({reach})"
 
 
 def report_questions(evidence: Evidence, times: FloatArray) -> None:
