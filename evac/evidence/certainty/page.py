@@ -258,22 +258,29 @@ def report_steps(evidence: Evidence) -> None:
     )
     formats = {"step [s]": "g", "mean [s]": ".2f", "change [%]": "+.2f", "from": "+.2f", "to": "+.2f"}
     evidence.table("steps", rows, "Change of the mean with half the time step.", formats)
-    for row in rows:
-        reach = "no interval" if row["from"] is None else f"{row['from']:+.1f} to {row['to']:+.1f} %"
-        told = f"{row['change [%]']:+.1f} % ({reach})"
-        evidence.verdict(reported(f"Change with half the step, {row['case']}, {row['model']}", told, section=STEPS))
+    for name in dict.fromkeys(row["case"] for row in rows):
+        told = ", ".join(_change(row) for row in rows if row["case"] == name)
+        evidence.verdict(reported(f"Change of the mean with half the step, {name}", told, section=STEPS))
+
+
+def _change(row: Row) -> str:
+    reach = "no interval" if row["from"] is None else f"{row['from']:+.1f} to {row['to']:+.1f} %"
+    return f"{row['model']} {row['change [%]']:+.1f} % ({reach})"
 
 
 def report_questions(evidence: Evidence, times: FloatArray) -> None:
     """Add the required numbers of runs, from the variance of all runs."""
     finite = times[np.isfinite(times)]
     variation = float(finite.std(ddof=1) / finite.mean())
+    regular = np.quantile(
+        times, _spread_out(4000), method="inverted_cdf"
+    )  # without interpolation between endless times
     rows: list[Row] = []
     for name in STOPPED:
         for share in (0.10, 0.05, 0.02, 0.01):
-            rule = until_known(share, name, most=10**9)
+            rule = until_known(share, name)
             runs = rule.first
-            width = rule.estimate(np.quantile(times, _spread_out(4000)), range(4000)).relative_half_width
+            width = rule.estimate(regular, range(len(regular))).relative_half_width
             needed = 4000 * (width / share) ** 2
             rows.append({"question": f"{name} to {100 * share:g} %", "runs": max(runs, round(needed))})
     evidence.heading(QUESTIONS)
