@@ -254,7 +254,8 @@ def test_warnings_are_those_of_the_start(tmp_path):
     simulation.run()
     assert simulation.warnings() == warnings
     narrow = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2})).warnings()
-    assert any("exit" in line and "less than the widest person (1.20 m)" in line for line in narrow)
+    assert any("exit 'door'" in line and "a wall for 2 of 2 people" in line for line in narrow)
+    assert any("(4.56, 2.50)" in line and "no other way to an exit" in line for line in narrow)
 
 
 def test_the_border_of_the_explicit_drive_is_that_of_the_people():

@@ -45,7 +45,7 @@ SUMMARY = {
 def shown(capsys):
     """Show a summary; return its lines, divided at two spaces or more, and what is said on standard error."""
 
-    def show(closed=(), start_time=(0.0, 0.0), **changes):
+    def show(closed=(), start_time=(0.0, 0.0), remarks=(), **changes):
         results = SimpleNamespace(
             summary=lambda: SUMMARY | changes,
             crowd=SimpleNamespace(level=np.array([-1, 0]), start_time=np.array(start_time)),
@@ -54,6 +54,7 @@ def shown(capsys):
                 exits=[SimpleNamespace(name="door")],
                 is_open=lambda way: way.name not in closed,
             ),
+            remarks=remarks,
         )
         show_results(results)
         out, err = capsys.readouterr()
@@ -94,26 +95,19 @@ def test_places_and_phases_stand_under_their_heads(shown):
     assert ["all", "2"] in lines
 
 
-def test_who_left_by_another_exit_is_told(shown):
+def test_remarks_are_told_on_standard_error(shown):
     assert shown()[1] == ""
-    assert "2 people" in shown(left_by_other_exits=2)[1]
+    assert shown(remarks=("first remark", "second"))[1].splitlines() == ["evac: first remark", "evac: second"]
 
 
 def test_with_people_left_the_last_time_is_that_of_those_who_are_out(shown):
     assert ["last out", "9.00 s"] in shown()[0]
-    lines, err = shown(evacuated=4, ended="no progress")
+    lines, _ = shown(evacuated=4, ended="no progress")
     assert ["last out", "9.00 s, the last of those who are out; people left: 1"] in lines
-    assert "1 of 5 people" in err
 
 
 def test_a_closed_exit_is_marked(shown):
     assert ["door (closed)", "5", "9", "0.8", "-", "-"] in shown(closed=["door"])[0]
-
-
-def test_people_who_had_not_started_are_counted(shown):
-    _, err = shown(evacuated=2, ended="duration over", not_started=2)
-    assert "3 of 5 people" in err
-    assert "2 of them" in err
 
 
 def test_response_times_are_stated(shown):

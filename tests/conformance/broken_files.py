@@ -82,13 +82,6 @@ def write_chance(self, trajectory, path):
     return [path]
 
 
-def write_once(self, trajectory, path):
-    """Refuse to overwrite a file."""
-    with path.open("x") as file:
-        file.write("exported")
-    return [path]
-
-
 def write_back(self, trajectory, path):
     """Change the result."""
     trajectory.path.write_bytes(b"")
@@ -133,7 +126,6 @@ BROKEN = [
     Broken(exporter(lambda self, trajectory, path: [5]), "check_files", RUN, "5, which is no path of an existing file"),
     Broken(exporter(write_stray), "check_files", RUN, r"stray\.txt outside `path`; write to `path` only"),
     Broken(exporter(write_chance), "check_files", f"{RUN}, exported again", "differ; do not write"),
-    Broken(exporter(write_once), "check_files", f"{RUN}, exported again", "File exists"),
     Broken(exporter(write_back), "check_files", f"{RUN}, exported again", "trajectory file has changed; only read"),
     Broken(exporter(shift_time), "check_files", RUN, "read-only; copy the arrays", ValueError),
     Broken(
