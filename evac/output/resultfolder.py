@@ -251,6 +251,8 @@ class ResultFolder:
 
     def _check_place(self) -> None:
         """Raise an error for folders that cannot be replaced by renaming."""
+        if self.path.parts[:1] == ("~",):
+            raise ResultError(f"{self.path}: ~ stands for the home folder in a shell only; write it in full (--out)")
         if os.path.ismount(self._place):
             raise ResultError(f"{self.path}: is the root of a file system; choose a folder in it (--out)")
         if self._place == Path.cwd() or self._place in Path.cwd().parents:

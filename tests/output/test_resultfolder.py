@@ -113,6 +113,14 @@ def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
     assert contents(tmp_path) == {"r/thesis.txt": "precious"}
 
 
+def test_the_home_folder_is_to_be_written_in_full(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("~", "~/r"):
+        with pytest.raises(ResultError, match="~.*--out"), ResultFolder(Path(name)):
+            pass
+    assert contents(tmp_path) == {}
+
+
 def test_a_file_where_results_are_to_be_written_is_refused(tmp_path):
     write(tmp_path, r_running="mine")
     with pytest.raises(ResultError, match=r"r\.running: not a folder"), ResultFolder(tmp_path / "r"):

@@ -59,9 +59,8 @@ def building_section(run: Run | None) -> Section:
     if building.areas:
         rows = [(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas]
         parts.append(table("Areas in which people can start", ("area", "level", "area [m²]"), rows))
-    if run.case["building"].get("closed"):
-        closed = ", ".join(map(str, run.case["building"]["closed"]))
-        parts += [heading("Closed during the whole run"), paragraph(closed)]
+    if closed := run.summary.table.building.closed:
+        parts += [heading("Closed during the whole run"), paragraph(", ".join(closed))]
     return Section("building", "Building", tuple(parts), lacks=() if building.doors else ("doors",))
 
 

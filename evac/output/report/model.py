@@ -75,7 +75,7 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
         paragraph(
             "Save the case of ",
             element("a", "the appendix", href="#case"),
-            f" as case.toml in the folder of {case.building.get('mesh', 'the building')}, and run",
+            f" as case.toml in the folder of {case.building.mesh or 'the building'}, and run",
         ),
         element("pre", command),
         paragraph(

@@ -66,11 +66,18 @@ class GroupTable(BaseModel):
     behaviours: dict[str, Any] = {}
 
 
+class BuildingTable(_Plain):
+    """What a report names of the building's keys."""
+
+    mesh: str | None = None
+    closed: list[str] = []
+
+
 class CaseTable(_Plain):
     """The parts of a case that a report names one by one."""
 
     title: str = ""
-    building: dict[str, Any]
+    building: BuildingTable
     directions: dict[str, Any]
     people: list[GroupTable]
     contact: dict[str, Any]

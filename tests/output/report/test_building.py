@@ -9,6 +9,7 @@ from shapely import box
 from evac import Plan
 from evac.output.report.building import building_section
 from evac.output.report.page import BLANK, Head, page
+from evac.output.report.source import BuildingTable
 
 from .conftest import Page
 
@@ -20,7 +21,8 @@ def section_of(with_door):
     plan.exit("out", "floor", [(0, 1), (0, 2)])
     building = plan.building()
     building = building if with_door else replace(building, doors=())
-    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building), case={"building": {}}))
+    summary = SimpleNamespace(table=SimpleNamespace(building=BuildingTable()))
+    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building), summary=summary))
 
 
 @pytest.mark.parametrize("with_door", [True, False])

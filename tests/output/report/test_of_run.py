@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import tomllib
 
 import numpy as np
@@ -195,6 +196,7 @@ def test_without_a_trajectory_the_checklist_says_what_is_missing(result):
         ("summary.json", None, "summary.json"),
         ("summary.json", lambda text: text[: len(text) // 2], "summary.json"),
         ("summary.json", lambda text: text.replace('"people": 14', '"people": "many"', 1), "people"),
+        ("summary.json", lambda text: re.sub(r'"closed": \[\]', '"closed": 5', text, count=1), "closed"),
         ("people.csv", None, "people.csv"),
         ("people.csv", lambda text: text.replace("exit_time", "left", 1), "exit_time"),
         ("people.csv", lambda text: text.rstrip().rpartition("\n")[0] + "\n", "13 people"),
