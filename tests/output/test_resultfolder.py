@@ -116,7 +116,7 @@ def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
 def test_the_home_folder_is_to_be_written_in_full(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("~", "~/r"):
-        with pytest.raises(ResultError, match="~.*--out"), ResultFolder(Path(name)):
+        with pytest.raises(ResultError, match=r"~.*--out"), ResultFolder(Path(name)):
             pass
     assert contents(tmp_path) == {}
 
