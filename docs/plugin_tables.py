@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from evac.registry import Registry
-from evac.scenario.reference import as_toml
+from evac.case.reference import as_toml
+from evac.contract.registry import Registry
 
 #: Pages with descriptions of plugins, in the folder of this file.
 PAGES = ("models.md", "behaviours.md")

@@ -10,93 +10,97 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from evac.base.moved import refuse_former_names
+
 if TYPE_CHECKING:
-    from evac.assembly import read_building as read_building
-    from evac.behaviour import Behaviour as Behaviour
-    from evac.behaviour import BehaviourScene as BehaviourScene
-    from evac.building.findings import Finding as Finding
+    from evac.analysis.maps import LevelMaps as LevelMaps
+    from evac.base.errors import BuildingError as BuildingError
+    from evac.base.errors import EvacError as EvacError
+    from evac.base.errors import EvacWarning as EvacWarning
+    from evac.base.errors import PluginError as PluginError
+    from evac.base.errors import ResultError as ResultError
+    from evac.base.errors import RunWarning as RunWarning
+    from evac.base.errors import ScenarioError as ScenarioError
+    from evac.base.errors import SimulationError as SimulationError
+    from evac.base.parameters import Parameter as Parameter
+    from evac.base.phases import Progress as Progress
     from evac.building.importer import Importer as Importer
-    from evac.building.model import Building as Building
-    from evac.building.plan import Plan as Plan
-    from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
-    from evac.errors import BuildingError as BuildingError
-    from evac.errors import EvacError as EvacError
-    from evac.errors import EvacWarning as EvacWarning
-    from evac.errors import PluginError as PluginError
-    from evac.errors import ResultError as ResultError
-    from evac.errors import RunWarning as RunWarning
-    from evac.errors import ScenarioError as ScenarioError
-    from evac.errors import SimulationError as SimulationError
-    from evac.hookspecs import hookimpl as hookimpl
+    from evac.building.model.building import Building as Building
+    from evac.building.model.findings import Finding as Finding
+    from evac.building.plan.plan import Plan as Plan
+    from evac.building.surface.surfacemesh import SurfaceMesh as SurfaceMesh
+    from evac.case.case import Case as Case
+    from evac.case.loading import load_case as load  # noqa: F401
+    from evac.contract.hooks import hookimpl as hookimpl
+    from evac.contract.registry import Registry as Registry
+    from evac.export.exporter import Exporter as Exporter
     from evac.importing import import_building as import_building
-    from evac.output.exporter import Exporter as Exporter
-    from evac.output.maps import LevelMaps as LevelMaps
-    from evac.output.recorder import Recorder as Recorder
-    from evac.output.results import Results as Results
-    from evac.output.trajectory import Trajectory as Trajectory
-    from evac.output.trajectory import read_trajectory as read_trajectory
-    from evac.parameters import Parameter as Parameter
-    from evac.phases import Progress as Progress
-    from evac.physics.contact_model import ContactModel as ContactModel
+    from evac.people.behaviour import Behaviour as Behaviour
+    from evac.people.behaviour import BehaviourScene as BehaviourScene
+    from evac.physics.contact.model import ContactModel as ContactModel
+    from evac.physics.contact.pair_contact import PairContact as PairContact
+    from evac.physics.contact.solver import Solver as Solver
     from evac.physics.force import Force as Force
-    from evac.physics.pair_contact import PairContact as PairContact
-    from evac.physics.solver import Solver as Solver
-    from evac.registry import Registry as Registry
-    from evac.running import resume as resume
-    from evac.running import run as run
-    from evac.scenario.case import Case as Case
-    from evac.scenario.loading import load_case as load  # noqa: F401
-    from evac.simulation import Simulation as Simulation
+    from evac.results.results import Results as Results
+    from evac.simulation.assembly import read_building as read_building
+    from evac.simulation.running import resume as resume
+    from evac.simulation.running import run as run
+    from evac.simulation.simulation import Simulation as Simulation
     from evac.study.asking import repeat as repeat
     from evac.study.asking import sweep as sweep
     from evac.study.reading import read_study as read_study
     from evac.study.study import Study as Study
+    from evac.trajectory.recorder import Recorder as Recorder
+    from evac.trajectory.trajectory import Trajectory as Trajectory
+    from evac.trajectory.trajectory import read_trajectory as read_trajectory
 
 #: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
 _HOMES = {
-    "Behaviour": "evac.behaviour",
-    "BehaviourScene": "evac.behaviour",
-    "Building": "evac.building.model",
-    "BuildingError": "evac.errors",
-    "Case": "evac.scenario.case",
-    "ContactModel": "evac.physics.contact_model",
-    "EvacError": "evac.errors",
-    "EvacWarning": "evac.errors",
-    "Exporter": "evac.output.exporter",
-    "Finding": "evac.building.findings",
+    "Behaviour": "evac.people.behaviour",
+    "BehaviourScene": "evac.people.behaviour",
+    "Building": "evac.building.model.building",
+    "BuildingError": "evac.base.errors",
+    "Case": "evac.case.case",
+    "ContactModel": "evac.physics.contact.model",
+    "EvacError": "evac.base.errors",
+    "EvacWarning": "evac.base.errors",
+    "Exporter": "evac.export.exporter",
+    "Finding": "evac.building.model.findings",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
-    "LevelMaps": "evac.output.maps",
-    "PairContact": "evac.physics.pair_contact",
-    "Parameter": "evac.parameters",
-    "Plan": "evac.building.plan",
-    "PluginError": "evac.errors",
-    "Progress": "evac.phases",
-    "Recorder": "evac.output.recorder",
-    "Registry": "evac.registry",
-    "ResultError": "evac.errors",
-    "Results": "evac.output.results",
-    "RunWarning": "evac.errors",
-    "ScenarioError": "evac.errors",
-    "Simulation": "evac.simulation",
-    "SimulationError": "evac.errors",
-    "Solver": "evac.physics.solver",
+    "LevelMaps": "evac.analysis.maps",
+    "PairContact": "evac.physics.contact.pair_contact",
+    "Parameter": "evac.base.parameters",
+    "Plan": "evac.building.plan.plan",
+    "PluginError": "evac.base.errors",
+    "Progress": "evac.base.phases",
+    "Recorder": "evac.trajectory.recorder",
+    "Registry": "evac.contract.registry",
+    "ResultError": "evac.base.errors",
+    "Results": "evac.results.results",
+    "RunWarning": "evac.base.errors",
+    "ScenarioError": "evac.base.errors",
+    "Simulation": "evac.simulation.simulation",
+    "SimulationError": "evac.base.errors",
+    "Solver": "evac.physics.contact.solver",
     "Study": "evac.study.study",
-    "SurfaceMesh": "evac.building.surfacemesh",
-    "Trajectory": "evac.output.trajectory",
-    "hookimpl": "evac.hookspecs",
+    "SurfaceMesh": "evac.building.surface.surfacemesh",
+    "Trajectory": "evac.trajectory.trajectory",
+    "hookimpl": "evac.contract.hooks",
     "import_building": "evac.importing",
-    "load": "evac.scenario.loading",
-    "read_building": "evac.assembly",
+    "load": "evac.case.loading",
+    "read_building": "evac.simulation.assembly",
     "read_study": "evac.study.reading",
-    "read_trajectory": "evac.output.trajectory",
+    "read_trajectory": "evac.trajectory.trajectory",
     "repeat": "evac.study.asking",
-    "resume": "evac.running",
-    "run": "evac.running",
+    "resume": "evac.simulation.running",
+    "run": "evac.simulation.running",
     "sweep": "evac.study.asking",
 }
 
 __all__ = list(_HOMES)
+
+refuse_former_names()
 
 
 def __getattr__(name: str) -> Any:

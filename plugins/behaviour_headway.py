@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.behaviour import Behaviour, BehaviourScene
-from evac.building.model import FLAT
+from evac.base.parameters import Parameter
+from evac.building.model.building import FLAT
+from evac.contract.hooks import hookimpl
 from evac.directions.sampling import column_of, sample_travel_time
-from evac.hookspecs import hookimpl
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
-from evac.outside import Outside
-from evac.parameters import Parameter
-from evac.physics.cells import fill_cells
+from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.outside import Outside
+from evac.physics.contact.cells import fill_cells
 from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.seams import SEAM, reaches, way_out
 from evac.physics.sight import bucket_at, passes_through

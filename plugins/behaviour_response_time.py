@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import shapely
 
-from evac.arrays import IntArray
-from evac.behaviour import Behaviour, BehaviourScene
-from evac.errors import naming
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter
-from evac.people.distributions import Distribution, parse
+from evac.base.arrays import IntArray
+from evac.base.distributions import Distribution, parse
+from evac.base.errors import naming
+from evac.base.parameters import Parameter
+from evac.contract.hooks import hookimpl
+from evac.people.behaviour import Behaviour, BehaviourScene
 
 
 class ResponseTime(Behaviour):

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray, IntArray
-from evac.behaviour import Behaviour, BehaviourScene
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import PluginError, ScenarioError
+from evac.base.parameters import Parameter, did_you_mean
+from evac.base.saved import taken
+from evac.contract.hooks import hookimpl
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
-from evac.errors import PluginError, ScenarioError
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter, did_you_mean
+from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
-from evac.saved import taken
 
 #: Tolerance of times, which are multiples of the step [s].
 INSTANT = 1e-9

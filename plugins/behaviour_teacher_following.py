@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.behaviour import Behaviour, BehaviourScene
-from evac.building.model import FLAT
+from evac.base.errors import ScenarioError
+from evac.base.parameters import Parameter, did_you_mean
+from evac.base.saved import taken
+from evac.building.model.building import FLAT
+from evac.contract.hooks import hookimpl
 from evac.directions.fields import PackedFields
 from evac.directions.sampling import column_of, sample_travel_time
-from evac.errors import ScenarioError
-from evac.hookspecs import hookimpl
 from evac.jit import Bytes, Floats, Ints, Struct, inner, kernel
 from evac.jit.layout import FloatGrid
-from evac.parameters import Parameter, did_you_mean
+from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
-from evac.saved import taken
 
 #: Decrease of the remaining travel time below its minimum so far that counts as progress [s].
 PROGRESS = 0.5

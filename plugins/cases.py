@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
-from evac.hookspecs import hookimpl
+from evac.contract.hooks import hookimpl
 
 evac_interface = 3
 

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.errors import ScenarioError
-from evac.hookspecs import hookimpl
+from evac.base.errors import ScenarioError
+from evac.base.parameters import Parameter
+from evac.contract.hooks import hookimpl
 from evac.jit import Floats, Struct, Triples, inner, kernel
-from evac.parameters import Parameter
 from evac.physics import tallies as at
-from evac.physics.contact_model import BorderScene, ContactModel
-from evac.physics.contacts import push, set_reach, tangential_velocity, use_free_velocity
-from evac.physics.stability import add_stiffness, forget_stiffnesses, longest_step, makes_unstable
+from evac.physics.contact.contacts import push, set_reach, tangential_velocity, use_free_velocity
+from evac.physics.contact.model import BorderScene, ContactModel
+from evac.physics.contact.stability import add_stiffness, forget_stiffnesses, longest_step, makes_unstable
 from evac.physics.state import State, World
 from evac.physics.status import OK, SEARCH_AGAIN, TOO_STIFF, WALL_CROSSED
 
@@ -47,7 +47,7 @@ class Spring(Struct):
     hardening: float  # overlap at which contacts harden, as a share of the radius
     least: float  # minimum overlap at which contacts harden [m]
     hardens: int  # 1: a contact of the sub-step has the energy to harden
-    stiffnesses: Triples  # (n, 3) of each body divided by k, see `evac.physics.stability` [1/kg]
+    stiffnesses: Triples  # (n, 3) of each body divided by k, see `evac.physics.contact.stability` [1/kg]
     coupling: Floats  # (n,) [1/kg]
 
 

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Sequence
 
-from evac.hookspecs import hookimpl
+from evac.base.parameters import Parameter
+from evac.contract.hooks import hookimpl
 from evac.jit import Struct, inner, kernel
-from evac.parameters import Parameter
 from evac.physics import tallies as at
-from evac.physics.contact_model import BorderScene, ContactModel, SolvedContactModel
-from evac.physics.overlaps import is_to_separate
-from evac.physics.percussions import find_percussions, solve_once
-from evac.physics.rows import INELASTIC
+from evac.physics.contact.model import BorderScene, ContactModel, SolvedContactModel
+from evac.physics.contact.overlaps import is_to_separate
+from evac.physics.contact.percussions import find_percussions, solve_once
+from evac.physics.contact.rows import INELASTIC
 from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEARCH_AGAIN, SEPARATE
 

@@ -3,19 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from evac.hookspecs import hookimpl
+from evac.base.parameters import Parameter
+from evac.contract.hooks import hookimpl
 from evac.jit import Struct, inner, kernel
-from evac.parameters import Parameter
 from evac.physics import tallies as at
-from evac.physics.contact_model import BorderScene, ContactModel, SolvedContactModel
-from evac.physics.contacts import (
-    keep_only_meeting,
-    normal_velocity,
-    report_contact_force,
-    tangential_velocity,
-)
-from evac.physics.overlaps import is_to_separate
-from evac.physics.percussions import find_percussions
+from evac.physics.contact.contacts import keep_only_meeting, normal_velocity, report_contact_force, tangential_velocity
+from evac.physics.contact.model import BorderScene, ContactModel, SolvedContactModel
+from evac.physics.contact.overlaps import is_to_separate
+from evac.physics.contact.percussions import find_percussions
 from evac.physics.state import State, Traits, World
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 

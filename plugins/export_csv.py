@@ -4,11 +4,11 @@ import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from evac.hookspecs import hookimpl
-from evac.output.cells import cell_of
-from evac.output.exporter import Exporter
-from evac.output.tables import motion_table
-from evac.output.trajectory import Trajectory
+from evac.analysis.tables import motion_table
+from evac.contract.hooks import hookimpl
+from evac.export.exporter import Exporter
+from evac.folder.cells import cell_of
+from evac.trajectory.trajectory import Trajectory
 
 
 class CsvExporter(Exporter):
@@ -18,7 +18,7 @@ class CsvExporter(Exporter):
     suffix = ".csv"
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
-        """Write the columns of `evac.output.tables.MOTION_COLUMNS`."""
+        """Write the columns of `evac.analysis.tables.MOTION_COLUMNS`."""
         table = motion_table(trajectory)
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)

@@ -8,11 +8,11 @@ from typing import Any
 from shapely.geometry import MultiLineString, mapping
 from shapely.geometry.base import BaseGeometry
 
-from evac.arrays import FloatArray
-from evac.building.model import Building
-from evac.hookspecs import hookimpl
-from evac.output.exporter import Exporter
-from evac.output.trajectory import Trajectory
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building
+from evac.contract.hooks import hookimpl
+from evac.export.exporter import Exporter
+from evac.trajectory.trajectory import Trajectory
 
 #: Note at the top of the file, since RFC 7946 requires longitude and latitude unless otherwise agreed.
 COORDINATES = "plan of the building: x and y in metres, not longitude and latitude (RFC 7946, section 4)"

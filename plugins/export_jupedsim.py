@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from evac.building.model import Level
-from evac.errors import ResultError
-from evac.hookspecs import hookimpl
-from evac.output.exporter import Exporter, file_stems
-from evac.output.frame_rate import regular_frames
-from evac.output.trajectory import Trajectory
+from evac.analysis.frame_rate import regular_frames
+from evac.base.errors import ResultError
+from evac.building.model.building import Level
+from evac.contract.hooks import hookimpl
+from evac.export.exporter import Exporter, file_stems
+from evac.trajectory.trajectory import Trajectory
 
 #: Version of the schema, as used by jupedsim 1.0 to 1.3 and read by PedPy and the viewer of JuPedSim.
 VERSION = 2

@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from evac.hookspecs import hookimpl
-from evac.output.exporter import Exporter
-from evac.output.tables import MOTION_COLUMNS, motion_table
-from evac.output.trajectory import Trajectory
+from evac.analysis.tables import MOTION_COLUMNS, motion_table
+from evac.contract.hooks import hookimpl
+from evac.export.exporter import Exporter
+from evac.trajectory.trajectory import Trajectory
 
 
 class ParquetExporter(Exporter):
@@ -16,7 +16,7 @@ class ParquetExporter(Exporter):
     suffix = ".parquet"
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
-        """Write the columns of `evac.output.tables.MOTION_COLUMNS`, with their units as field metadata."""
+        """Write the columns of `evac.analysis.tables.MOTION_COLUMNS`, with their units as field metadata."""
         import pyarrow
         from pyarrow import parquet
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from evac.hookspecs import hookimpl
-from evac.output.exporter import Exporter
-from evac.output.trajectory import Trajectory
+from evac.contract.hooks import hookimpl
+from evac.export.exporter import Exporter
+from evac.trajectory.trajectory import Trajectory
 
 
 class VtkExporter(Exporter):
@@ -15,7 +15,7 @@ class VtkExporter(Exporter):
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
         """Write ``animation.pvd`` and the files that it refers to."""
-        from evac.output.vtk_export import export_vtk
+        from evac.export.vtk import export_vtk
 
         return [export_vtk(trajectory, path)]
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.hookspecs import hookimpl
+from evac.base.parameters import Parameter
+from evac.contract.hooks import hookimpl
 from evac.jit import pair_force
-from evac.parameters import Parameter
 from evac.physics.force import Force
 
 

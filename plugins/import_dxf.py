@@ -12,15 +12,15 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.arrays import FloatArray
-from evac.building.extent import LARGEST, SMALLEST, helpful_factor
+from evac.base.arrays import FloatArray
+from evac.base.errors import text_of
+from evac.base.parameters import Parameter
+from evac.building.geometry.extent import LARGEST, SMALLEST, helpful_factor
 from evac.building.importer import Importer, optional_library
-from evac.building.linework import faces_of, rooms_of
-from evac.building.plan import Plan
-from evac.building.shapes import place_of
-from evac.errors import text_of
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter
+from evac.building.plan.plan import Plan
+from evac.building.plan.shapes import place_of
+from evac.building.recover.linework import faces_of, rooms_of
+from evac.contract.hooks import hookimpl
 
 #: Optional prefix of layer names.
 PREFIX = "jps-"

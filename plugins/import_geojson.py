@@ -11,11 +11,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.base.parameters import Parameter, did_you_mean
 from evac.building.importer import Importer
-from evac.building.plan import Plan
-from evac.building.shapes import geometries, place_of
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter, did_you_mean
+from evac.building.plan.plan import Plan
+from evac.building.plan.shapes import geometries, place_of
+from evac.contract.hooks import hookimpl
 
 #: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")

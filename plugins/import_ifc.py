@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.building.findings import Finding
+from evac.base.parameters import Parameter
 from evac.building.importer import Importer
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter
+from evac.building.model.findings import Finding
+from evac.contract.hooks import hookimpl
 
 if TYPE_CHECKING:
-    from evac.building.bodies import Body
-    from evac.building.plan import Plan
+    from evac.building.plan.plan import Plan
+    from evac.building.recover.bodies import Body
 
 #: Classes of IFC 2x3, 4 and 4.3 whose shapes are used, and their kinds of bodies.
 CLASSES = {
@@ -66,7 +66,7 @@ class IfcImporter(Importer):
 
     def read(self, path: Path) -> "Plan":
         """Read the bodies; raise ValueError if the file is not IFC, or the library is missing."""
-        from evac.building.bodies import Rules, plan_of_bodies
+        from evac.building.recover.bodies import Rules, plan_of_bodies
 
         findings: list[Finding] = []
         elements, shapes = _read(path.read_bytes(), findings)
@@ -135,7 +135,7 @@ def _standard_error(said: list[str]) -> Iterator[None]:
 
 def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: list[Finding]) -> "list[Body]":
     """Return the bodies of a file, sorted by number; add a finding for each element without a shape or left out."""
-    from evac.building.bodies import Body
+    from evac.building.recover.bodies import Body
 
     bodies = []
     count: dict[str, int] = {}

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import BoolArray, IndexArray
+from evac.base.arrays import BoolArray, IndexArray
 from evac.building.importer import Importer
-from evac.building.surfacemesh import EDGE_TAGS, SurfaceMesh
-from evac.hookspecs import hookimpl
+from evac.building.surface.surfacemesh import EDGE_TAGS, SurfaceMesh
+from evac.contract.hooks import hookimpl
 
 #: For each tag, the masks of its cells in each block of the file.
 Tags = dict[str, list[BoolArray]]

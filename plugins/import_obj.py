@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from evac.building.findings import Finding
+from evac.base.parameters import Parameter, did_you_mean
 from evac.building.importer import Importer
-from evac.building.surfacemesh import SurfaceMesh
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter, did_you_mean
+from evac.building.model.findings import Finding
+from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.contract.hooks import hookimpl
 
 #: Kinds of groups and the tags of their faces; ``ignore`` drops the faces.
 KINDS = {"exit": "exit", "stair": "stair", "room": "area", "floor": "floor", "obstacle": "obstacle", "ignore": ""}

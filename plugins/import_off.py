@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evac.building.importer import Importer
-from evac.building.surfacemesh import SurfaceMesh
-from evac.hookspecs import hookimpl
+from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.contract.hooks import hookimpl
 
 
 class OffImporter(Importer):

@@ -4,11 +4,11 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
+from evac.base.errors import quoted_line
 from evac.building.importer import Importer
-from evac.building.plan import Plan
-from evac.building.plantable import plan_of
-from evac.errors import quoted_line
-from evac.hookspecs import hookimpl
+from evac.building.plan.plan import Plan
+from evac.building.plan.plantable import plan_of
+from evac.contract.hooks import hookimpl
 
 
 class PlanImporter(Importer):

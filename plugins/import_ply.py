@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from evac.building.importer import Importer
-from evac.building.surfacemesh import SurfaceMesh
-from evac.hookspecs import hookimpl
+from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.contract.hooks import hookimpl
 
 #: Format characters of `struct` for the types of PLY.
 TYPES = {

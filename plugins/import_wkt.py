@@ -5,11 +5,11 @@ from pathlib import Path
 
 import shapely
 
+from evac.base.parameters import Parameter
 from evac.building.importer import Importer
-from evac.building.plan import Plan
-from evac.building.shapes import from_wkt
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter
+from evac.building.plan.plan import Plan
+from evac.building.plan.shapes import from_wkt
+from evac.contract.hooks import hookimpl
 
 
 class WktImporter(Importer):

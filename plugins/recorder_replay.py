@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.hookspecs import hookimpl
-from evac.output.files import REPLAY_NAME
-from evac.output.recorder import Recorder
-from evac.saved import taken
+from evac.base.saved import taken
+from evac.contract.hooks import hookimpl
+from evac.folder.files import REPLAY_NAME
+from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
-    from evac.output.replay.writer import ReplayWriter
-    from evac.output.results import Results
-    from evac.simulation import Simulation
+    from evac.replay.writer import ReplayWriter
+    from evac.results.results import Results
+    from evac.simulation.simulation import Simulation
 
 
 class ReplayRecorder(Recorder):
@@ -28,7 +28,7 @@ class ReplayRecorder(Recorder):
     def start(self, simulation: "Simulation") -> None:
         """Prepare the page for the building and the people."""
         if simulation.folder is not None and simulation.case.output.replay:
-            from evac.output.replay.writer import ReplayWriter
+            from evac.replay.writer import ReplayWriter
 
             self.writer = ReplayWriter(len(simulation.population.crowd.radius), simulation.building)
         self._recorded = -1.0
@@ -81,7 +81,7 @@ def evac_finish(simulation: "Simulation", results: "Results | None", error: Base
         return
     for recorder in simulation.recorders:
         if isinstance(recorder, ReplayRecorder) and recorder.writer is not None and simulation.folder is not None:
-            from evac.output.replay.account import account_of_run
+            from evac.replay.account import account_of_run
 
             account = account_of_run(simulation.results() if results is None else results, error)
             recorder.writer.write(simulation.folder / REPLAY_NAME, account)

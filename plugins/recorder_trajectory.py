@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.hookspecs import hookimpl
-from evac.output.files import TRAJECTORY_NAME
-from evac.output.header import building_to_json
-from evac.output.recorder import Recorder
-from evac.output.results import versions
-from evac.output.trajectory_writer import TrajectoryWriter, read_to_continue
-from evac.saved import SavedError, taken
+from evac.base.saved import SavedError, taken
+from evac.contract.hooks import hookimpl
+from evac.folder.files import TRAJECTORY_NAME
+from evac.results.results import versions
+from evac.trajectory.header import building_to_json
+from evac.trajectory.recorder import Recorder
+from evac.trajectory.writer import TrajectoryWriter, read_to_continue
 
 if TYPE_CHECKING:
-    from evac.output.results import Results
-    from evac.simulation import Simulation
+    from evac.results.results import Results
+    from evac.simulation.simulation import Simulation
 
 
 class TrajectoryRecorder(Recorder):

@@ -9,9 +9,9 @@ the problem is linear, so conjugate gradients need few iterations; the sweeps in
 import math
 from collections.abc import Sequence
 
-from evac.hookspecs import hookimpl
+from evac.contract.hooks import hookimpl
 from evac.jit import inner, kernel
-from evac.physics.rows import (
+from evac.physics.contact.rows import (
     AX,
     AY,
     BEFORE,
@@ -29,7 +29,7 @@ from evac.physics.rows import (
     sweep_down,
     sweep_up,
 )
-from evac.physics.solver import Solver
+from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 
 #: Columns of ``Problem.face_data`` after A and B.

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from evac.hookspecs import hookimpl
+from evac.contract.hooks import hookimpl
 from evac.jit import inner, kernel
-from evac.physics.rows import (
+from evac.physics.contact.rows import (
     AX,
     AY,
     BEFORE,
@@ -22,7 +22,7 @@ from evac.physics.rows import (
     row_residual,
     row_velocity,
 )
-from evac.physics.solver import Solver
+from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 
 

@@ -7,10 +7,10 @@ momentum need O(n) iterations, plain sweeps O(n^2).
 import math
 from collections.abc import Sequence
 
-from evac.hookspecs import hookimpl
+from evac.contract.hooks import hookimpl
 from evac.jit import fused, inner, kernel
-from evac.physics.blocks import call_conduct
-from evac.physics.rows import (
+from evac.physics.contact.blocks import call_conduct
+from evac.physics.contact.rows import (
     BIAS,
     CAUTION,
     LIKELY,
@@ -23,7 +23,7 @@ from evac.physics.rows import (
     row_residual,
     sweep_up,
 )
-from evac.physics.solver import Solver
+from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 
 #: Relative increase of the energy above which it is not a rounding error.

@@ -2,10 +2,13 @@ import textwrap
 
 import pytest
 
-from evac.registry import Registry
+from evac.contract.registry import Registry
+
+#: The building of three storeys and its results, for all rooms that show or measure runs.
+pytest_plugins = ["tests.three_storeys"]
 
 PLUGIN = """
-    from evac.hookspecs import hookimpl
+    from evac.contract.hooks import hookimpl
     evac_interface = 3
     from evac import Behaviour, ContactModel, Force, Importer, Parameter
 

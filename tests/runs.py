@@ -4,7 +4,7 @@ import textwrap
 
 import numpy as np
 
-from evac.scenario.loading import load_case
+from evac.case.loading import load_case
 
 MODELS = ["dem", "nsm1", "nsm2"]
 

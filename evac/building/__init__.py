@@ -1,1 +1,1 @@
-"""Conversion of plans and surface meshes to a frozen `Building`: see `evac.building.build.build_building`."""
+"""Conversion of plans and surface meshes to a frozen `Building`: see `evac.building.surface.build.build_building`."""

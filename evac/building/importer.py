@@ -6,12 +6,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from evac.building.surfacemesh import SurfaceMesh
-from evac.errors import BuildingError
-from evac.parameters import Configurable
+from evac.base.errors import BuildingError
+from evac.base.parameters import Configurable
+from evac.building.surface.surfacemesh import SurfaceMesh
 
 if TYPE_CHECKING:
-    from evac.building.plan import Plan
+    from evac.building.plan.plan import Plan
 
 
 class Importer(Configurable, ABC):

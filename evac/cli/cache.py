@@ -58,9 +58,9 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _compile(plugins: list[str]) -> None:
-    from evac.display import Display
+    from evac.base.display import Display
+    from evac.contract.registry import Registry
     from evac.jit.loading import addresses_of
-    from evac.registry import Registry
 
     with Display() as display:
         display.phase("importing all modules")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 
 def declare_case(parser: argparse.ArgumentParser, metavar: str = "CASE") -> None:
@@ -45,8 +45,8 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     ScenarioError, PluginError
         As `evac.load`.
     """
-    from evac.errors import ScenarioError
-    from evac.scenario.loading import load_case
+    from evac.base.errors import ScenarioError
+    from evac.case.loading import load_case
 
     overrides = list(arguments.overrides)
     for override in overrides:
@@ -61,7 +61,7 @@ def case_of(arguments: argparse.Namespace) -> "Case":
 
 def note_unused_plugins(case: "Case") -> None:
     """Print a note for each plugin file in addition to the case none of whose models and behaviours the case uses."""
-    from evac.scenario.trust import unused_files
+    from evac.case.trust import unused_files
 
     for path, tables in unused_files(case):
         print(f"note: plugin {path} is not used by the case: add {' or '.join(tables)}", file=sys.stderr)
@@ -83,9 +83,9 @@ def with_plugin_files(case: "Case") -> "Case":
     Raises
     ------
     ScenarioError, PluginError
-        As `evac.scenario.trust.run_plugin_files`.
+        As `evac.case.trust.run_plugin_files`.
     """
-    from evac.scenario.trust import run_plugin_files
+    from evac.case.trust import run_plugin_files
 
     return run_plugin_files(case, announce_plugin_file)
 

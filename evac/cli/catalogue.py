@@ -4,9 +4,9 @@ import argparse
 import tomllib
 from pathlib import Path
 
+from evac.base.errors import ScenarioError
 from evac.cli.cases import declare_plugin
 from evac.cli.screen import show_table
-from evac.errors import ScenarioError
 
 #: The only built-in plugin with cases; the others need not be loaded to list cases.
 CASE_PLUGINS = ("evac_plugins.cases",)
@@ -19,7 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Print name, title and folder of each case."""
-    from evac.registry import Registry
+    from evac.contract.registry import Registry
 
     cases = Registry(arguments.plugins, builtins=CASE_PLUGINS).cases
     show_table("Cases", ("name", "title", "folder"), [(name, _title(path), path) for name, path in cases.items()])

@@ -9,18 +9,18 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evac.base.display import Display
+from evac.base.errors import BuildingError, EvacError
 from evac.cli.cases import case_of, declare_case
 from evac.cli.screen import show_facts, show_table, show_warnings
-from evac.display import Display
-from evac.errors import BuildingError, EvacError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from evac.building.findings import Finding
-    from evac.building.model import Building, Exit, Portal
-    from evac.scenario.case import Case
-    from evac.simulation import Simulation
+    from evac.building.model.building import Building, Exit, Portal
+    from evac.building.model.findings import Finding
+    from evac.case.case import Case
+    from evac.simulation.simulation import Simulation
 
 #: Ending of plan files, which are TOML as cases are.
 PLAN = ".plan.toml"
@@ -43,7 +43,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Show the building, and for a case the people; raise the error if something is not valid."""
     path = Path(arguments.case)
     if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
-        from evac.building.checks import check_exits
+        from evac.building.surface.checks import check_exits
 
         building = _read_file(path, arguments)
         show_building(building)
@@ -59,14 +59,14 @@ def execute(arguments: argparse.Namespace) -> int:
         if known is None:
             return 0
         case = known
-    from evac.simulation import Simulation
+    from evac.simulation.simulation import Simulation
 
     try:
         with Display(has_lines=False) as display:
             simulation = Simulation(case, will_run=False, compiling=display.compiling)
     except EvacError:
         # The building helps to understand errors about people or directions.
-        from evac.assembly import make_building
+        from evac.simulation.assembly import make_building
 
         building = make_building(case)
         show_building(building)
@@ -76,7 +76,7 @@ def execute(arguments: argparse.Namespace) -> int:
     show_people(simulation)
     show_warnings(simulation.warnings())
     if arguments.picture is not None:
-        from evac.building.narrow import narrow_places
+        from evac.building.model.narrow import narrow_places
 
         building, narrow = (
             simulation.building,
@@ -88,9 +88,9 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _known_part(case: "Case") -> "Case | None":
     """Show the plugin files not executed, and return the case without what needs them; None if it cannot be checked."""
-    from evac.assembly import make_building, make_importers
-    from evac.scenario.problems import dotted
-    from evac.scenario.trust import is_inside, without_unknown
+    from evac.case.problems import dotted
+    from evac.case.trust import is_inside, without_unknown
+    from evac.simulation.assembly import make_building, make_importers
 
     rows = [
         (path, "yes" if is_inside(path, case.folder) else "only with --plugin: it is outside the case's folder")
@@ -116,7 +116,7 @@ def _known_part(case: "Case") -> "Case | None":
 def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]", title: str) -> None:
     """Draw the levels to `path`, unless it is None."""
     if path is not None:
-        from evac.output.annotated import draw_levels
+        from evac.pictures.annotated import draw_levels
 
         draw_levels(building, path, findings, title=title)
         print(f"drawn: {path}")
@@ -124,9 +124,9 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
 
 def _read_file(path: Path, arguments: argparse.Namespace) -> "Building":
     """Read a building file without a case."""
-    from evac.assembly import read_building
-    from evac.errors import ScenarioError
-    from evac.registry import Registry
+    from evac.base.errors import ScenarioError
+    from evac.contract.registry import Registry
+    from evac.simulation.assembly import read_building
 
     if arguments.overrides or arguments.seed is not None:
         raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")

@@ -17,10 +17,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from evac.errors import in_one_line, text_of
+from evac.base.errors import in_one_line, text_of
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 #: Exit status of an error in evac itself, EX_SOFTWARE of sysexits.h.
 INTERNAL_ERROR = 70
@@ -181,7 +181,7 @@ def _versions() -> str:
 
 
 def _settings(case: "Case") -> str:
-    from evac.output.results import plain
+    from evac.results.results import plain
 
     return f"{case.source}\n{json.dumps(plain(case.to_dict()), indent=2)}"
 

@@ -6,9 +6,9 @@ behaviours decide themselves whether they are needed: plugin files of the case a
 
 import argparse
 
+from evac.base.display import Display
 from evac.cli.cases import case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import show_facts, show_table
-from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +21,7 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_to_run(arguments)
     note_unused_plugins(case)
     from evac.cli.report import response_times
-    from evac.simulation import Simulation
+    from evac.simulation.simulation import Simulation
 
     with Display(has_lines=False) as display:
         simulation = Simulation(case, will_run=False, compiling=display.compiling)

@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from evac.base.errors import counted
 from evac.cli.cases import declare_plugin
 from evac.cli.results import declare_result, trajectory_of
-from evac.errors import counted
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -33,8 +33,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Write the files and print the paths of those that a user opens."""
-    from evac.output.exporter import export
-    from evac.registry import BUILTIN_EXPORTERS, Registry
+    from evac.contract.registry import BUILTIN_EXPORTERS, Registry
+    from evac.export.exporter import export
 
     registry = Registry(arguments.plugins, builtins=BUILTIN_EXPORTERS)
     exporter = registry.get("exporter", arguments.to)(**_values(arguments.parameters))
@@ -50,8 +50,8 @@ def _values(words: list[str]) -> dict[str, Any]:
     """Return parameters given as NAME=VALUE."""
     if not words:
         return {}
-    from evac.errors import ScenarioError
-    from evac.scenario.overrides import parsed
+    from evac.base.errors import ScenarioError
+    from evac.case.overrides import parsed
 
     pairs, problems = parsed(words)
     if problems:

@@ -12,8 +12,8 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.errors import ScenarioError, counted
 from evac.cli.cases import declare_plugin
-from evac.errors import ScenarioError, counted
 
 if TYPE_CHECKING:
     from evac.importing import Imported
@@ -51,12 +51,12 @@ def execute(arguments: argparse.Namespace) -> int:
     options = dict(_option(text) for text in arguments.options)
     exits = [int(one) for one in _numbers("--exit", arguments.exits, whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
-    from evac.display import Display
+    from evac.base.display import Display
 
     with Display(has_lines=False) as display:
         display.phase("reading the building")
+        from evac.contract.registry import Registry
         from evac.importing import import_building
-        from evac.registry import Registry
 
         made = import_building(
             arguments.files,
@@ -97,7 +97,7 @@ def _show(made: "Imported") -> None:
     """Show a summary, the openings if there is no exit, the warnings, and the next command."""
     from collections import Counter
 
-    from evac.building.findings import KINDS
+    from evac.building.model.findings import KINDS
     from evac.cli.screen import show_facts, show_table, show_warnings
     from evac.importing.report import MOST_OPENINGS, opening_row
 

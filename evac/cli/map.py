@@ -33,9 +33,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Draw the maps and print the paths of the files."""
-    from evac.errors import ResultError
-    from evac.output.maps import KERNEL_RADIUS, QUANTITIES, SPACING, level_maps
-    from evac.parameters import did_you_mean
+    from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, SPACING, level_maps
+    from evac.base.errors import ResultError
+    from evac.base.parameters import did_you_mean
 
     quantities = list(QUANTITIES) if arguments.of == "all" else arguments.of.split(",")
     for quantity in quantities:
@@ -50,7 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
         start=arguments.start,
         end=arguments.end,
     )
-    from evac.output.map_pictures import FORMATS, write_maps
+    from evac.pictures.map_pictures import FORMATS, write_maps
 
     out = arguments.out or trajectory.path.parent
     if out.suffix and not out.is_dir() and (out.suffix.lower() not in FORMATS or len(quantities) > 1):

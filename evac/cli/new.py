@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from evac.errors import ScenarioError
+from evac.base.errors import ScenarioError
 
 CASE = """\
 # A case: a building, its people, and the models of their movement. Commands to try it:

@@ -25,9 +25,9 @@ def execute(arguments: argparse.Namespace) -> int:
     """Print the origin of each plugin and what it provides, or only what has the given name; or check a file."""
     if arguments.check is not None:
         return _check(arguments.check, arguments.plugins)
-    from evac.errors import PluginError
-    from evac.parameters import did_you_mean
-    from evac.registry import Registry
+    from evac.base.errors import PluginError
+    from evac.base.parameters import did_you_mean
+    from evac.contract.registry import Registry
 
     registry = Registry(arguments.plugins)
     entries = registry.describe()
@@ -50,10 +50,10 @@ def _check(file: str, others: list[str]) -> int:
 
     Files given with --plugin are registered first, so that names that they take are refused.
     """
+    from evac.base.errors import EvacError
     from evac.cli.main import BAD_INPUT
     from evac.conformance import check_plugin
-    from evac.errors import EvacError
-    from evac.registry import Registry
+    from evac.contract.registry import Registry
 
     registry, status = Registry([*others, file]), 0
     for kind, name in registry.provided_by(Path(file).resolve()):

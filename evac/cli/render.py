@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from evac.cli.results import declare_result, trajectory_of
-from evac.output.files import FILM_NAME, PICTURE_NAME
+from evac.folder.files import FILM_NAME, PICTURE_NAME
 
 #: Width and height of pictures and of films [pixels].
 PICTURE_SIZE, FILM_SIZE = (1600, 1200), (960, 720)
@@ -50,9 +50,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Draw the requested files."""
     from evac.cli.screen import show_warnings
-    from evac.output.camera import Camera
-    from evac.output.colouring import LEGEND_GROUPS
-    from evac.output.render import FILMS, Renderer, number_of_pictures, render_animation, render_picture
+    from evac.pictures.camera import Camera
+    from evac.pictures.colouring import LEGEND_GROUPS
+    from evac.pictures.render import FILMS, Renderer, number_of_pictures, render_animation, render_picture
 
     camera = Camera(arguments.azimuth, arguments.elevation, arguments.stretch, arguments.zoom)
     trajectory = trajectory_of(arguments)

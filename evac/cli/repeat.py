@@ -10,9 +10,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from evac.base.display import Display
 from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
 from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
-from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

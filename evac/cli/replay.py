@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 
 from evac.cli.results import declare_result, trajectory_of
-from evac.output.files import REPLAY_NAME
+from evac.folder.files import REPLAY_NAME
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Write the page."""
-    from evac.output.replay.writer import replay_trajectory
+    from evac.replay.writer import replay_trajectory
 
     trajectory = trajectory_of(arguments)
     path = arguments.out or trajectory.path.parent / REPLAY_NAME

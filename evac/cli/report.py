@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from evac.cli.screen import show_facts, show_table
-from evac.output.files import ANIMATION_NAME, REPLAY_NAME
-from evac.output.results import Results
+from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
 from evac.physics.state import Crowd
+from evac.results.results import Results
 
 #: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20

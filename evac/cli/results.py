@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from evac.output.trajectory import Trajectory
+    from evac.trajectory.trajectory import Trajectory
 
 
 def declare_result(parser: argparse.ArgumentParser) -> None:
@@ -23,8 +23,8 @@ def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":
         As `evac.read_trajectory`.
     """
     from evac.cli.screen import show_warnings
-    from evac.output.resultfolder import check_result, find_result
-    from evac.output.trajectory import read_trajectory
+    from evac.folder.resultfolder import check_result, find_result
+    from evac.trajectory.trajectory import read_trajectory
 
     place = find_result(arguments.result)
     check_result(place)

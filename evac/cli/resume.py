@@ -9,9 +9,9 @@ cannot be changed.
 import argparse
 from pathlib import Path
 
+from evac.base.display import Display
 from evac.cli.cases import announce_plugin_file, declare_plugin
 from evac.cli.run import declare_checkpoint, declare_threads
-from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -50,8 +50,8 @@ def execute(arguments: argparse.Namespace) -> int:
     with Display() as display:
         display.phase("reading the checkpoint")
         from evac.cli.running import run_shown, show_run
-        from evac.output.resultfolder import ResultFolder
-        from evac.running import resumed
+        from evac.folder.resultfolder import ResultFolder
+        from evac.simulation.running import resumed
 
         with ResultFolder(arguments.out or arguments.result) as place:
             simulation, every = resumed(

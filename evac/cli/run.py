@@ -9,8 +9,8 @@ import argparse
 import math
 from pathlib import Path
 
+from evac.base.display import Display
 from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
-from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -67,9 +67,9 @@ def execute(arguments: argparse.Namespace) -> int:
             case = case.change({"output.animation": True})
         note_unused_plugins(case)
         from evac.cli.running import run_shown, show_run
-        from evac.output.files import CHECKPOINT_NAME
-        from evac.output.resultfolder import ResultFolder
-        from evac.simulation import Simulation
+        from evac.folder.files import CHECKPOINT_NAME
+        from evac.folder.resultfolder import ResultFolder
+        from evac.simulation.simulation import Simulation
 
         with ResultFolder(arguments.out or default_folder(case)) as place:
             if place.is_left_over:

@@ -4,13 +4,13 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
+from evac.base.display import Display
 from evac.cli.streams import notify
-from evac.display import Display
 
 if TYPE_CHECKING:
-    from evac.output.resultfolder import ResultFolder
-    from evac.output.results import Results
-    from evac.simulation import Simulation
+    from evac.folder.resultfolder import ResultFolder
+    from evac.results.results import Results
+    from evac.simulation.simulation import Simulation
 
 #: Signals that stop a run at the end of its tick; Windows has no SIGHUP, other systems no SIGBREAK.
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
@@ -23,9 +23,9 @@ def run_shown(
 
     The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
     """
-    from evac.ending import INTERRUPTED
-    from evac.interrupt import Interrupt
-    from evac.running import run_into
+    from evac.results.ending import INTERRUPTED
+    from evac.simulation.interrupt import Interrupt
+    from evac.simulation.running import run_into
 
     def announce(number: int) -> None:
         hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""
@@ -48,8 +48,8 @@ def show_run(results: "Results") -> None:
     """Show the tables and quality warnings of a run."""
     from evac.cli.report import show_folder, show_results
     from evac.cli.screen import show_warnings
-    from evac.ending import INTERRUPTED
-    from evac.output.files import CHECKPOINT_NAME
+    from evac.folder.files import CHECKPOINT_NAME
+    from evac.results.ending import INTERRUPTED
 
     assert results.folder is not None
     show_results(results)

@@ -8,14 +8,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.display import Display
+from evac.base.errors import counted, text_of
 from evac.cli.screen import show_facts, show_table, show_warnings
-from evac.display import Display
-from evac.errors import counted, text_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from evac.scenario.case import Case
+    from evac.case.case import Case
     from evac.study.statistics import Estimate
     from evac.study.study import Progress, Study
 
@@ -61,7 +61,7 @@ def declare_study(parser: argparse.ArgumentParser) -> None:
 
 def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the options as arguments of `evac.repeat` and `evac.sweep`."""
-    from evac.errors import ScenarioError
+    from evac.base.errors import ScenarioError
     from evac.study.imo import POPULATIONS, REPETITIONS
 
     runs, repetitions = arguments.runs, arguments.repetitions or 1
@@ -99,7 +99,7 @@ def prepare(case: "Case") -> None:
 
     If the first run is refused, the study tells why, after it has checked the others.
     """
-    from evac.errors import EvacError
+    from evac.base.errors import EvacError
     from evac.study.shared import simulation_of
 
     warnings: tuple[str, ...] = ()

@@ -12,14 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.display import Display
 from evac.cli.cases import declare_plugin, default_folder, with_plugin_files
 from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
-from evac.display import Display
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -89,8 +89,8 @@ def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
     ScenarioError
         A value is empty or is not valid TOML.
     """
-    from evac.errors import ScenarioError
-    from evac.scenario.overrides import split_values, value_of
+    from evac.base.errors import ScenarioError
+    from evac.case.overrides import split_values, value_of
 
     several: dict[str, list[Any]] = {}
     fixed = []
@@ -115,8 +115,8 @@ def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
     ScenarioError
         There is neither a case nor a table, or no key has several values.
     """
-    from evac.errors import ScenarioError
-    from evac.scenario.loading import load_case
+    from evac.base.errors import ScenarioError
+    from evac.case.loading import load_case
 
     if arguments.case is None and arguments.table is None:
         raise ScenarioError("name a case, or a table of cases (--table)")
@@ -135,8 +135,8 @@ def _with_files_beside(folder: Path, case: "Case") -> "Case":
     ScenarioError
         The case has plugin files and lies elsewhere: a table, which may be a stranger's, chooses no other code.
     """
-    from evac.errors import ScenarioError
-    from evac.scenario.trust import is_inside
+    from evac.base.errors import ScenarioError
+    from evac.case.trust import is_inside
 
     if case.unloaded_files and not is_inside(case.source, folder):
         raise ScenarioError(
@@ -150,7 +150,7 @@ def _rows(arguments: argparse.Namespace, parameters: dict[str, list[Any]], fixed
     """Return the rows of the table, each repeated for all combinations of the swept values."""
     import itertools
 
-    from evac.scenario.overrides import parsed
+    from evac.case.overrides import parsed
     from evac.study.points import check_number, read_table
 
     rows = read_table(arguments.table)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
-from evac.errors import EvacWarning
+from evac.base.errors import EvacWarning
 
 #: Libraries that log warnings to standard error by default.
 LOGGING = ("matplotlib", "imageio", "PIL")
@@ -17,7 +17,7 @@ MOST_KEPT = 100
 
 
 def _is_plugin_file(path: str) -> bool:
-    from evac.registry import is_plugin_file  # already loaded at this point
+    from evac.contract.registry import is_plugin_file  # already loaded at this point
 
     return is_plugin_file(path)
 

@@ -12,7 +12,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from evac.errors import EvacError
+from evac.base.errors import EvacError
 
 #: Folder of the kernels in a wheel.
 FOLDER = "evac/kernels"
@@ -62,14 +62,14 @@ def build_wheel(source: Path, out: Path) -> Path:
 def compile_into(code: str) -> None:
     """Compile all kernels of the imported evac for the generic processor into the folder of an unpacked wheel."""
     import evac
+    from evac.base.display import Display
     from evac.cli.cache import all_entries
-    from evac.display import Display
+    from evac.contract.registry import Registry
     from evac.jit.digest import digest_of, versions
     from evac.jit.loading import compile_missing
     from evac.jit.processor import generic
     from evac.jit.store import Store
     from evac.jit.workers import Task
-    from evac.registry import Registry
 
     if not Path(evac.__file__).is_relative_to(code):
         raise EvacError(f"evac was imported from {evac.__file__}, not from the wheel; use a virtual environment")

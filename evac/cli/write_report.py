@@ -48,14 +48,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Write the report and print its path."""
-    from evac.errors import ResultError
-    from evac.output.congestion import DENSITY
-    from evac.output.files import REPORT_NAME
-    from evac.output.report.of_run import run_report
-    from evac.output.report.page import Labels, write_page
-    from evac.output.report.study import study_report
-    from evac.output.report.study_files import is_study
-    from evac.output.resultfolder import check_result, find_result
+    from evac.analysis.congestion import DENSITY
+    from evac.base.errors import ResultError
+    from evac.folder.files import REPORT_NAME
+    from evac.folder.resultfolder import check_result, find_result
+    from evac.report.of_run import run_report
+    from evac.report.page import Labels, write_page
+    from evac.report.study import study_report
+    from evac.report.study_files import is_study
 
     folder = find_result(arguments.result)
     check_result(folder)
@@ -78,10 +78,10 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _maps(words: str | None) -> tuple[str, ...]:
     """Return the names of the requested maps."""
-    from evac.errors import ResultError
-    from evac.output.maps import QUANTITIES
-    from evac.output.report.congestion import MAPS
-    from evac.parameters import did_you_mean
+    from evac.analysis.maps import QUANTITIES
+    from evac.base.errors import ResultError
+    from evac.base.parameters import did_you_mean
+    from evac.report.congestion import MAPS
 
     if words is None:
         return MAPS

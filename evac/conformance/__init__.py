@@ -18,8 +18,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from evac.behaviour import Behaviour
+from evac.base.errors import ConformanceWarning
+from evac.base.parameters import Configurable
 from evac.building.importer import Importer
+from evac.case.case import Case
+from evac.case.loading import load_case
 from evac.conformance.behaviours import check_declared_arrays, check_distance
 from evac.conformance.cases import check_read_only, check_resume, check_same_bits
 from evac.conformance.classes import (
@@ -36,16 +39,13 @@ from evac.conformance.forces import FORCE_CHECKS
 from evac.conformance.importers import check_damaged_files, check_surface
 from evac.conformance.scenes import PLAIN, check_pace
 from evac.conformance.solvers import SOLVER_CHECKS
-from evac.errors import ConformanceWarning
-from evac.output.exporter import Exporter
-from evac.output.recorder import Recorder
-from evac.parameters import Configurable
-from evac.physics.contact_model import ContactModel
+from evac.export.exporter import Exporter
+from evac.people.behaviour import Behaviour
+from evac.physics.contact.model import ContactModel
+from evac.physics.contact.pair_contact import PairContact
+from evac.physics.contact.solver import Solver
 from evac.physics.force import Force
-from evac.physics.pair_contact import PairContact
-from evac.physics.solver import Solver
-from evac.scenario.case import Case
-from evac.scenario.loading import load_case
+from evac.trajectory.recorder import Recorder
 
 __all__ = ["check_plugin"]
 

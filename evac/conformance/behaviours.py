@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from evac.behaviour import DECLARE, Behaviour, BehaviourScene
+from evac.base.errors import plugin_code
+from evac.case.case import Case
 from evac.conformance.failures import CheckError, scene
-from evac.errors import plugin_code
-from evac.scenario.case import Case
-from evac.simulation import Simulation
+from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene
+from evac.simulation.simulation import Simulation
 
 #: Maximum number of ticks of a case, while lines of the behaviour have not been executed.
 MOST_TICKS = 1000

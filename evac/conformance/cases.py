@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.checkpoints import without_state
+from evac.base.errors import PluginError, ResultError, counted, text_of
+from evac.case.case import Case
 from evac.conformance.failures import CheckError, scene
-from evac.errors import PluginError, ResultError, counted, text_of
-from evac.output.recorder import Recorder
-from evac.output.recording import reading
-from evac.scenario.case import Case
-from evac.simulation import Simulation
+from evac.simulation.checkpoints import without_state
+from evac.simulation.simulation import Simulation
+from evac.trajectory.recorder import Recorder
+from evac.trajectory.recording import reading
 
 State = dict[str, NDArray[Any]]
 

@@ -3,17 +3,17 @@
 import sys
 from typing import Any
 
-from evac.behaviour import Behaviour
+from evac.base.parameters import Configurable, Parameter
+from evac.case.case import Case
+from evac.case.loading import load_case
 from evac.conformance.failures import CheckError, examining
 from evac.conformance.scenes import PLAIN, Pace
-from evac.contract import check_class, check_interface
-from evac.parameters import Configurable, Parameter
-from evac.physics.contact_model import ContactModel
+from evac.contract.registry import KINDS, Registry
+from evac.contract.requirements import check_class, check_interface
+from evac.people.behaviour import Behaviour
+from evac.physics.contact.model import ContactModel
+from evac.physics.contact.solver import Solver
 from evac.physics.force import Force
-from evac.physics.solver import Solver
-from evac.registry import KINDS, Registry
-from evac.scenario.case import Case
-from evac.scenario.loading import load_case
 
 #: Shipped case for checks of a plugin for which no case is given.
 SHIPPED_CASE = "square_room"

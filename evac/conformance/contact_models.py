@@ -19,9 +19,9 @@ from evac.conformance.scenes import (
     thrown,
     walked,
 )
-from evac.physics.contact_model import ContactModel
-from evac.physics.packing import packed_row
-from evac.physics.pair_contact import PairContact
+from evac.physics.contact.model import ContactModel
+from evac.physics.contact.packing import packed_row
+from evac.physics.contact.pair_contact import PairContact
 from evac.physics.state import make_crowd
 
 #: Tolerance of positions after rotating or shifting a scene [m]; the iteration counts of solvers may differ.

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from evac.base.errors import PluginError, ResultError, RunWarning, text_of
+from evac.case.case import Case
 from evac.conformance.failures import CheckError, scene
-from evac.errors import PluginError, ResultError, RunWarning, text_of
-from evac.output.exporter import Exporter, export
-from evac.output.trajectory import Trajectory, read_trajectory
-from evac.running import run
-from evac.scenario.case import Case
+from evac.export.exporter import Exporter, export
+from evac.simulation.running import run
+from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 
 def check_case(case: Case, ticks: int, folder: Path) -> Trajectory:

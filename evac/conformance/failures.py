@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, TypeVar
 
-from evac.errors import EvacError, PluginError, in_one_line, place_of, text_of
+from evac.base.errors import EvacError, PluginError, in_one_line, place_of, text_of
 
 Found = TypeVar("Found")
 

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.conformance.failures import CheckError, examining, scene
 from evac.physics.force import Force
 from evac.physics.parts import functions_of

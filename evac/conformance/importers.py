@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from evac.assembly import make_building, make_importers, read_surface
+from evac.base.errors import BuildingError, counted
 from evac.building.importer import Importer
-from evac.building.surfacemesh import checked
+from evac.building.surface.surfacemesh import checked
+from evac.case.case import Case
 from evac.conformance.failures import CheckError, scene
-from evac.errors import BuildingError, counted
-from evac.scenario.case import Case
+from evac.simulation.assembly import make_building, make_importers, read_surface
 
 #: Contents of files that no importer can read.
 GARBAGE = (b"\n", b"\x00\xff\xfe\x80" * 16, b"0 1 2\nthis is no building\n")

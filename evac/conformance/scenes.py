@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from shapely.geometry import box
 
-from evac.arrays import FloatArray
-from evac.building.model import Building, Level
+from evac.base.arrays import FloatArray
+from evac.base.errors import PluginError, ScenarioError, SimulationError
+from evac.building.model.building import Building, Level
 from evac.conformance.failures import CheckError, scene
+from evac.contract.registry import Registry
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
-from evac.errors import PluginError, ScenarioError, SimulationError
-from evac.physics.contact_model import ContactModel, border_scene
+from evac.physics.contact.model import ContactModel, border_scene
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
-from evac.registry import Registry
 
 #: Step of the scenes [s]; a tick is ten steps. For stiff models they are divided, see `Pace`.
 STEP = 0.01

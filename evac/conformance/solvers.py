@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evac.base.errors import counted
 from evac.conformance.failures import CheckError, examining, scene
-from evac.errors import counted
 from evac.physics.allocation import make_problem
-from evac.physics.rows import call_solver
-from evac.physics.solver import Solver
+from evac.physics.contact.rows import call_solver
+from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 
 FloatArray = NDArray[np.float64]
@@ -84,7 +84,7 @@ class Exercise(NamedTuple):
         return float(np.max(self.omega * np.abs(percussion - np.maximum(local, elastic))))
 
     def pose(self) -> Problem:
-        """Return the packed problem, see `evac.physics.rows`, with zero percussions."""
+        """Return the packed problem, see `evac.physics.contact.rows`, with zero percussions."""
         n, c = len(self.mass), len(self.body)
         problem = make_problem(n, c)
         problem.size, problem.bodies, problem.rigid = c, n, int(self.dissipation == 0.0)
@@ -186,7 +186,8 @@ def check_answers(solver: type[Solver]) -> None:
                 wrong = float(np.abs(_percussions(problem) - one.percussion).max())
                 if not wrong <= SHARE * max(1.0, float(one.percussion.max())):
                     raise CheckError(
-                        f"percussions are wrong by {wrong:.3g} N s", "satisfy evac.physics.rows.law in every row"
+                        f"percussions are wrong by {wrong:.3g} N s",
+                        "satisfy evac.physics.contact.rows.law in every row",
                     )
 
 
@@ -206,7 +207,7 @@ def check_limits(solver: type[Solver]) -> None:
             if not abs(problem.residual - residual) <= LEAST + ROUNDING * residual:
                 raise CheckError(
                     f"reports a residual of {problem.residual:.3g} m/s, which is {residual:.3g}",
-                    "set problem.residual = row_residual(problem) of evac.physics.rows",
+                    "set problem.residual = row_residual(problem) of evac.physics.contact.rows",
                 )
 
 
@@ -255,7 +256,7 @@ def _solve(solver: type[Solver], one: Exercise, problem: Problem, tolerance: flo
     if not wrong <= LEAST + ROUNDING * np.abs(expected).max():
         raise CheckError(
             f"velocities are inconsistent with percussions by {wrong:.3g} m/s",
-            "change both with evac.physics.rows.push_row",
+            "change both with evac.physics.contact.rows.push_row",
         )
     return made
 

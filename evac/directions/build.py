@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from evac.arrays import FloatArray, IndexArray
-from evac.building.checks import measures
-from evac.building.model import Building, Exit
-from evac.building.narrow import gaps_below, gaps_between_walls
-from evac.defaults import COMFORT, ORDER, SPACING
+from evac.base.arrays import FloatArray, IndexArray
+from evac.base.defaults import COMFORT, ORDER, SPACING
+from evac.base.errors import ScenarioError
+from evac.base.parameters import did_you_mean
+from evac.building.model.building import Building, Exit
+from evac.building.model.narrow import gaps_below, gaps_between_walls
+from evac.building.surface.checks import measures
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.classes import find_classes
 from evac.directions.descent import descend
@@ -33,8 +35,6 @@ from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.strips import outward_directions
 from evac.directions.workers import March, march_all, number_of_workers
-from evac.errors import ScenarioError
-from evac.parameters import did_you_mean
 
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0

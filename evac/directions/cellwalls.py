@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evac.arrays import FloatArray, IndexArray
+from evac.base.arrays import FloatArray, IndexArray
 from evac.directions.fields import CellWalls
 from evac.directions.grids import BuildingGrids
 from evac.directions.lattice import SLACK, Window, numbers_between

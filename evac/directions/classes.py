@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evac.building.model import Building
-from evac.building.narrow import gaps_between_walls
+from evac.building.model.building import Building
+from evac.building.model.narrow import gaps_between_walls
 
 #: Greatest number of classes; where more would be needed, widths are rounded down further.
 MOST_CLASSES = 8

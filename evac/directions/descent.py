@@ -2,7 +2,7 @@
 
 import math
 
-from evac.building.model import DOWN, FLAT, UP
+from evac.building.model.building import DOWN, FLAT, UP
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from evac.building.model import Building, Exit
+from evac.building.model.building import Building, Exit
 
 
 def build_graph(building: Building) -> Any:

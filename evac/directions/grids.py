@@ -9,9 +9,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from evac.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from evac.building.model import DOWN, FLAT, UP, Building, Exit, Level, Portal
-from evac.building.narrow import gaps_below, gaps_between_walls
+from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from evac.building.model.building import DOWN, FLAT, UP, Building, Exit, Level, Portal
+from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.directions.lattice import (
     SLACK,
     Lattice,

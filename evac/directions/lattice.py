@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from evac.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
 
 #: Rounding tolerance of positions on the lattice, in cells.
 SLACK = 1e-6

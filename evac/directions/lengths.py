@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray, IndexArray
-from evac.building.model import FLAT, Building, Exit
+from evac.base.arrays import FloatArray, IndexArray
+from evac.building.model.building import FLAT, Building, Exit
 from evac.directions.descent import Ways, add_lengths, find_lowest
 from evac.directions.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
 from evac.directions.routes import Route

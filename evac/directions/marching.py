@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
-from evac.arrays import FloatArray
-from evac.building.model import DOWN, FLAT, UP, Exit, Portal
+from evac.base.arrays import FloatArray
+from evac.building.model.building import DOWN, FLAT, UP, Exit, Portal
 from evac.directions.grids import OWN, BuildingGrids, LevelGrid, use_towards
 from evac.directions.lattice import SLACK
 from evac.directions.strips import points_along

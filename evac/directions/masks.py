@@ -5,8 +5,8 @@ The results agree with `scipy.ndimage`, whose import takes longer than computing
 
 import numpy as np
 
-from evac.arrays import BoolArray, IndexArray
-from evac.building.components import connected_components
+from evac.base.arrays import BoolArray, IndexArray
+from evac.building.surface.components import connected_components
 
 #: Nodes that are looked at together, since each takes some 80 bytes.
 CHUNK = 2**21

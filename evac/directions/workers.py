@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evac.arrays import FloatArray
-from evac.building.model import Exit
+from evac.base.arrays import FloatArray
+from evac.base.processes import close_pipes, kill_workers, start_worker
+from evac.building.model.building import Exit
 from evac.directions.grids import BuildingGrids
 from evac.directions.marching import Metric, march
 from evac.jit.workers import cores
-from evac.processes import close_pipes, kill_workers, start_worker
 
 #: A worker pays from so many nodes on, counted once for each march: it takes a quarter of a second to start.
 NODES_PER_WORKER = 2_500_000

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import evac
-from evac.errors import ResultError, ScenarioError
+from evac.base.errors import ResultError, ScenarioError
+from evac.base.parameters import did_you_mean
 from evac.evidence import KINDS
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import verdict_table
-from evac.output.report.verification import EVIDENCE_NAME
-from evac.parameters import did_you_mean
+from evac.report.verification import EVIDENCE_NAME
 
 #: What the reports of runs show of each kind.
 SHOWN = ("title", "examined", "verdicts", "command", "commit", "versions")
@@ -73,7 +73,7 @@ def write_index(folder: Path) -> None:
 
 
 def shown_in_reports(folder: Path) -> dict[str, Any]:
-    """Return the verdicts of an evidence folder in the form of `evac.output.report.verification.evidence`."""
+    """Return the verdicts of an evidence folder in the form of `evac.report.verification.evidence`."""
     found = {kind: folder / kind / "run.json" for kind in KINDS}
     kinds = {kind: json.loads(path.read_text()) for kind, path in found.items() if path.is_file()}
     with (folder / "validation" / "verdicts.csv").open(newline="", encoding="utf-8") as file:

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any, cast
 
-from evac.physics.contact_model import ContactModel
+from evac.contract.registry import Registry
+from evac.physics.contact.model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.state import World
-from evac.registry import Registry
 
 #: Plugin and parameters of each model; other parameters have the plugin's defaults.
 MODELS: Mapping[str, tuple[str, Mapping[str, Any]]] = {

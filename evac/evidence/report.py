@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from evac.errors import ResultError
+from evac.base.distributions import generator_for
+from evac.base.errors import ResultError
 from evac.evidence.verdicts import Finding, verdict_table
-from evac.people.distributions import generator_for
 from evac.study.executors import in_processes
 
 if TYPE_CHECKING:

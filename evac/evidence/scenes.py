@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from shapely.geometry import box
 
-from evac.arrays import FloatArray
-from evac.building.model import Building, Exit, Level
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Exit, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_engine
-from evac.physics.contact_model import BorderScene, border_scene
+from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, copy_of
 from evac.physics.world import make_world, set_open

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
-from evac.errors import ScenarioError
+from evac.base.arrays import FloatArray
+from evac.base.distributions import generator_for
+from evac.base.errors import ScenarioError
+from evac.case.loading import load_case
 from evac.evidence.models import MODELS, make_engine, make_model
-from evac.people.distributions import generator_for
 from evac.people.population import Population, build_population
-from evac.physics.contact_model import border_scene
+from evac.physics.contact.model import border_scene
 from evac.physics.state import Crowd, World
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 
 #: A run is stopped and counted separately when nobody has left for this time [s].

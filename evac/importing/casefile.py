@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.building.names import repaired
-from evac.errors import ScenarioError
+from evac.base.errors import ScenarioError
+from evac.building.model.names import repaired
 
 if TYPE_CHECKING:
     from evac.importing.importer import Imported

@@ -7,22 +7,22 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from evac.assembly import draw_plan, read_building, read_file
-from evac.building.build import building_of, clean
-from evac.building.findings import Finding
-from evac.building.meshfile import write_surface
-from evac.building.model import Building
-from evac.building.plan import Plan
-from evac.building.surfacemesh import SurfaceMesh
-from evac.building.tagged import tagged_surface
-from evac.defaults import FARTHEST, FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
-from evac.errors import BuildingError, EvacError, ScenarioError
+from evac.base.defaults import FARTHEST, FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
+from evac.base.errors import BuildingError, EvacError, ScenarioError
+from evac.base.parameters import did_you_mean
+from evac.building.model.building import Building
+from evac.building.model.findings import Finding
+from evac.building.plan.plan import Plan
+from evac.building.surface.build import building_of, clean
+from evac.building.surface.meshfile import write_surface
+from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.building.surface.tagged import tagged_surface
+from evac.contract.registry import Registry
 from evac.importing.casefile import case_text, check_folder, write_text
 from evac.importing.openings import Opening, find_openings
 from evac.importing.report import report_text
 from evac.importing.rooms import Room, fill, find_rooms
-from evac.parameters import did_you_mean
-from evac.registry import Registry
+from evac.simulation.assembly import draw_plan, read_building, read_file
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -235,8 +235,8 @@ def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening
 
 def _fault(draft: Path, folder: Path, registry: Registry) -> str:
     """Return why the case in a draft of a folder cannot be run; empty if it can."""
-    from evac.scenario.loading import load_case
-    from evac.simulation import Simulation
+    from evac.case.loading import load_case
+    from evac.simulation.simulation import Simulation
 
     try:
         Simulation(load_case(draft, registry=registry), will_run=False)
@@ -248,7 +248,7 @@ def _fault(draft: Path, folder: Path, registry: Registry) -> str:
 def _draw(made: Imported, folder: Path) -> None:
     """Draw every level, with numbered openings if there is no exit."""
     from evac.importing.report import MOST_OPENINGS
-    from evac.output.annotated import Mark, draw_levels
+    from evac.pictures.annotated import Mark, draw_levels
 
     offered = () if made.building.exits else made.openings[:MOST_OPENINGS]
     marks = [Mark(f"{one.number}: {one.width:.2f} m", one.level, one.segment) for one in offered]

@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from evac.arrays import FloatArray
-from evac.building.edges import segment_lengths
-from evac.building.elevation import level_elevation
-from evac.building.model import Building, Level
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Level
+from evac.building.model.elevation import level_elevation
+from evac.building.surface.edges import segment_lengths
 
 #: Least width of an opening [m].
 LEAST_WIDTH = 0.5

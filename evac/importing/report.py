@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evac.building.findings import KINDS
+from evac.building.model.findings import KINDS
 from evac.importing.casefile import digest
 from evac.importing.openings import height_of
 

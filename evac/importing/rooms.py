@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evac.building.components import connected_components
-from evac.building.findings import Finding
-from evac.building.model import Building
+from evac.building.model.building import Building
+from evac.building.model.findings import Finding
+from evac.building.surface.components import connected_components
 
 #: Greatest density of people in an area; the others start on the floor around it [1/m2].
 FULL = 3.0

@@ -26,7 +26,7 @@ from numba.core.typing import mathdecl, templates
 from numba.core.typing.typeof import typeof_impl
 from numba.cpython import mathimpl
 
-from evac.errors import fault
+from evac.base.errors import fault
 from evac.jit.digest import kernels_in
 from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import NOTE_RAISED, Entry, Kernel

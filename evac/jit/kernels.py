@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from evac.errors import PluginError, fault, text_of
+from evac.base.errors import PluginError, fault, text_of
 from evac.jit.layout import Array, Kind, Struct, check_array, describe, kind_of
 
 #: Whether kernels run as Python functions, for debugging.

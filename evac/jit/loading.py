@@ -11,7 +11,7 @@ from typing import Any
 
 from llvmlite import binding as llvm
 
-from evac.errors import CacheWarning
+from evac.base.errors import CacheWarning
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, note_raised
 from evac.jit.processor import Processor, generic, host, missing_features

@@ -4,7 +4,7 @@ import dis
 import os
 import re
 
-from evac.errors import PluginError, fault
+from evac.base.errors import PluginError, fault
 from evac.jit.digest import kernels_in
 from evac.jit.kernels import Entry
 

@@ -18,7 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from evac.errors import CacheWarning
+from evac.base.errors import CacheWarning
 
 #: First bytes of files of this format, and of files of any version of the format.
 _MAGIC = b"evac kernel 1\n"

@@ -17,12 +17,12 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from evac.errors import PluginError
+from evac.base.errors import PluginError
+from evac.base.processes import close_pipes, kill_workers, start_worker
 from evac.jit.digest import digest_of, kernels_in
 from evac.jit.kernels import Entry, entries_of
 from evac.jit.processor import Processor
 from evac.jit.store import Store
-from evac.processes import close_pipes, kill_workers, start_worker
 
 #: Called with the number of finished kernels and the total number.
 Progress = Callable[[int, int], None]

@@ -3,15 +3,15 @@
 import math
 from typing import TYPE_CHECKING
 
-from evac.building.model import Building
+from evac.base.distributions import Distribution
+from evac.base.errors import ScenarioError
+from evac.base.parameters import did_you_mean
+from evac.building.model.building import Building
 from evac.directions.routes import Route
-from evac.errors import ScenarioError
-from evac.parameters import did_you_mean
-from evac.people.distributions import Distribution
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
-    from evac.scenario.schema import GroupSettings
+    from evac.case.case import Case
+    from evac.case.schema import GroupSettings
 
 
 def route_of(people: "GroupSettings") -> Route:

@@ -7,10 +7,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.arrays import BoolArray, FloatArray
-from evac.errors import ScenarioError
+from evac.base.arrays import BoolArray, FloatArray
+from evac.base.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
-from evac.physics.neighbours import segment_distance
+from evac.physics.contact.neighbours import segment_distance
 
 #: Number of rounds of random candidates, with two per person, before the lattice is tried.
 ROUNDS = 40

@@ -8,23 +8,23 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray, IntArray
-from evac.building.elevation import elevation
-from evac.building.model import DOWN, FLAT, UP, Area, Building
-from evac.building.places import HEIGHT_REACH
-from evac.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
-from evac.errors import ScenarioError, naming
-from evac.people.distributions import Distribution, generator_for
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.base.distributions import Distribution, generator_for
+from evac.base.errors import ScenarioError, naming
+from evac.base.saved import FINITE, SavedError, taken
+from evac.building.model.building import DOWN, FLAT, UP, Area, Building
+from evac.building.model.elevation import elevation
+from evac.building.surface.places import HEIGHT_REACH
 from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
 from evac.physics.motion import EXIT
 from evac.physics.state import Crowd, Events, make_crowd
-from evac.saved import FINITE, SavedError, taken
 
 if TYPE_CHECKING:
+    from evac.case.case import Case
+    from evac.case.schema import GroupSettings
     from evac.directions.fields import Fields
-    from evac.scenario.case import Case
-    from evac.scenario.schema import GroupSettings
 
 
 #: Tolerance for rounded positions outside a level or inside a wall [m].

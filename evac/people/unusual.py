@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from evac.errors import counted
+from evac.base.errors import counted
 from evac.people.population import Group
 from evac.physics.state import Crowd
 

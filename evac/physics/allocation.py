@@ -7,9 +7,8 @@ import numpy as np
 from evac.jit import Struct
 from evac.jit.layout import Array
 from evac.physics import tallies as at
-from evac.physics.blocks import BLOCKS, WALLS
-from evac.physics.cells import make_cells
-from evac.physics.pieces import CHUNK
+from evac.physics.contact.blocks import BLOCKS, WALLS
+from evac.physics.contact.cells import make_cells
 from evac.physics.state import (
     Bodies,
     Clock,
@@ -24,7 +23,8 @@ from evac.physics.state import (
     WarmStart,
     World,
 )
-from evac.physics.turns import Team
+from evac.physics.threads.pieces import CHUNK
+from evac.physics.threads.turns import Team
 
 S = TypeVar("S", bound=Struct)
 

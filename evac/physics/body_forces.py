@@ -3,8 +3,8 @@
 import math
 
 from evac.jit import call_body_force, inner, kernel, row
-from evac.physics.contacts import wall_normal
-from evac.physics.neighbours import segment_distance
+from evac.physics.contact.contacts import wall_normal
+from evac.physics.contact.neighbours import segment_distance
 from evac.physics.seams import touches
 from evac.physics.state import State
 from evac.physics.status import OK

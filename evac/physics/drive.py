@@ -2,7 +2,7 @@
 
 import math
 
-from evac.building.model import DOWN, FLAT, UP
+from evac.building.model.building import DOWN, FLAT, UP
 from evac.directions.sampling import column_of, direction_in_cell, node_at, sample_direction
 from evac.jit import AddressCall, call_pair_force, inner, kernel, row
 from evac.physics.seams import touches

@@ -17,17 +17,11 @@ import numpy as np
 from evac.directions.fields import columns_of
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
-from evac.physics.contacts import (
-    find_contacts,
-    keep_percussions,
-    report_contact_force,
-    set_reach,
-)
+from evac.physics.contact.contacts import find_contacts, keep_percussions, report_contact_force, set_reach
+from evac.physics.contact.neighbours import build_lists
+from evac.physics.contact.overlaps import call_separate
 from evac.physics.drive import call_add_forces, call_drive, set_desired
 from evac.physics.motion import add_contact_work, move, remember
-from evac.physics.neighbours import build_lists
-from evac.physics.overlaps import call_separate
-from evac.physics.pieces import CHUNK, DRIVE, FIND, LIST, LOOK, MOVE, OPEN, REACH, call_team
 from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
     EVENTS_FULL,
@@ -40,6 +34,7 @@ from evac.physics.status import (
     TOO_STIFF,
     WALL_CROSSED,
 )
+from evac.physics.threads.pieces import CHUNK, DRIVE, FIND, LIST, LOOK, MOVE, OPEN, REACH, call_team
 
 #: Largest number of parts that a step is divided into before the run is stopped.
 GREATEST_PARTS = 256

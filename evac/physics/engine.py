@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from evac.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
+from evac.base.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
+from evac.base.saved import FINITE, taken
 from evac.jit import AddressCall, Entry
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
@@ -22,19 +23,18 @@ from evac.physics.allocation import (
     make_warm_start,
 )
 from evac.physics.body_forces import add_body_forces
-from evac.physics.contact_model import ContactModel, SolvedContactModel
+from evac.physics.contact.model import ContactModel, SolvedContactModel
+from evac.physics.contact.overlaps import separate
+from evac.physics.contact.packing import pack_forces
+from evac.physics.contact.solver import Solver
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.order import rows_by_place, rows_by_travel_time
-from evac.physics.overlaps import separate
-from evac.physics.packing import pack_forces
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
-from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, State, World
-from evac.physics.team import conduct, conduct_blocks, serve
-from evac.physics.threads import Threads
-from evac.saved import FINITE, taken
+from evac.physics.threads.team import conduct, conduct_blocks, serve
+from evac.physics.threads.threads import Threads
 
 #: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
 LONGEST_REACH = 1000.0

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.parameters import Configurable
+from evac.base.parameters import Configurable
 
 
 class Force(Configurable, ABC):

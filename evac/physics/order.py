@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray, IntArray
+from evac.base.arrays import FloatArray, IntArray
 from evac.directions.fields import columns_of
 from evac.directions.sampling import sample_travel_times
 from evac.physics.state import Crowd, World

@@ -2,21 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 
+from evac.base.errors import PluginError, fault, plugin_code
+from evac.base.parameters import did_you_mean
 from evac.directions.sampling import sample_travel_times
-from evac.errors import PluginError, fault, plugin_code
 from evac.jit import Entry, call_body_force, call_pair_force
-from evac.parameters import did_you_mean
 from evac.physics import driver
 from evac.physics.body_forces import add_body_forces
-from evac.physics.contact_model import ContactModel, SolvedContactModel
+from evac.physics.contact.model import ContactModel, SolvedContactModel
+from evac.physics.contact.overlaps import separate
+from evac.physics.contact.packing import check_indices, cutoff_of, packed_row
+from evac.physics.contact.pair_contact import PairContact
+from evac.physics.contact.rows import call_solver
+from evac.physics.contact.solver import Solver
 from evac.physics.drive import add_forces, drive, drive_overdamped
 from evac.physics.force import Force
-from evac.physics.overlaps import separate
-from evac.physics.packing import check_indices, cutoff_of, packed_row
-from evac.physics.pair_contact import PairContact
-from evac.physics.rows import call_solver
 from evac.physics.seams import reaches
-from evac.physics.solver import Solver
 
 
 def entries_of_loop(

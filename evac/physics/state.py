@@ -5,14 +5,14 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.directions.fields import PackedFields
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
 from evac.jit.layout import Array
-from evac.physics.cells import Cells
-from evac.physics.turns import Team
+from evac.physics.contact.cells import Cells
+from evac.physics.threads.turns import Team
 
-#: Rows of the packed contact problem, see `evac.physics.rows`.
+#: Rows of the packed contact problem, see `evac.physics.contact.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
 NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
@@ -221,7 +221,7 @@ class Lists(Struct):
 
 
 class Problem(Struct):
-    """The contact problem packed for solvers, one row for each unknown percussion, see `evac.physics.rows`.
+    """The contact problem packed for solvers, one row for each unknown percussion, see `evac.physics.contact.rows`.
 
     A solver changes percussions and velocities consistently; arrays with ``work`` and ``image`` in their names are
     scratch. Walls are represented by bodies of infinite mass behind the people.
@@ -230,15 +230,15 @@ class Problem(Struct):
     size: int  # number of rows
     bodies: int
     ends: int  # number of bodies and walls
-    blocks: int  # number of blocks, see `evac.physics.blocks`
+    blocks: int  # number of blocks, see `evac.physics.contact.blocks`
     first_row: Longs  # (blocks + 2,) of each block, of the rows between blocks, and `size`
     first_body: Longs  # (blocks + 2,)
     taken: Longs  # (blocks + 1,) scratch: rows given to unknowns
     row: Ints  # row of each unknown, in the order of contacts
     sums: FloatGrid  # (blocks + 1, 8) what a solver finds in each block
     share: float  # extrapolation factor of a sweep
-    conduct: int  # address of `evac.physics.team.conduct_blocks`, 0: one thread
-    make_phase: int  # address of the solver's kernel for a phase on a block, see `evac.physics.solver`
+    conduct: int  # address of `evac.physics.threads.team.conduct_blocks`, 0: one thread
+    make_phase: int  # address of the solver's kernel for a phase on a block, see `evac.physics.contact.solver`
     team: Team
     rigid: int  # 1: every row is rigid and pushes only
     residual: float  # residual of the percussions, set by the solver [m/s]

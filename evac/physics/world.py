@@ -3,8 +3,8 @@
 import numpy as np
 import shapely
 
-from evac.arrays import FloatArray, IntArray
-from evac.building.model import Building
+from evac.base.arrays import FloatArray, IntArray
+from evac.building.model.building import Building
 from evac.directions.fields import Fields
 from evac.physics.state import World
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
-from evac.errors import EvacError, PluginError, ResultError, ScenarioError, warn
-from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
-from evac.output.resultfolder import ResultFolder, remove_written
-from evac.scenario.loading import as_case
-from evac.scenario.trust import run_plugin_files
+from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
+from evac.case.loading import as_case
+from evac.case.trust import run_plugin_files
+from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
+from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.study import points
 from evac.study.points import Point, Seeds
 from evac.study.remarks import quality_of, remarks_of
@@ -24,7 +24,7 @@ from evac.study.study import Progress, Study
 from evac.study.workers import warn_alone
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 
 def repeat(

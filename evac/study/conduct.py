@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from evac.ending import Stopped
-from evac.errors import EvacError, SimulationError, in_one_line
-from evac.phases import Progress
+from evac.base.errors import EvacError, SimulationError, in_one_line
+from evac.base.phases import Progress
+from evac.results.ending import Stopped
 from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, workers_of
 from evac.study.points import Point
 from evac.study.runs import Order, Row, Task, make_rows

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 
 #: A study has settled if the measures are below these bounds for `CONSECUTIVE` runs in a row; our choice.
 BOUNDS = {"TET": 0.01, "SD": 0.05, "ERD": 0.01, "EPC": 0.01, "SC": 0.01}

@@ -10,7 +10,7 @@ from os import cpu_count
 from pathlib import Path
 from typing import TypeVar
 
-from evac.errors import EvacError, in_one_line
+from evac.base.errors import EvacError, in_one_line
 from evac.study.workers import LocalPool, died
 
 Item = TypeVar("Item")

@@ -10,15 +10,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.assembly import ground_key, providers
-from evac.errors import ResultError, in_one_line, naming
-from evac.output.files import STUDY_NAME, replacing
-from evac.output.results import plain, versions
+from evac.base.errors import ResultError, in_one_line, naming
+from evac.folder.files import STUDY_NAME, replacing
+from evac.results.results import plain, versions
+from evac.simulation.assembly import ground_key, providers
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 
 def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -> dict[str, Any]:

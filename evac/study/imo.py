@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 
 POPULATIONS = 100
 REPETITIONS = 5

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
-from evac.assembly import providers
-from evac.output.files import (
+from evac.base.arrays import FloatArray
+from evac.folder.files import (
     CONVERGENCE_NAME,
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
@@ -27,9 +26,10 @@ from evac.output.files import (
     replacing,
     writing,
 )
-from evac.output.manifest import note_written
-from evac.output.results import plain, versions, write_csv
-from evac.simulation import Simulation
+from evac.folder.manifest import note_written
+from evac.results.results import plain, versions, write_csv
+from evac.simulation.assembly import providers
+from evac.simulation.simulation import Simulation
 from evac.study.convergence import convergence, settled
 from evac.study.statistics import PERCENTILES
 
@@ -199,7 +199,7 @@ def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], pa
 
 
 def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) -> None:
-    from evac.output.pictures import new_axes, save
+    from evac.pictures.pictures import new_axes, save
 
     low, median, high = (columns[f"percentile_{of:g}_over_runs"] for of in PERCENTILES)
     time, mean = columns["time"], columns["mean_over_runs"]
@@ -219,7 +219,7 @@ def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) 
 
 def _draw_statistics(study: "Study", path: Path) -> None:
     """Draw mean or median, and the last percentile, of the evacuation time at each point, over the last number."""
-    from evac.output.pictures import new_plain_axes, save
+    from evac.pictures.pictures import new_plain_axes, save
 
     keys = parameter_keys(study)
     values = {key: [point.parameters.get(key) for point in study.points] for key in keys}

@@ -10,12 +10,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.errors import ScenarioError
-from evac.scenario.trust import run_plugin_files
+from evac.base.errors import ScenarioError
+from evac.case.trust import run_plugin_files
 
 if TYPE_CHECKING:
-    from evac.registry import Registry
-    from evac.scenario.case import Case
+    from evac.case.case import Case
+    from evac.contract.registry import Registry
 
 #: Keys that a study sets for each run.
 SEEDS = ("simulation.seed", "simulation.population_seed")
@@ -144,7 +144,7 @@ def from_rows(
     ScenarioError
         A row names no case and no default is given, or its case is not valid; or there are too many rows.
     """
-    from evac.scenario.loading import load_case
+    from evac.case.loading import load_case
 
     check_number(len(rows))
     cases: dict[str, Case] = {}
@@ -187,7 +187,7 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     ScenarioError
         The file cannot be read, or contains no rows.
     """
-    from evac.scenario.overrides import value_of
+    from evac.case.overrides import value_of
 
     try:
         if path.stat().st_size > MOST_BYTES:

@@ -5,15 +5,15 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.errors import ResultError, in_one_line
-from evac.output.files import STUDY_NAME
+from evac.base.errors import ResultError, in_one_line
+from evac.folder.files import STUDY_NAME
 from evac.study.identity import read_identity
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
 from evac.study.study import Study
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 
 def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Study:
@@ -67,7 +67,7 @@ def _base(folder: Path, content: Mapping[str, Any], plugin_files: tuple[Path, ..
 
 def _case_of(folder: Path, content: Mapping[str, Any], plugin_files: tuple[Path, ...]) -> "Case":
     """Return the case of a study; plugin files that were used must be given, because the folder may be a stranger's."""
-    from evac.scenario.loading import case_from
+    from evac.case.loading import case_from
 
     source = Path(content["source"])
     named = [(source.parent / name).resolve() for name in content["table"].get("plugins", {}).get("files", [])]

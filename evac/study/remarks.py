@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from evac.errors import counted
+from evac.base.errors import counted
 from evac.study.points import STEP
 
 if TYPE_CHECKING:

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
-from evac.assembly import make_contact_model, make_population
-from evac.ending import EVERYBODY_OUT, FAILED
-from evac.errors import EvacError
-from evac.output.results import Results
-from evac.phases import Progress
+from evac.base.arrays import FloatArray
+from evac.base.errors import EvacError
+from evac.base.phases import Progress
+from evac.results.ending import EVERYBODY_OUT, FAILED
+from evac.results.results import Results
+from evac.simulation.assembly import make_contact_model, make_population
 from evac.study.points import SEEDS, Point, Seeds
 from evac.study.shared import GroundFile, shared_ground, simulation_of
 
 if TYPE_CHECKING:
-    from evac.registry import Registry
-    from evac.scenario.case import Case
+    from evac.case.case import Case
+    from evac.contract.registry import Registry
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Order:
     digest : str
         Digest of the case, which is loaded only once in each process.
     table, source, plugin_files
-        The case, see `evac.scenario.loading.case_from`.
+        The case, see `evac.case.loading.case_from`.
     seeds : Seeds
     key : str
         Key of the ground.
@@ -235,14 +235,14 @@ _cases: dict[str, "Case"] = {}
 @lru_cache(maxsize=8)
 def _registry(plugin_files: tuple[Path, ...]) -> "Registry":
     """Return the registry of a study, created once in each process."""
-    from evac.registry import Registry
+    from evac.contract.registry import Registry
 
     return Registry(plugin_files)
 
 
 def _case_of(order: Order) -> "Case":
     """Return the checked case of an order; only that of the last point is cached."""
-    from evac.scenario.loading import case_from
+    from evac.case.loading import case_from
 
     if order.digest not in _cases:
         case = case_from(

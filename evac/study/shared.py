@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.assembly import ground_key, make_shared
-from evac.scene import Ground
-from evac.simulation import Simulation
+from evac.simulation.assembly import ground_key, make_shared
+from evac.simulation.scene import Ground
+from evac.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
-    from evac.scenario.case import Case
+    from evac.case.case import Case
 
 #: Number of most recently used grounds that a process keeps.
 MOST_GROUNDS = 8
@@ -128,7 +128,7 @@ def shared_ground(case: "Case", key: str, file: GroundFile | None = None) -> Gro
     Raises
     ------
     EvacError
-        As for `evac.assembly.make_shared`.
+        As for `evac.simulation.assembly.make_shared`.
     """
     return GROUNDS.get(key, file) or GROUNDS.keep(key, make_shared(case))
 
@@ -146,7 +146,7 @@ def simulation_of(
     ----------
     case : Case
     key : str
-        The case's key from `evac.assembly.ground_key`.
+        The case's key from `evac.simulation.assembly.ground_key`.
     file : GroundFile, optional
     compiling : callable, optional
         As for `Simulation`.

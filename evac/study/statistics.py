@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
-from evac.errors import ScenarioError, counted
+from evac.base.arrays import FloatArray
+from evac.base.errors import ScenarioError, counted
 
 #: Confidence level of the intervals.
 CONFIDENCE = 0.95

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evac.arrays import FloatArray
-from evac.errors import ScenarioError
+from evac.base.arrays import FloatArray
+from evac.base.errors import ScenarioError
 from evac.study.statistics import CONFIDENCE, Estimate, estimate, least_runs, percentile_of
 
 #: Number of runs before the interval is first computed, unless a percentile needs more; and the greatest number.

@@ -22,10 +22,10 @@ import pyarrow as pa
 import pyarrow.ipc
 import pyarrow.parquet as pq
 
-from evac.ending import FAILED
-from evac.errors import ResultError, text_of
-from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, writing
-from evac.output.manifest import note_written
+from evac.base.errors import ResultError, text_of
+from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, writing
+from evac.folder.manifest import note_written
+from evac.results.ending import FAILED
 from evac.study.points import Point
 from evac.study.records import read_sealed, sealed
 from evac.study.runs import Row

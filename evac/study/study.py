@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
-from evac.errors import EvacError
+from evac.base.arrays import FloatArray
+from evac.base.errors import EvacError
 from evac.study import imo
 from evac.study.conduct import Conductor
 from evac.study.identity import check_identity, definition_of, digest_of, identity_of, key_of, write_identity
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import pandas
     import pyarrow
 
-    from evac.output.results import Results
-    from evac.scenario.case import Case
+    from evac.case.case import Case
+    from evac.results.results import Results
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ class Study:
         folder : str or Path, optional
             Result folder.
         """
-        from evac.running import run as run_case
+        from evac.simulation.running import run as run_case
 
         return run_case(self.case_of(point, run), folder)
 

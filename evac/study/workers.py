@@ -12,8 +12,8 @@ from queue import SimpleQueue
 from subprocess import Popen
 from typing import IO, Any, TypeVar
 
-from evac.errors import EvacError, ProcessWarning, SimulationError, in_one_line
-from evac.processes import close_pipes, kill_workers, start_worker
+from evac.base.errors import EvacError, ProcessWarning, SimulationError, in_one_line
+from evac.base.processes import close_pipes, kill_workers, start_worker
 
 Result = TypeVar("Result")
 

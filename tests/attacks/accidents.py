@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from evac.errors import ResultError
-from evac.output.trajectory import read_trajectory
+from evac.base.errors import ResultError
+from evac.trajectory.trajectory import read_trajectory
 from tests.attacks.commands import write_case
 
 #: Longest time that a run takes to end after a signal [s].

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import evac
-from evac.errors import EvacError, ScenarioError, SimulationError
-from evac.output.checkpoint import read_checkpoint, write_checkpoint
-from evac.output.files import CHECKPOINT_NAME
+from evac.base.errors import EvacError, ScenarioError, SimulationError
+from evac.folder.checkpoint import read_checkpoint, write_checkpoint
+from evac.folder.files import CHECKPOINT_NAME
 
 Json = Any
 Arrays = dict[str, NDArray[Any]]

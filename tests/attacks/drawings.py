@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import read_surface
-from evac.building.build import build_building
-from evac.building.model import Building
-from evac.errors import BuildingError
-from evac.registry import BUILTIN_IMPORTERS, Registry
+from evac.base.errors import BuildingError
+from evac.building.model.building import Building
+from evac.building.surface.build import build_building
+from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.simulation.assembly import read_surface
 from tests.building.random_plans import plan_shapes
 
 #: Greatest share by which the ground may differ from what shapely gives [1].

@@ -7,10 +7,10 @@ from functools import cache
 from pathlib import Path
 from typing import get_args, get_origin
 
-from evac.registry import Registry
-from evac.scenario.case import Case as EvacCase
-from evac.scenario.keys import Section
-from evac.scenario.problems import section_of
+from evac.case.case import Case as EvacCase
+from evac.case.keys import Section
+from evac.case.problems import section_of
+from evac.contract.registry import Registry
 from tests.attacks.commands import MODELS, call, write_case
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from evac.assembly import read_building
-from evac.errors import BuildingError
+from evac.base.errors import BuildingError
+from evac.simulation.assembly import read_building
 from tests.ifcfiles import IfcFile, steps
 
 FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from evac.building.plantable import SECTIONS, plan_of
-from evac.errors import BuildingError
+from evac.base.errors import BuildingError
+from evac.building.plan.plantable import SECTIONS, plan_of
 
 #: A sound plan with something of every kind.
 PLAN: dict[str, list[dict[str, Any]]] = {

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 import evac
-from evac.errors import EvacError
+from evac.base.errors import EvacError
 from tests.attacks.commands import MODELS
 from tests.building.random_meshes import KINDS, random_mesh
 

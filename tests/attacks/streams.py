@@ -163,7 +163,7 @@ def _check_quiet(said: bytes) -> None:
 
 def _check_whole(path: Path) -> None:
     """Look whether anything has been written into a trajectory by others."""
-    from evac.output.trajectory import read_trajectory
+    from evac.trajectory.trajectory import read_trajectory
 
     assert not read_trajectory(path).warnings, path
 
@@ -228,12 +228,12 @@ SITES = {
 
 PLUGIN = """\
 import numpy as np
-from evac.behaviour import Behaviour
+from evac.people.behaviour import Behaviour
 from evac.building.importer import Importer
-from evac.hookspecs import hookimpl
+from evac.contract.hooks import hookimpl
 from evac.jit import pair_force
-from evac.output.recorder import Recorder
-from evac.physics.contact_model import ContactModel
+from evac.trajectory.recorder import Recorder
+from evac.physics.contact.model import ContactModel
 from evac.physics.force import Force
 
 evac_interface = 3

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import evac
-from evac.errors import ResultError
-from evac.output.files import PEOPLE_NAME, SUMMARY_NAME
-from evac.output.replay.writer import replay_trajectory
-from evac.output.report.of_run import run_report
-from evac.output.report.page import Labels
+from evac.base.errors import ResultError
+from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
+from evac.replay.writer import replay_trajectory
+from evac.report.of_run import run_report
+from evac.report.page import Labels
 from tests.attacks.checkpoints import HALL, ODD, places, table
 
 #: Cells of a table of people.

@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from evac.errors import ResultError
-from evac.output.layout import FRAME_HEAD_BYTES, FRAME_HEAD_BYTES_1, RECORD_BYTES
-from evac.output.trajectory import Trajectory, read_trajectory
-from evac.output.vtk_export import export_vtk
+from evac.base.errors import ResultError
+from evac.export.vtk import export_vtk
+from evac.trajectory.layout import FRAME_HEAD_BYTES, FRAME_HEAD_BYTES_1, RECORD_BYTES
+from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 #: Greatest time [s] and memory [bytes] that reading a damaged file of a few kB may take.
 SECONDS, BYTES = 10.0, 64e6
 
-FORMAT_1 = Path(__file__).parents[1] / "output" / "format_1.evac"
+FORMAT_1 = Path(__file__).parents[1] / "trajectory" / "format_1.evac"
 
 
 @dataclass(frozen=True)

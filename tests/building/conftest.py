@@ -6,8 +6,8 @@ import meshio
 import numpy as np
 import pytest
 
-from evac.assembly import read_building
-from evac.building.model import Building
+from evac.building.model.building import Building
+from evac.simulation.assembly import read_building
 from tests.ustair import write_u_stair
 
 U_STAIR_EXIT = {"name": "out", "segment": [[0, 5], [0, 6]], "z": 0.0}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from evac.assembly import read_building
+from evac.simulation.assembly import read_building
 
 
 def draw(mesh):

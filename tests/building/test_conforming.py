@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely import LineString, Polygon, box
 
-from evac.building.surfacemesh import SurfaceMesh
+from evac.building.surface.surfacemesh import SurfaceMesh
 
 
 def sides_of(triangles):

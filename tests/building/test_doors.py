@@ -7,8 +7,8 @@ import pytest
 from shapely import box
 
 from evac import BuildingError, Plan
-from evac.building.shapes import united
-from evac.output.header import HeaderError, building_from_json, building_to_json
+from evac.building.plan.shapes import united
+from evac.trajectory.header import HeaderError, building_from_json, building_to_json
 
 
 def two_rooms(segment, **options):
@@ -138,7 +138,7 @@ def test_a_door_meets_only_the_rooms_near_it(monkeypatch):
         met.append(len(parts))
         return united(parts)
 
-    monkeypatch.setattr("evac.building.doors.united", unite)
+    monkeypatch.setattr("evac.building.plan.doors.united", unite)
     plan = Plan()
     plan.storey("a", [box(4.2 * i, 3.2 * j, 4.2 * i + 4.0, 3.2 * j + 3.0) for i in range(8) for j in range(8)])
     added = rooms_in_a_square(8, plan)

@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from evac.building.findings import Finding, as_findings, warnings_of
+from evac.building.model.findings import Finding, as_findings, warnings_of
 
 
 def test_a_finding_begins_with_its_place():

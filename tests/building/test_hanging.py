@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import read_building
-from evac.building.hanging import split_at_vertices
-from evac.building.plan import Plan
-from evac.errors import BuildingError
+from evac.base.errors import BuildingError
+from evac.building.plan.plan import Plan
+from evac.building.surface.hanging import split_at_vertices
+from evac.simulation.assembly import read_building
 
 
 def area(vertices, triangles):

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import read_building, read_surface
-from evac.building.build import build_building
-from evac.building.surfacemesh import checked
-from evac.errors import BuildingError
-from evac.registry import BUILTIN_IMPORTERS, Registry
+from evac.base.errors import BuildingError
+from evac.building.surface.build import build_building
+from evac.building.surface.surfacemesh import checked
+from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.simulation.assembly import read_building, read_surface
 
 REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from evac.assembly import read_building
-from evac.errors import BuildingError
+from evac.base.errors import BuildingError
+from evac.simulation.assembly import read_building
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
 

@@ -5,7 +5,7 @@ import pytest
 import shapely
 from shapely import LineString, box
 
-from evac.building.linework import faces_of, rooms_of
+from evac.building.recover.linework import faces_of, rooms_of
 
 #: Two rooms of 4 m and 4 m by 3 m, with a door between them, one to the outside, and gaps of 5 and 3 cm.
 SINGLE = [

@@ -2,10 +2,10 @@
 
 import pytest
 
-from evac.building.links import close_links
-from evac.errors import BuildingError, EvacError
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.base.errors import BuildingError, EvacError
+from evac.building.model.links import close_links
+from evac.case.loading import load_case
+from evac.simulation.simulation import Simulation
 
 EXITS = [{"name": name, "segment": [[x, 0], [x, 2]], "z": z} for name, x, z in (("west", 0, 0.0), ("east", 26, 3.0))]
 

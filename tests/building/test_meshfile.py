@@ -3,10 +3,10 @@
 import numpy as np
 from shapely import box
 
-from evac.assembly import read_building
-from evac.building.build import build_building
-from evac.building.meshfile import write_surface
-from evac.building.surfacemesh import SurfaceMesh
+from evac.building.surface.build import build_building
+from evac.building.surface.meshfile import write_surface
+from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.simulation.assembly import read_building
 
 
 def surface():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.narrow import PRECISION, gaps_at, gaps_below, gaps_between_walls, narrow_places, necks
+from evac.building.model.narrow import PRECISION, gaps_at, gaps_below, gaps_between_walls, narrow_places, necks
 from tests.directions.conftest import Drawing
 
 DOOR = {"name": "door", "segment": [[0, 1], [0, 2]], "z": 0.0}

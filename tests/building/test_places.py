@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import read_building
-from evac.errors import BuildingError
+from evac.base.errors import BuildingError
+from evac.simulation.assembly import read_building
 
 
 @pytest.fixture

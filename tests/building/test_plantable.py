@@ -7,7 +7,7 @@ import pytest
 from shapely import box
 
 from evac import BuildingError, Plan
-from evac.building.plantable import plan_of, table_of
+from evac.building.plan.plantable import plan_of, table_of
 
 
 def everything():

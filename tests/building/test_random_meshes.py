@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from evac.assembly import read_building
-from evac.errors import BuildingError, EvacError
+from evac.base.errors import BuildingError, EvacError
+from evac.simulation.assembly import read_building
 from tests.building.random_meshes import KINDS, random_mesh
 
 #: Share by which the ground of a building may differ from what is drawn.

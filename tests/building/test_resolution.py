@@ -2,9 +2,9 @@ import meshio
 import numpy as np
 import pytest
 
-from evac.assembly import read_building
-from evac.building.resolution import rounding_step
-from evac.errors import BuildingError
+from evac.base.errors import BuildingError
+from evac.building.surface.resolution import rounding_step
+from evac.simulation.assembly import read_building
 
 RNG = np.random.default_rng(1)
 PLAN = np.round(RNG.uniform(0.0, 40.0, (50, 2)), 3)

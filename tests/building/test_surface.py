@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.polygons import triangulate
-from evac.errors import BuildingError
+from evac.base.errors import BuildingError
+from evac.building.geometry.polygons import triangulate
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
 

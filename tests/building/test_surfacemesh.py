@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.build import build_building
-from evac.building.surfacemesh import SurfaceMesh, checked
-from evac.errors import BuildingError, PluginError
+from evac.base.errors import BuildingError, PluginError
+from evac.building.surface.build import build_building
+from evac.building.surface.surfacemesh import SurfaceMesh, checked
 
 SQUARE = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import read_building
-from evac.building.elevation import elevation
+from evac.building.model.elevation import elevation
+from evac.simulation.assembly import read_building
 
 EXIT = {"name": "out", "segment": [[0, 5], [0, 6]], "z": 0.0}
 SLOPE = np.arctan(1.625 / 5.0)

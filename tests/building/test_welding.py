@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from evac.building.welding import close_pairs, weld_points
+from evac.building.surface.welding import close_pairs, weld_points
 
 
 def test_close_points_become_the_least_of_them():

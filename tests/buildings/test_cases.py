@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import read_building
-from evac.scenario import load_case
-from evac.simulation import Simulation
+from evac.case import load_case
+from evac.simulation.assembly import read_building
+from evac.simulation.simulation import Simulation
 
 CASES = Path(__file__).parents[2] / "buildings"
 

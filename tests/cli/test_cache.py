@@ -13,9 +13,9 @@ import zipfile
 
 import pytest
 
+from evac.base.errors import EvacError
 from evac.cli import cache, main
 from evac.cli.wheel import build_wheel
-from evac.errors import EvacError
 from evac.jit import loading, store
 from evac.jit.digest import versions
 from evac.jit.kernels import Entry
@@ -23,7 +23,7 @@ from evac.jit.processor import generic
 from evac.jit.store import Store
 
 PLUGIN = """
-from evac.hookspecs import hookimpl
+from evac.contract.hooks import hookimpl
 from evac.jit import kernel
 
 evac_interface = 3

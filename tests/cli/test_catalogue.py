@@ -1,6 +1,6 @@
 """evac list, evac plugins, evac explain."""
 
-from evac.registry import Registry
+from evac.contract.registry import Registry
 
 
 def test_list_names_every_case_that_is_registered(evac, capsys):

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from evac.base.errors import CacheWarning, PluginError
 from evac.cli import crash
 from evac.cli.crash import INTERNAL_ERROR, crash_file
 from evac.cli.main import main
-from evac.errors import CacheWarning, PluginError
 
 SECRET = "a-token-that-nobody-may-see"
 
@@ -72,7 +72,7 @@ def test_the_settings_of_the_case_are_in_the_file(monkeypatch, capsys, crashes):
     def fail(*given, **named):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("evac.simulation.Simulation", fail)
+    monkeypatch.setattr("evac.simulation.simulation.Simulation", fail)
     assert main(["explain", "square_room", "--seed", "4711"]) == INTERNAL_ERROR
     (path,) = crashes.iterdir()
     assert '"seed": 4711' in path.read_text(encoding="utf-8")
@@ -139,7 +139,7 @@ def test_warnings_of_libraries_are_kept_for_crash_files(monkeypatch, capsys, cra
     Path("noisy.py").write_text("import warnings\nwarnings.warn('from the plugin')\n")
 
     def warn_and_fail(arguments):
-        from evac.registry import Registry
+        from evac.contract.registry import Registry
 
         warnings.simplefilter("always")
         warnings.warn("from a library", RuntimeWarning, stacklevel=1)
@@ -168,7 +168,7 @@ def test_threads_destructors_and_the_exit_change_no_status(crashes):
         "def stumble():\n    raise ValueError('of the exit')\n"
         "thread = threading.Thread(target=fail)\nthread.start()\nthread.join()\n"
         "Evil()\nkept = Evil()\natexit.register(leave)\natexit.register(stumble)\n"
-        "from evac.hookspecs import hookimpl\nevac_interface = 3\n"
+        "from evac.contract.hooks import hookimpl\nevac_interface = 3\n"
         "@hookimpl\ndef evac_behaviours():\n    return []\n"
     )
     command = [sys.executable, "-P", "-m", "evac", "list", "--plugin", "noise.py"]

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
+from evac.base.errors import SimulationError
 from evac.cli.main import COMMANDS, GARBAGE_EVERY, main, parser
-from evac.errors import SimulationError
 
 
 def test_help_names_every_command(capsys):

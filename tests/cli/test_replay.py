@@ -2,9 +2,9 @@
 
 import pytest
 
-from evac.errors import ScenarioError
-from evac.output.files import REPLAY_NAME
-from evac.scenario.loading import load_case
+from evac.base.errors import ScenarioError
+from evac.case.loading import load_case
+from evac.folder.files import REPLAY_NAME
 
 ALL = {"tables", "picture", "replay", "trajectory", "animation"}
 FILES = {

@@ -12,7 +12,7 @@ import time
 import pytest
 
 from evac.cli import main
-from evac.output.files import CHECKPOINT_NAME
+from evac.folder.files import CHECKPOINT_NAME
 
 TABLES = ("people.csv", "egress.csv", "trajectory.evac")
 

@@ -12,8 +12,8 @@ import time
 import numpy as np
 import pytest
 
-from evac.output.files import TRAJECTORY_NAME, replacing
-from evac.output.trajectory import read_trajectory
+from evac.folder.files import TRAJECTORY_NAME, replacing
+from evac.trajectory.trajectory import read_trajectory
 
 FILES = {
     "summary.json",

@@ -6,9 +6,9 @@ import time
 
 import pytest
 
+from evac.base.errors import ScenarioError
+from evac.case.loading import load_case
 from evac.cli.sweep import swept
-from evac.errors import ScenarioError
-from evac.scenario.loading import load_case
 
 FEW = ("--runs", "2", "--jobs", "1")
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from evac.behaviour import Behaviour
+from evac.people.behaviour import Behaviour
 from tests.conformance.broken import Broken, odd, raising
 
 

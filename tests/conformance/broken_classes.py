@@ -4,13 +4,13 @@ import math
 import sys
 from types import ModuleType
 
+from evac.base.errors import PluginError
+from evac.base.parameters import Configurable, Parameter
 from evac.building.importer import Importer
-from evac.errors import PluginError
-from evac.output.exporter import Exporter
-from evac.output.recorder import Recorder
-from evac.parameters import Configurable, Parameter
-from evac.physics.contact_model import ContactModel
+from evac.export.exporter import Exporter
+from evac.physics.contact.model import ContactModel
 from evac.physics.force import Force
+from evac.trajectory.recorder import Recorder
 from tests.conformance.broken import Broken, odd, raising
 from tests.conformance.broken_behaviours import Slower
 from tests.conformance.broken_contact_models import Bounce

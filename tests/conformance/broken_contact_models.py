@@ -4,12 +4,12 @@ import itertools
 
 import numpy as np
 
-from evac.errors import ScenarioError
+from evac.base.errors import ScenarioError
+from evac.base.parameters import Parameter
 from evac.jit import Struct, inner, kernel, pair_contact
-from evac.parameters import Parameter
 from evac.physics import tallies as at
-from evac.physics.contact_model import ContactModel
-from evac.physics.pair_contact import PairContact
+from evac.physics.contact.model import ContactModel
+from evac.physics.contact.pair_contact import PairContact
 from evac.physics.state import State
 from tests.conformance.broken import Broken, odd, raising
 

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 
 from evac.building.importer import Importer
-from evac.building.surfacemesh import SurfaceMesh
-from evac.output.exporter import Exporter
+from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.export.exporter import Exporter
 from tests.conformance.broken import Broken, odd, raising
 
 # Importers

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from evac.base.parameters import Parameter
+from evac.contract.registry import Registry
 from evac.jit import body_force, pair_force
-from evac.parameters import Parameter
 from evac.physics.force import Force
-from evac.registry import Registry
 from tests.conformance.broken import Broken, odd, raising
 
 

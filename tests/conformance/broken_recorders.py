@@ -1,6 +1,6 @@
 """Broken recorders."""
 
-from evac.output.recorder import Recorder
+from evac.trajectory.recorder import Recorder
 from tests.conformance.broken import Broken, odd, raising
 
 

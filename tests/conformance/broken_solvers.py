@@ -3,8 +3,8 @@
 import math
 
 from evac.jit import inner, kernel
-from evac.physics.rows import AX, BIAS, push_row, row_residual, row_velocity, sweep_up
-from evac.physics.solver import Solver
+from evac.physics.contact.rows import AX, BIAS, push_row, row_residual, row_velocity, sweep_up
+from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 from tests.conformance.broken import Broken, odd
 

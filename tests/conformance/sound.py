@@ -101,8 +101,8 @@ def evac_contact_models():
 COMPILED_LAW = '''"""A contact law without an effect."""
 from evac import ContactModel, hookimpl
 from evac.jit import kernel
-from evac.physics.contact_model import NoParameters
-from evac.physics.contacts import use_free_velocity
+from evac.physics.contact.model import NoParameters
+from evac.physics.contact.contacts import use_free_velocity
 from evac.physics.state import State
 
 @kernel
@@ -126,7 +126,7 @@ def evac_contact_models():
 SOLVER = '''"""A solver."""
 from evac import Solver, hookimpl
 from evac.jit import kernel
-from evac.physics.rows import renew_velocity, row_residual, sweep_up
+from evac.physics.contact.rows import renew_velocity, row_residual, sweep_up
 from evac.physics.state import Problem
 
 @kernel

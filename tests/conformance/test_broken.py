@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
+from evac.base.errors import ConformanceWarning, PluginError
+from evac.case.loading import load_case
 from evac.conformance import check_plugin
-from evac.errors import ConformanceWarning, PluginError
-from evac.registry import Registry
-from evac.scenario.loading import load_case
+from evac.contract.registry import Registry
 from tests.conformance import (
     broken_behaviours,
     broken_classes,

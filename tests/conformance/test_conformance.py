@@ -2,9 +2,9 @@
 
 import pytest
 
+from evac.case.loading import load_case
 from evac.conformance import check_plugin
-from evac.registry import BUILTIN_PLUGINS, Registry
-from evac.scenario.loading import load_case
+from evac.contract.registry import BUILTIN_PLUGINS, Registry
 
 REGISTRY = Registry()
 

@@ -4,14 +4,14 @@ import re
 
 import pytest
 
-from evac.assembly import read_building
-from evac.errors import PluginError
-from evac.output.exporter import export
-from evac.output.trajectory import read_trajectory
-from evac.registry import Registry
-from evac.running import run
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.base.errors import PluginError
+from evac.case.loading import load_case
+from evac.contract.registry import Registry
+from evac.export.exporter import export
+from evac.simulation.assembly import read_building
+from evac.simulation.running import run
+from evac.simulation.simulation import Simulation
+from evac.trajectory.trajectory import read_trajectory
 from tests.conformance.mistakes import FALSE_SOLVERS, MISTAKES, VALID
 from tests.conformance.sound import SOLVER
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.model import Building, Exit, Level, Portal
+from evac.building.model.building import Building, Exit, Level, Portal
 
 
 class Drawing:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.base.errors import ScenarioError
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
-from evac.errors import ScenarioError
 from tests.directions.walks import along, geodesics, positions_on, walk
 
 ANY = (Route(),)

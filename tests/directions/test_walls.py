@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.places import add_obstacles
+from evac.building.surface.places import add_obstacles
 from evac.directions.build import build_fields
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.fields import NO_CELL_WALLS

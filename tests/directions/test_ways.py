@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import read_building
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
+from evac.simulation.assembly import read_building
 from tests.directions.walks import along, positions_on, walk
 from tests.ustair import write_u_stair
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from evac import processes
+from evac.base import processes
 from evac.directions import build, workers
 from evac.directions.build import build_fields
 from evac.directions.grids import build_grids

@@ -10,9 +10,9 @@ import pytest
 from shapely import Point
 
 import evac
-from evac.output.results import EGRESS_COLUMNS, PEOPLE_COLUMNS
-from evac.scenario.reference import reference
-from evac.simulation import Simulation
+from evac.case.reference import reference
+from evac.results.results import EGRESS_COLUMNS, PEOPLE_COLUMNS
+from evac.simulation.simulation import Simulation
 
 DOCUMENTS = (
     "README.md",

@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 
 import evac
-from evac import hookspecs
-from evac.output.exporter import export
-from evac.registry import Registry
+from evac.contract import hooks
+from evac.contract.registry import Registry
+from evac.export.exporter import export
 
-HOOKS = [name for name, item in vars(hookspecs).items() if name.startswith("evac_") and inspect.isfunction(item)]
+HOOKS = [name for name, item in vars(hooks).items() if name.startswith("evac_") and inspect.isfunction(item)]
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def plugin(tmp_path):
 
 def signatures():
     """Return the signature of each hook as its source says it, names of types unquoted."""
-    for item in ast.parse(inspect.getsource(hookspecs)).body:
+    for item in ast.parse(inspect.getsource(hooks)).body:
         if isinstance(item, ast.FunctionDef):
             arguments = ast.unparse(item.args).replace("'", "")
             yield f"{item.name}({arguments}) -> {ast.unparse(item.returns)}".replace("'", "")

@@ -9,8 +9,8 @@ import pytest
 
 import evac
 from evac.conformance import check_plugin
+from evac.contract.registry import Registry
 from evac.physics.state import make_crowd
-from evac.registry import Registry
 from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import kinetic_energy, make_building, walk
 

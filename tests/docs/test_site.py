@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import evac
-from evac.registry import Registry
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.case.loading import load_case
+from evac.contract.registry import Registry
+from evac.simulation.simulation import Simulation
 
 _spec = importlib.util.spec_from_file_location("plugin_tables", Path(__file__).parents[2] / "docs/plugin_tables.py")
 plugin_tables = importlib.util.module_from_spec(_spec)
@@ -28,7 +28,7 @@ def test_every_public_name_is_in_the_reference(root):
     text = (root / "docs/api.md").read_text(encoding="utf-8")
     described = set(re.findall(r"auto(?:function|class|data|exception):: (\w+)", text))
     errors = {name for name in evac.__all__ if name.endswith(("Error", "Warning"))}
-    assert "automodule:: evac.errors" in text
+    assert "automodule:: evac.base.errors" in text
     assert described | errors == set(evac.__all__)
 
 

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
+from evac.case.loading import load_case
 from evac.cli.main import COMMANDS
+from evac.contract.registry import Registry
 from evac.evidence.lean import commands, kernels, unused_route
 from evac.evidence.lean import page as lean
 from evac.evidence.lean.page import FIELDS, LEAN, NAMED, Part, Trial, parts_of, same_bits, scene_rows, trial
-from evac.registry import Registry
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 
 def state(value):

@@ -12,9 +12,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from evac.base.errors import ResultError, ScenarioError
 from evac.cli import evidence as command
 from evac.cli import main
-from evac.errors import ResultError, ScenarioError
 from evac.evidence import KINDS, report
 from evac.evidence.command import run_evidence, write_index
 from evac.evidence.report import Evidence, commit, machine, markdown_table, new_figure, timed

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evac.errors import SimulationError
+from evac.base.errors import SimulationError
 from evac.evidence.report import Evidence
 from evac.evidence.scaling import headway, large, laws, threads, walks
 from evac.evidence.scaling import page as scaling

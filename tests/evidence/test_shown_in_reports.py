@@ -1,7 +1,7 @@
 """The verdicts that reports show are those of the committed evidence."""
 
 from evac.evidence.command import COMMITTED, shown_in_reports
-from evac.output.report.verification import evidence
+from evac.report.verification import evidence
 
 
 def test_installed_verdicts_equal_the_committed_ones():

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from evac.assembly import make_contact_model
+from evac.case.loading import load_case
 from evac.evidence.models import MODELS, make_model, model_overrides
 from evac.evidence.report import Evidence
 from evac.evidence.square_room import GAP, SetTask, change, crowd_at, flow, run_set, start_positions, stopped
@@ -15,7 +15,7 @@ from evac.evidence.table3.classroom import ClassTask, median_last, report_classr
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 from evac.evidence.table3.page import PUBLISHED, report_flow
 from evac.evidence.table3.school import SchoolRuns, SchoolTask, curve, longest_pause, run_school, school_row
-from evac.scenario.loading import load_case
+from evac.simulation.assembly import make_contact_model
 
 
 def generator():

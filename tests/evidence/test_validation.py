@@ -5,7 +5,6 @@ import csv
 import numpy as np
 import pytest
 
-from evac.assembly import read_building
 from evac.evidence.report import Evidence
 from evac.evidence.validation import capacity
 from evac.evidence.validation.buildings import (
@@ -22,6 +21,7 @@ from evac.evidence.validation.buildings import (
 from evac.evidence.validation.flows import weidmann
 from evac.evidence.validation.page import QUICK_SUBJECTS, check_row, failed_tests, run, verdict_rows
 from evac.evidence.validation.trial import Check, Criterion, Trial, mean_interval
+from evac.simulation.assembly import read_building
 from evac.study.statistics import mean_interval as of_a_study
 
 ASKED = Criterion("RiMEA 1", "time [s]", "RiMEA", low=26.0, high=34.0)

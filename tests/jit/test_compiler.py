@@ -13,7 +13,7 @@ from llvmlite import binding as llvm
 
 import evac
 import evac_plugins
-from evac.errors import PluginError
+from evac.base.errors import PluginError
 from evac.jit import AddressCall, Entry, FloatGrid, Floats, Ints, Struct, inner, kernel, row
 from evac.jit.compiler import compile_entry, compiled_functions
 from evac.jit.digest import digest_of

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evac.errors import PluginError
+from evac.base.errors import PluginError
 from evac.jit import (
     AddressCall,
     FloatGrid,

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evac.errors import CacheWarning, PluginError
+from evac.base.errors import CacheWarning, PluginError
+from evac.contract.registry import _module_of
 from evac.jit import loading, processor, store, workers
 from evac.jit.digest import digest_of
 from evac.jit.kernels import entries_of
@@ -21,7 +22,6 @@ from evac.jit.loading import addresses_of
 from evac.jit.processor import generic, host
 from evac.jit.store import Store
 from evac.jit.workers import Task, compile_tasks, divide
-from evac.registry import _module_of
 
 SOURCE = """
     from evac.jit import Floats, inner, kernel
@@ -302,7 +302,7 @@ from pathlib import Path
 from evac.jit import workers
 from evac.jit.kernels import entries_of
 from evac.jit.loading import addresses_of
-from evac.registry import _module_of
+from evac.contract.registry import _module_of
 
 def main(path, how):
     def tell(done, kernels):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from evac.errors import CacheWarning
+from evac.base.errors import CacheWarning
 from evac.jit import store as stores
 from evac.jit.store import KEPT, UNUSED, Store, cache_root
 

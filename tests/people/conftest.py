@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.model import Area, Building, Exit, Level, Portal
+from evac.building.model.building import Area, Building, Exit, Level, Portal
+from evac.case import case_from
 from evac.directions.routes import Route
-from evac.scenario import case_from
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 import pytest
 
+from evac.base.errors import ScenarioError
 from evac.directions.routes import Route
-from evac.errors import ScenarioError
 from evac.people.groups import check_people, default_clearance, narrowest_body, reference_speeds, routes_of
 
 

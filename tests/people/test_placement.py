@@ -6,8 +6,8 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from evac.errors import ScenarioError
-from evac.people.distributions import generator_for
+from evac.base.distributions import generator_for
+from evac.base.errors import ScenarioError
 from evac.people.placement import clearance, place
 
 NOBODY = np.empty((0, 3))

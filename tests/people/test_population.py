@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from evac.base.errors import ScenarioError
 from evac.directions.routes import Route
-from evac.errors import ScenarioError
 from evac.people.population import build_population
 from evac.physics.state import Events
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.base.errors import ScenarioError
+from evac.case.loading import as_case
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
-from evac.errors import ScenarioError
 from evac.people.population import Group
 from evac.people.ways import check_ways, walked_lengths
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
-from evac.scenario.loading import as_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 from tests.directions.conftest import Drawing
 
 CASE = Path("case.toml")

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry import box
 
-from evac.building.model import Building, Exit, Level, Portal
+from evac.building.model.building import Building, Exit, Level, Portal
+from evac.contract.registry import Registry
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.physics.engine import Engine
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
-from evac.registry import Registry
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2

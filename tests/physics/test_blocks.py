@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from evac.jit import Longs, kernel
-from evac.physics.blocks import APART, BLOCKS, ROWS_OF_MOST, ROWS_OF_TWO, WALL, interleaved
-from evac.physics.rows import INELASTIC
+from evac.physics.contact.blocks import APART, BLOCKS, ROWS_OF_MOST, ROWS_OF_TWO, WALL, interleaved
+from evac.physics.contact.rows import INELASTIC
 from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, run_solver
 
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from evac.errors import PluginError
+from evac.base.errors import PluginError
+from evac.base.parameters import Parameter
 from evac.jit import body_force, pair_force
-from evac.parameters import Parameter
 from evac.physics.body_forces import add_body_forces
 from evac.physics.drive import add_forces
 from evac.physics.force import Force

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.jit import Ints, Pairs, kernel
-from evac.physics.cells import CELLS_PER_LEVEL, CELLS_PER_PERSON, Cells, fill_cells, make_cells, sort_by_level
+from evac.physics.contact.cells import CELLS_PER_LEVEL, CELLS_PER_PERSON, Cells, fill_cells, make_cells, sort_by_level
 
 
 @kernel

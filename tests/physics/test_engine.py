@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evac.errors import PluginError, SimulationError
+from evac.base.errors import PluginError, SimulationError
 from evac.jit import kernel
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
-from evac.physics.contact_model import ContactModel, NoParameters, SolvedContactModel
+from evac.physics.contact.model import ContactModel, NoParameters, SolvedContactModel
 from evac.physics.state import Events, State, make_crowd
 from evac.physics.status import NEEDS_SEPARATION, SEPARATE
 from evac_plugins.contact_dem import Dem

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.errors import SimulationError
+from evac.base.errors import SimulationError
 from evac.physics.state import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1

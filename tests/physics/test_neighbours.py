@@ -5,9 +5,9 @@ import pytest
 
 from evac.jit import kernel
 from evac.physics.allocation import SKIN, grown, make_room_for_contacts
-from evac.physics.contacts import find_contacts
+from evac.physics.contact.contacts import find_contacts
+from evac.physics.contact.neighbours import build_lists, list_pairs, sort_into_cells
 from evac.physics.driver import gather
-from evac.physics.neighbours import build_lists, list_pairs, sort_into_cells
 from evac.physics.seams import reaches
 from evac.physics.state import Bodies, Lists, State, World, make_crowd
 from evac.physics.status import OK

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 POSITION_CORRECTION = {"contact.nsm2.position_correction": True}
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from evac.errors import PluginError, ScenarioError
+from evac.base.errors import PluginError, ScenarioError
+from evac.base.parameters import Parameter
 from evac.jit import kernel, pair_contact
-from evac.parameters import Parameter
-from evac.physics.contact_model import border_scene
-from evac.physics.contacts import use_free_velocity
-from evac.physics.pair_contact import PairContact, PairLaw
+from evac.physics.contact.contacts import use_free_velocity
+from evac.physics.contact.model import border_scene
+from evac.physics.contact.pair_contact import PairContact, PairLaw
 from evac.physics.state import State, copy_of, make_crowd
 from evac.physics.status import OK
 from evac_plugins.contact_dem import Dem

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evac.errors import PluginError
+from evac.base.errors import PluginError
+from evac.base.parameters import Parameter
 from evac.jit import Struct, inner, kernel
-from evac.parameters import Parameter
-from evac.physics.contact_model import ContactModel, NoParameters
+from evac.physics.contact.model import ContactModel, NoParameters
 from evac.physics.force import Force
 from evac.physics.state import State, make_crowd
 from evac.physics.status import NEEDS_SEPARATION, NEEDS_STRONGER_SOLVER

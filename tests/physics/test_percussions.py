@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.physics.rows import AX, BIAS, INELASTIC
+from evac.physics.contact.rows import AX, BIAS, INELASTIC
 from tests.physics.contact_problems import do_pack, make_problem_state, run_solver
 
 

@@ -6,7 +6,7 @@ from scipy.optimize import nnls
 
 from evac.jit import Floats, kernel
 from evac.physics import state as structs
-from evac.physics.rows import AX, BX, INELASTIC, law, row_energy
+from evac.physics.contact.rows import AX, BX, INELASTIC, law, row_energy
 from evac_plugins.solver_gradient import constraint_norm
 from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, ring, run_solver
 from tests.physics.scenes import SOLVERS

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.errors import SimulationError
+from evac.base.errors import SimulationError
 from evac.physics.allocation import allocate
 from evac.physics.state import Events, make_crowd
 from evac_plugins.contact_dem import Dem

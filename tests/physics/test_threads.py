@@ -9,17 +9,17 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from evac.errors import ScenarioError, SimulationError
+from evac.base.errors import ScenarioError, SimulationError
 from evac.jit import kernel
 from evac.jit.kernels import INTERPRETED
-from evac.physics import threads
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
+from evac.physics.contact.solver import Solver
 from evac.physics.engine import Engine
 from evac.physics.order import rows_by_place
-from evac.physics.pieces import CHUNK
-from evac.physics.solver import Solver
 from evac.physics.state import Events, Problem, copy_of, make_crowd
-from evac.physics.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads, unused_threads
+from evac.physics.threads import threads
+from evac.physics.threads.pieces import CHUNK
+from evac.physics.threads.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads, unused_threads
 from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1

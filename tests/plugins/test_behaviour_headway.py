@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.assembly import make_behaviours
-from evac.behaviour import BehaviourScene
-from evac.outside import make_outside
+from evac.case.loading import load_case
+from evac.people.behaviour import BehaviourScene
+from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
-from evac.scenario.loading import load_case
-from evac.scene import Scene, make_ground
+from evac.simulation.assembly import make_behaviours
+from evac.simulation.scene import Scene, make_ground
 from evac_plugins.behaviour_headway import Headway
 from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import fields_towards, make_building, make_engine, uniform_fields

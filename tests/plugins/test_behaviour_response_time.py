@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from shapely import box
 
-from evac.behaviour import BehaviourScene
-from evac.building.model import Area
-from evac.errors import PluginError, ScenarioError
-from evac.scene import Ground, Scene
+from evac.base.errors import PluginError, ScenarioError
+from evac.building.model.building import Area
+from evac.people.behaviour import BehaviourScene
+from evac.simulation.scene import Ground, Scene
 from evac_plugins.behaviour_response_time import ResponseTime
 
 UNIFORM = {"uniform": [0.0, 10.0]}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.behaviour import BehaviourScene
-from evac.building.model import Building, Exit, Level, Portal
+from evac.base.errors import PluginError, ScenarioError
+from evac.building.model.building import Building, Exit, Level, Portal
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
-from evac.errors import PluginError, ScenarioError
-from evac.scene import Ground, Scene
+from evac.people.behaviour import BehaviourScene
+from evac.simulation.scene import Ground, Scene
 from evac_plugins.behaviour_route_choice import RouteChoice, route_costs
 
 STEEP = math.atan(3.0 / 4.0)

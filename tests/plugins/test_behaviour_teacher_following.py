@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from evac.behaviour import BehaviourScene
+from evac.base.errors import ScenarioError
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
-from evac.errors import ScenarioError
+from evac.people.behaviour import BehaviourScene
 from evac.physics.state import make_crowd
-from evac.scene import Ground, Scene
+from evac.simulation.scene import Ground, Scene
 from evac_plugins.behaviour_teacher_following import HINDERED, WAITED, TeacherFollowing
 
 LENGTH = 100.0

@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from evac.errors import PluginError, ScenarioError, SimulationError
+from evac.base.errors import PluginError, ScenarioError, SimulationError
+from evac.base.parameters import Parameter
 from evac.evidence.scaling import halls
 from evac.evidence.scaling.walks import Walk
-from evac.parameters import Parameter
-from evac.physics.contact_model import BorderScene, ContactModel
+from evac.physics.contact.model import BorderScene, ContactModel
 from evac.physics.state import copy_of, make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.force_social import SocialForce

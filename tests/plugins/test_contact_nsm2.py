@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.errors import PluginError
+from evac.base.errors import PluginError
 from evac.physics.state import make_crowd
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import (

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from shapely.geometry import shape
 
-from evac.errors import ResultError
-from evac.output.exporter import export, file_stems
-from evac.output.tables import MOTION_COLUMNS, motion_table
-from evac.output.trajectory import read_trajectory
-from evac.registry import BUILTIN_EXPORTERS, Registry
+from evac.analysis.tables import MOTION_COLUMNS, motion_table
+from evac.base.errors import ResultError
+from evac.contract.registry import BUILTIN_EXPORTERS, Registry
+from evac.export.exporter import export, file_stems
+from evac.trajectory.trajectory import read_trajectory
 
 pedpy = pytest.importorskip("pedpy")
 EXPORTERS = Registry(builtins=BUILTIN_EXPORTERS).exporters
@@ -74,7 +74,7 @@ def test_pedpy_takes_a_level_in_one_call(trajectory):
 
 
 def test_a_last_frame_between_two_output_times_is_left_out(trajectory, tmp_path):
-    from evac.output.frame_rate import regular_frames
+    from evac.analysis.frame_rate import regular_frames
 
     class Fewer:
         path = trajectory.path

@@ -8,7 +8,7 @@ import pytest
 import evac
 from evac import BuildingError, read_building
 from evac.conformance import check_plugin
-from evac.registry import BUILTIN_IMPORTERS, Registry
+from evac.contract.registry import BUILTIN_IMPORTERS, Registry
 
 REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from evac.building.model import Building, Level
-from evac.output.files import TRAJECTORY_NAME
-from evac.output.results import versions
-from evac.output.trajectory import read_trajectory
+from evac.building.model.building import Building, Level
+from evac.folder.files import TRAJECTORY_NAME
+from evac.results.results import versions
+from evac.trajectory.trajectory import read_trajectory
 from evac_plugins.recorder_trajectory import TrajectoryRecorder, evac_recorders
 
 CORNER = np.array([3.0e6, 5.0e6])

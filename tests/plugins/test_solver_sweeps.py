@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.jit import kernel
-from evac.physics.rows import BIAS, INELASTIC, sweep_down, sweep_up
+from evac.physics.contact.rows import BIAS, INELASTIC, sweep_down, sweep_up
 from evac.physics.state import Problem
 from evac_plugins.solver_sweeps import BACK, CHANGE, ENERGY, EVALUATE, ON, SLOPE, make_phase
 from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, run_solver

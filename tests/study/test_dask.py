@@ -9,7 +9,7 @@ import time
 import pytest
 
 import evac
-from evac.errors import EvacError
+from evac.base.errors import EvacError
 
 distributed = pytest.importorskip("distributed")
 

@@ -3,7 +3,7 @@
 import pytest
 
 import evac
-from evac.errors import ScenarioError
+from evac.base.errors import ScenarioError
 from evac.study.points import Seeds, from_rows, grid, read_table
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import evac
-from evac.assembly import ground_key
-from evac.scenario.loading import case_from
-from evac.simulation import Simulation
+from evac.case.loading import case_from
+from evac.simulation.assembly import ground_key
+from evac.simulation.simulation import Simulation
 from evac.study.shared import read_ground, write_ground
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
-from evac.errors import ScenarioError
+from evac.base.errors import ScenarioError
 from evac.study.statistics import (
     deciding,
     difference,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from evac.errors import ScenarioError
+from evac.base.errors import ScenarioError
 from evac.study.stopping import GROWTH, Rule, fixed, until_known
 
 ALONE = range(10**6)

@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import evac
-from evac.errors import ResultError
-from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME
+from evac.base.errors import ResultError
+from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME
 from evac.study.points import grid
 from evac.study.runs import Row
 from evac.study.store import Store

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import evac
-from evac.errors import PluginError, ResultError, ScenarioError, SimulationError
-from evac.output.congestion import DENSITY
-from evac.output.files import RUNS_STREAM_NAME
-from evac.output.report.study import study_report
+from evac.analysis.congestion import DENSITY
+from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
+from evac.folder.files import RUNS_STREAM_NAME
+from evac.report.study import study_report
 from evac.study.executors import in_processes
 from evac.study.identity import read_identity, write_identity
 
@@ -72,7 +72,7 @@ def test_a_sweep_has_the_same_seeds_at_each_point(case):
 
 
 def test_buildings_are_made_once(case, monkeypatch):
-    from evac import assembly
+    from evac.simulation import assembly
     from evac.study.shared import GROUNDS
 
     made = []

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 import evac
-from evac.errors import PluginError, ProcessWarning, ScenarioError
-from evac.scenario.loading import load_case
+from evac.base.errors import PluginError, ProcessWarning, ScenarioError
+from evac.case.loading import load_case
 from evac.study.workers import LocalPool
 
 SCRIPT = """

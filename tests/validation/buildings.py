@@ -4,7 +4,7 @@ import numpy as np
 
 from evac.evidence.validation.buildings import write_case
 from evac.evidence.validation.kinematics import ONE
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 
 def make_case(folder, faces, exits, people, model="nsm2", **sections):

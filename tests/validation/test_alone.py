@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.case.loading import load_case
+from evac.simulation.simulation import Simulation
 from tests.validation.buildings import alone
 
 #: Who does not get nearer to the exit for so long hangs somewhere [ticks of 0.1 s].

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from evac.case.loading import load_case
 from evac.evidence.validation.buildings import rectangle, straight_stair
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 from tests.validation.buildings import crossing_times, simulate, track
 
 MODELS = ["dem", "nsm1", "nsm2"]

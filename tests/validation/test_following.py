@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
+from evac.case.loading import load_case
 from evac.evidence.validation.buildings import rectangle, write_case
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 from tests.validation.buildings import simulate, track
 
 SECOND = 1.0  # of travel time

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from evac.scenario.loading import as_case
-from evac.simulation import Simulation
+from evac.case.loading import as_case
+from evac.simulation.simulation import Simulation
 from tests.validation.buildings import alone
 from tests.validation.gaps import gap_case, has_way
 

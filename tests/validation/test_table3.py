@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.case.loading import load_case
+from evac.simulation.simulation import Simulation
 
 SETS, RUNS = 12, 25
 #: Runs with a longer gap between two exits are counted apart [s].

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.case.loading import load_case
+from evac.simulation.simulation import Simulation
 from tests.ustair import SHORTEST, write_u_stair
 from tests.validation.buildings import crossing_times, track
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
+from evac.case.schema import DirectionSettings
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
@@ -17,7 +18,6 @@ from evac.evidence.accuracy.plans import PLANS, Plan
 from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
-from evac.scenario.schema import DirectionSettings
 
 SPACINGS = (0.2, 0.1, 0.05, 0.025)
 ORDERS = (1, 2)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from evac.arrays import FloatArray, IndexArray
+from evac.base.arrays import FloatArray, IndexArray
 from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, snapshots
 from evac.evidence.accuracy.reference import gradient_matrix
 from evac.evidence.accuracy.targets import CROWDS, LEAST_RATIOS, PEOPLE, seconds_to

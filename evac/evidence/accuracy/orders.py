@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from evac.case.schema import SimulationSettings
 from evac.evidence.accuracy.data import STYLES, colour_of, order_of
 from evac.evidence.report import new_figure
-from evac.scenario.schema import SimulationSettings
 
 Row = dict[str, Any]
 

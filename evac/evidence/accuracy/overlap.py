@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from evac.errors import SimulationError
+from evac.base.errors import SimulationError
 from evac.evidence.accuracy.data import colour_of
 from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
-from evac.physics.contact_model import ContactModel
+from evac.physics.contact.model import ContactModel
 
 #: Time for which the crowd walks against the closed door, and then leaves through it [s].
 CLOSED, OPEN = 3.0, 2.0

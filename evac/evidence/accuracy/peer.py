@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.snapshots import STEP
 from evac.evidence.report import Evidence

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from evac.arrays import FloatArray
-from evac.assembly import read_building
-from evac.building.model import Building, Exit, Level, Portal
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Exit, Level, Portal
 from evac.evidence.accuracy.reference import geodesics, refracted
 from evac.evidence.models import plugins
+from evac.simulation.assembly import read_building
 
 Point = tuple[float, float]
 

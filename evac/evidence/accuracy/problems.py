@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
 from evac.evidence.models import COARSE, plugins
 from evac.jit import kernel
-from evac.physics.contact_model import ContactModel
-from evac.physics.percussions import solve_once
-from evac.physics.rows import INELASTIC
+from evac.physics.contact.model import ContactModel
+from evac.physics.contact.percussions import solve_once
+from evac.physics.contact.rows import INELASTIC
 from evac.physics.state import Contacts, State
 
 #: Steps that a model makes from the snapshot before its contact problem is used, so that the state is typical of it.

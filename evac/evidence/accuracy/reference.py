@@ -12,8 +12,8 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from evac.arrays import FloatArray
-from evac.errors import EvacError
+from evac.base.arrays import FloatArray
+from evac.base.errors import EvacError
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry import box
 
-from evac.building.model import Building, Exit, Level
+from evac.building.model.building import Building, Exit, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_engine
 from evac.evidence.scenes import packed
-from evac.physics.contact_model import ContactModel
+from evac.physics.contact.model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, copy_of, make_crowd
 from evac.physics.world import make_world, set_open

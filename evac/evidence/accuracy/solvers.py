@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.accuracy.goals import (
     REFERENCE,
     STARTS,

@@ -14,8 +14,8 @@ import shapely
 from scipy import ndimage
 from scipy.ndimage import map_coordinates
 
-from evac.arrays import FloatArray
-from evac.building.model import Building
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building
 from evac.directions.build import BEND
 from evac.jit import FloatGrid, kernel
 

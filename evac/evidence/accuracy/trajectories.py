@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
-from evac.errors import ScenarioError
+from evac.base.arrays import FloatArray
+from evac.base.errors import ScenarioError
 from evac.evidence.accuracy.orders import CLOSE, DRIVES, EXACT, draw, drives_compared, order_rows, orders_off
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene, one_direction, room
 from evac.evidence.verdicts import all_of, at_most, reported
-from evac.physics.contact_model import ContactModel
+from evac.physics.contact.model import ContactModel
 from evac.physics.state import make_crowd
 
 #: Bound of the error of positions over the path of a step, v h, for steps of at most 0.01 s.

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
-from evac.people.distributions import generator_for
+from evac.base.arrays import FloatArray
+from evac.base.distributions import generator_for
 from evac.study.statistics import CONFIDENCE, estimate, percentile, percentile_of
 from evac.study.stopping import until_known
 

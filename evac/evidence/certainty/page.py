@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
+from evac.case.loading import load_case
 from evac.evidence.certainty.coverage import Drawn, covered, truth
 from evac.evidence.report import WORKERS, Evidence, new_figure
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 from evac.study.asking import repeat, sweep
 from evac.study.shared import simulation_of
 from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, percentile_of, share_interval

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from evac.case.loading import load_case
 from evac.evidence.report import Evidence, timed
 from evac.evidence.verdicts import reported
-from evac.running import run as run_case
-from evac.scenario.loading import load_case
+from evac.simulation.running import run as run_case
 
 #: Runs the square room into a folder with some switches, in a process of its own, and prints the time of its output.
 OUTPUT_PROBE = """

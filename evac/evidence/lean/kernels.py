@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+from evac.case.loading import load_case
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import reported
 from evac.jit.kernels import entries_of
 from evac.jit.processor import host
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 #: Runs a case in a process of its own and prints what it has loaded, and what that takes to compile.
 PROBE = """

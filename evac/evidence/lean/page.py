@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from evac.case.loading import load_case
+from evac.contract.registry import Registry
 from evac.directions.routes import STRATEGIES
 from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
@@ -14,11 +16,9 @@ from evac.evidence.lean.kernels import KernelCase, report_kernels
 from evac.evidence.models import model_overrides
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of, reported
-from evac.physics.overlaps import separate
+from evac.physics.contact.overlaps import separate
 from evac.physics.seams import reaches
-from evac.registry import Registry
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 MODELS = ("DEM", "NSM1 inertial", "NSM2")
 

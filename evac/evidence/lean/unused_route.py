@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
-from evac.behaviour import Behaviour, BehaviourScene
+from evac.base.parameters import Parameter
+from evac.contract.hooks import hookimpl
 from evac.directions.routes import STRATEGIES, Route
-from evac.hookspecs import hookimpl
-from evac.parameters import Parameter
+from evac.people.behaviour import Behaviour, BehaviourScene
 
 
 class UnusedRoute(Behaviour):

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from shapely.geometry import box
 
-from evac.arrays import FloatArray, IndexArray
-from evac.building.model import Building, Exit, Level
+from evac.base.arrays import FloatArray, IndexArray
+from evac.base.distributions import generator_for
+from evac.building.model.building import Building, Exit, Level
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
-from evac.people.distributions import generator_for
 from evac.physics.state import Crowd, make_crowd
 
 #: Bodies fit a hexagonal lattice of 5 per m2, 0.48 m apart [m].

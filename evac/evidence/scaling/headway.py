@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from evac.behaviour import Behaviour, BehaviourScene
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.walks import TICK, Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
 from evac.evidence.verdicts import reported
-from evac.outside import make_outside
-from evac.scene import Scene, make_ground
+from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.outside import make_outside
+from evac.simulation.scene import Scene, make_ground
 
 PEOPLE, QUICK_PEOPLE = 10_000, 100
 

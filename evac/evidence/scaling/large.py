@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from evac.case.loading import load_case
 from evac.evidence.models import model_overrides
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import DENSITY, hall_case
 from evac.evidence.scaling.walks import bytes_of, cpu_time, minimal_cost, start_minimal
 from evac.evidence.verdicts import at_most
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 SIZES, QUICK_SIZES = (100_000, 1_000_000), (1_000,)
 

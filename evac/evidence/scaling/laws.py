@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
+from evac.base.parameters import Parameter
 from evac.evidence.models import make_model
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
@@ -14,10 +15,9 @@ from evac.evidence.scaling.peers.evac_walk import MinimalWalk
 from evac.evidence.scaling.walks import TICK, Walk, cpu_time
 from evac.evidence.verdicts import at_most
 from evac.jit import pair_contact
-from evac.parameters import Parameter
 from evac.physics import tallies as at
-from evac.physics.contact_model import ContactModel
-from evac.physics.pair_contact import PairContact
+from evac.physics.contact.model import ContactModel
+from evac.physics.contact.pair_contact import PairContact
 
 PEOPLE, QUICK_PEOPLE = 10_000, 100
 

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from evac.errors import SimulationError
+from evac.base.errors import SimulationError
+from evac.case.loading import load_case
 from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure, timed
@@ -35,8 +36,7 @@ from evac.evidence.scaling.walks import (
     time_ticks,
 )
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 MODELS = ("DEM", "NSM1 inertial", "NSM2")
 DENSITIES = {"free": 2.0, "jammed": 5.0}  # people per m2

@@ -1,10 +1,10 @@
 """Kernels that repeat one phase of a step on a crowd as it stands, to time the phases apart."""
 
 from evac.jit import kernel
-from evac.physics.contacts import find_contacts
+from evac.physics.contact.contacts import find_contacts
+from evac.physics.contact.neighbours import build_lists
 from evac.physics.drive import call_drive, set_desired
 from evac.physics.driver import conclude, cut, open_step
-from evac.physics.neighbours import build_lists
 from evac.physics.state import State
 from evac.physics.status import OK
 

@@ -11,7 +11,7 @@ from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import make_hall
 from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
 from evac.evidence.verdicts import at_least, reported
-from evac.physics.blocks import ROWS_OF_TWO
+from evac.physics.contact.blocks import ROWS_OF_TWO
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
 

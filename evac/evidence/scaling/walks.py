@@ -12,7 +12,7 @@ from evac.evidence.models import COARSE, make_engine, make_model
 from evac.evidence.scaling.halls import Hall
 from evac.evidence.scaling.minimal import Minimal, make_minimal, walk_minimal
 from evac.jit import Struct
-from evac.physics.contact_model import ContactModel
+from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd, copy_of
 from evac.physics.world import make_world
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evac.arrays import FloatArray
-from evac.errors import EvacError
+from evac.base.arrays import FloatArray
+from evac.base.errors import EvacError
 from evac.evidence import scenes
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
@@ -28,7 +28,7 @@ from evac.evidence.stability.trial import (
     make_model,
 )
 from evac.evidence.verdicts import all_of, at_most, reported
-from evac.physics.contact_model import ContactModel
+from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd, make_crowd
 
 #: Greatest speed of a crowd that stands [m/s].

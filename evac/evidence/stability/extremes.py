@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evac.errors import EvacError
+from evac.base.errors import EvacError
 from evac.evidence import scenes
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import Bounds, Scene
@@ -239,8 +239,8 @@ duration = 30.0
 
 def try_triangle(model: str) -> Verdict:
     """Return the verdict on a building of one triangle with an exit on its side: all five are to get out."""
-    from evac.scenario.loading import load_case
-    from evac.simulation import Simulation
+    from evac.case.loading import load_case
+    from evac.simulation.simulation import Simulation
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.stability.trial import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
 

@@ -6,7 +6,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.scenes import Scene
 
 #: Bodies this far apart still count as touching [m].

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
-from evac.errors import EvacError
+from evac.base.arrays import FloatArray
+from evac.base.errors import EvacError
 from evac.evidence import models
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.theory import allowed_overlap, touching_pairs, wall_gaps
-from evac.physics.contact_model import ContactModel
+from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd
 from evac.physics.tallies import MEASURES
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
-from evac.ending import EVERYBODY_OUT
+from evac.base.arrays import FloatArray
+from evac.case.loading import load_case
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.verdicts import reported
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.results.ending import EVERYBODY_OUT
+from evac.simulation.simulation import Simulation
 
 Row = dict[str, Any]
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from shapely.geometry import box
 
-from evac.arrays import FloatArray
-from evac.building.model import Building, Level
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_engine, make_model

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
+from evac.case.schema import SimulationSettings
 from evac.evidence.models import MODELS
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.square_room import CONFIDENCE, GAP, RESAMPLES, Flow, SetTask, change, flow, run_set, stopped
@@ -11,7 +12,6 @@ from evac.evidence.table3.classroom import report_classroom
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 from evac.evidence.table3.school import report_school
 from evac.evidence.verdicts import reported, surely_at_most, within
-from evac.scenario.schema import SimulationSettings
 
 #: Table 3 as published, h [s] -> people per minute. Its NSM1 is compared with both variants.
 PUBLISHED: Mapping[str, Mapping[float, int]] = {

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
+from evac.case.loading import load_case
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
-from evac.scenario.loading import load_case
-from evac.simulation import Simulation
+from evac.simulation.simulation import Simulation
 
 #: The two variants, and their changes of the shipped case.
 VARIANTS: Mapping[str, Mapping[str, Any]] = {

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from evac.scenario.case import Case
-from evac.scenario.loading import load_case
+from evac.case.case import Case
+from evac.case.loading import load_case
 
 Face = Sequence[tuple[float, float, float]]
 Segment = Sequence[Sequence[float]]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.analysis.flows import steady_flow
+from evac.base.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, across, hall_and_stair, rectangle
 from evac.evidence.validation.flows import STAIR_FLOW, passing_times
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial, mean_interval
-from evac.output.flows import steady_flow
 
 STAIR_WIDTHS = (1.0, 1.2, 1.8)  # m
 WAYS = ("down", "up")

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from evac.case.loading import load_case
 from evac.evidence.validation.buildings import (
     CROWD_SPEED,
     across,
@@ -11,7 +12,6 @@ from evac.evidence.validation.buildings import (
     two_ways,
 )
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial
-from evac.scenario.loading import load_case
 
 #: How long a crowd of a thousand may take [s].
 LONG = 900.0

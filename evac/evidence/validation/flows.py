@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.analysis.flows import steady_flow
+from evac.base.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, Face, across, rectangle, straight_stair, two_rooms
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial
-from evac.output.flows import steady_flow
 
 #: Densities of the fundamental diagram [1/m2]; bodies of the greatest radius do not fit at RiMEA's 5 and 6.
 DENSITIES = (0.5, 1.0, 2.0, 3.0)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, across, corner, rectangle, straight_stair
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial
 

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
-from evac.errors import RunWarning
+from evac.base.arrays import FloatArray
+from evac.base.errors import RunWarning
+from evac.case.case import Case
 from evac.evidence.models import model_overrides
 from evac.evidence.validation.buildings import Face, Segment, write_case
-from evac.output.results import Results
-from evac.output.trajectory import Trajectory, read_trajectory
-from evac.running import run
-from evac.scenario.case import Case
+from evac.results.results import Results
+from evac.simulation.running import run
 from evac.study.statistics import estimate
+from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 
 @dataclass(frozen=True)

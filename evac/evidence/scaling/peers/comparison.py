@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.errors import SimulationError
+from evac.base.errors import SimulationError
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk

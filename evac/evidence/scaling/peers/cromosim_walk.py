@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.scaling.halls import SPEED, Hall, doors_along
 from evac.evidence.scaling.walks import TICK, cpu_time
 

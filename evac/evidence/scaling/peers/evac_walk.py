@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from evac.behaviour import BehaviourScene
 from evac.evidence.models import plugins
 from evac.evidence.scaling.halls import Hall
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.walks import TICK, Walk, cpu_time, make_variant
-from evac.outside import make_outside
-from evac.scene import Scene, make_ground
+from evac.people.behaviour import BehaviourScene
+from evac.people.outside import make_outside
+from evac.simulation.scene import Scene, make_ground
 
 
 class EvacWalk:

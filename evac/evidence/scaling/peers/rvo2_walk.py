@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from evac.arrays import FloatArray
+from evac.base.arrays import FloatArray
 from evac.evidence.scaling.halls import Hall, doors_along, nearest_door
 from evac.evidence.scaling.walks import TICK, cpu_time
 

@@ -1,0 +1,1 @@
+"""Quantities computed from a trajectory: maps, congestion, passages of lines, flows, occupancy."""

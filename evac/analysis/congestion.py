@@ -1,0 +1,190 @@
+"""Congestion: places where a crowd is denser than a threshold for longer than a time."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.analysis.grid import Grid
+from evac.analysis.maps import KERNEL_RADIUS, SPACING
+from evac.base.arrays import FloatArray
+from evac.base.errors import ResultError
+from evac.building.model.building import Building, Exit, Level, Portal
+from evac.trajectory.trajectory import Trajectory
+
+#: Threshold of the density [1/m2], and share of the evacuation time for which it must be exceeded, from
+#: MSC.1/Circ.1533 of the IMO (2016) for advanced analyses.
+DENSITY = 4.0
+SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class Place:
+    """A connected part of a level that was congested.
+
+    Attributes
+    ----------
+    level : str
+    near : str
+        Name of the nearest portal or exit of the level, empty if it has none.
+    x, y : float [m]
+        Centre of the cells in which the threshold was exceeded longest.
+    area : float [m2]
+        Area of the cells in which the threshold was exceeded for longer than the least time.
+    density : float [1/m2]
+        Greatest density in these cells.
+    start, end : float [s]
+        First and last recorded time at which the threshold was exceeded in one of these cells.
+    duration : float [s]
+        Greatest total time for which it was exceeded in one cell.
+    longest_spell : float [s]
+        Greatest uninterrupted time for which it was exceeded in one cell.
+    """
+
+    level: str
+    near: str
+    x: float
+    y: float
+    area: float
+    density: float
+    start: float
+    end: float
+    duration: float
+    longest_spell: float
+
+
+@dataclass(frozen=True)
+class Congestion:
+    """Congested places of a run, and the criteria.
+
+    Attributes
+    ----------
+    density : float [1/m2]
+    least_time : float [s]
+    places : tuple of Place
+        Sorted by duration, the longest first.
+    longest : float [s]
+        Greatest total time for which the threshold was exceeded in any cell; 0 if it never was.
+    greatest_density : float [1/m2]
+        Greatest density at any recorded time.
+    """
+
+    density: float
+    least_time: float
+    places: tuple[Place, ...]
+    longest: float
+    greatest_density: float
+
+
+def find_congestion(
+    trajectory: Trajectory, density: float = DENSITY, least_time: float | None = None, *, spacing: float = SPACING
+) -> Congestion:
+    """Find places where the density exceeded a threshold for longer than a time.
+
+    The density is that of `evac.analysis.maps.LevelMaps`. Its value at a recorded time is used until the next one.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    density : float [1/m2]
+    least_time : float, optional [s]
+        Total time, possibly with interruptions. By default `SHARE` of the recorded time.
+    spacing : float [m]
+        Side length of the cells.
+
+    Raises
+    ------
+    ResultError
+        The density is not positive, the time is negative, or no frame was recorded.
+
+    Notes
+    -----
+    Congested cells that touch, also at corners, form one place.
+
+    Examples
+    --------
+    >>> find_congestion(evac.read_trajectory("school-result"), 4.0, 10.0).places  # doctest: +SKIP
+    """
+    if not 0.0 < density < math.inf:
+        raise ResultError(f"the density of congestion must be greater than 0, got {density!r}")
+    if least_time is not None and not 0.0 <= least_time < math.inf:
+        raise ResultError(f"the time of congestion must be at least 0, got {least_time!r}")
+    if not len(trajectory):
+        raise ResultError(f"{trajectory.path}: no frame was recorded; the run ended before its first output")
+    time = trajectory.time
+    if least_time is None:
+        least_time = SHARE * float(time[-1] - time[0])
+    building = trajectory.building
+    found = [_Exceeding(Grid(level, spacing, KERNEL_RADIUS), density) for level in building.levels]
+    spans = np.append(np.diff(time), 0.0)
+    for k, span in enumerate(spans.tolist()):
+        frame = trajectory[k]
+        for level in building.levels:
+            found[level.index].add(frame["position"][frame["level"] == level.index], frame["time"], span)
+    places = [place for level in building.levels for place in found[level.index].places(building, level, least_time)]
+    return Congestion(
+        density=density,
+        least_time=least_time,
+        places=tuple(sorted(places, key=lambda place: -place.duration)),
+        longest=max(float(one.total.max()) for one in found),
+        greatest_density=max(float(one.greatest.max()) for one in found),
+    )
+
+
+class _Exceeding:
+    """Times for which the density in each cell of a level exceeded the threshold."""
+
+    def __init__(self, grid: Grid, density: float) -> None:
+        self.grid = grid
+        self._density = density
+        self.total, self._spell, self._longest, self.greatest = np.zeros((4, *grid.shape))
+        self._first, self._last = np.full((2, *grid.shape), np.nan)
+
+    def add(self, position: FloatArray, time: float, span: float) -> None:
+        """Add the people of the level at a recorded time, which represent the time `span` after it."""
+        if len(position):
+            density = self.grid.smoothed(self.grid.gathered(position))
+            np.maximum(self.greatest, density, out=self.greatest)
+            exceeded: NDArray[np.bool_] = density > self._density
+        else:
+            exceeded = np.zeros(self.grid.shape, bool)
+        self.total[exceeded] += span
+        self._spell = np.where(exceeded, self._spell + span, 0.0)
+        np.maximum(self._longest, self._spell, out=self._longest)
+        self._first[exceeded & np.isnan(self._first)] = time
+        self._last[exceeded] = time + span
+
+    def places(self, building: Building, level: Level, least_time: float) -> Iterator[Place]:
+        """Yield the connected places in which the threshold was exceeded for longer than the least time."""
+        from scipy.ndimage import label
+
+        parts, count = label(self.total > least_time, np.ones((3, 3)))
+        for part in range(1, count + 1):
+            inside = parts == part
+            duration = float(self.total[inside].max())
+            row, column = np.nonzero(inside & (self.total == duration))
+            centre = self.grid.origin + self.grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
+            yield Place(
+                level=level.name,
+                near=_nearest(building, level, centre),
+                x=float(centre[0]),
+                y=float(centre[1]),
+                area=float(inside.sum()) * self.grid.spacing**2,
+                density=float(self.greatest[inside].max()),
+                start=float(np.nanmin(self._first[inside])),
+                end=float(np.nanmax(self._last[inside])),
+                duration=duration,
+                longest_spell=float(self._longest[inside].max()),
+            )
+
+
+def _nearest(building: Building, level: Level, point: FloatArray) -> str:
+    """Return the name of the portal or exit of a level that is nearest to a point."""
+    links: list[Portal | Exit] = [*building.portals_of(level.index), *building.exits_of(level.index)]
+    place = shapely.Point(point)
+    lines = [shapely.multilinestrings([s.reshape(2, 2) for s in link.segments]) for link in links]
+    distances = [line.distance(place) for line in lines]
+    return links[int(np.argmin(distances))].name if links else ""

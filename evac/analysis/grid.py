@@ -1,0 +1,121 @@
+"""A grid of square cells on the floor of a level: cells covered by bodies, and densities with a Gaussian kernel."""
+
+import math
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray
+from evac.base.errors import ResultError
+from evac.building.model.building import Level
+
+#: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].
+LEAST_SPACING, MOST_CELLS, MOST_KERNEL = 0.01, 10_000_000, 500
+
+
+class Grid:
+    """Square cells over one level; cells whose centre is on the floor are used.
+
+    Cells are numbered row by row from the lower left corner of the grid: ``row * nx + column``.
+
+    Parameters
+    ----------
+    level : Level
+    spacing : float [m]
+        Side of the cells.
+    kernel_radius : float [m]
+        R of the kernel exp(-r^2 / R^2) / (pi R^2).
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Number of cells along y and along x.
+    origin : (2,) float64 [m]
+        Lower left corner.
+    on_floor : (ny, nx) bool
+
+    Raises
+    ------
+    ResultError
+        The cells are too small or too many, or the kernel covers too many of them.
+    """
+
+    def __init__(self, level: Level, spacing: float, kernel_radius: float) -> None:
+        low_x, low_y, high_x, high_y = level.polygon.bounds
+        _check(level, spacing, kernel_radius)
+        self.spacing = spacing
+        self.origin = spacing * np.floor(np.array([low_x, low_y]) / spacing)
+        nx, ny = (
+            max(1, math.ceil((high - low) / spacing)) for high, low in zip((high_x, high_y), self.origin, strict=True)
+        )
+        self.shape = ny, nx
+        self._deviation = kernel_radius / math.sqrt(2.0) / spacing  # of the kernel, in cells
+        x = self.origin[0] + spacing * (np.arange(nx) + 0.5)
+        y = self.origin[1] + spacing * (np.arange(ny) + 0.5)
+        self.on_floor: NDArray[np.bool_] = shapely.contains_xy(level.polygon, *np.meshgrid(x, y))
+        # Share of the kernel around each cell that lies on the floor.
+        self._kept = np.maximum(self._smooth(self.on_floor.astype(np.float64)), 0.05)
+
+    def cell(self, position: FloatArray) -> NDArray[np.int64]:
+        """Return the number of the cell of each point (s, 2); points outside the grid are moved to its edge."""
+        ny, nx = self.shape
+        column, row = np.floor((position - self.origin) / self.spacing).astype(np.int64).T
+        cell: NDArray[np.int64] = np.clip(row, 0, ny - 1) * nx + np.clip(column, 0, nx - 1)
+        return cell
+
+    def gathered(self, position: FloatArray, values: FloatArray | None = None) -> FloatArray:
+        """Return sum_i values_i / k_i of the points in each cell, (ny, nx), for `smoothed`.
+
+        Parameters
+        ----------
+        position : (s, 2) [m]
+        values : (s,), optional
+            Value of each point; by default 1, which gives a density.
+        """
+        cell = self.cell(position)
+        shares = (1.0 if values is None else values) / self._kept.ravel()[cell]
+        return np.bincount(cell, shares, minlength=self._kept.size).reshape(self.shape)
+
+    def smoothed(self, gathered: FloatArray) -> FloatArray:
+        """Return sum_i values_i K(x - x_i) / k_i in every cell, (ny, nx) [unit of the values / m2]; 0 off the floor."""
+        return np.where(self.on_floor, self._smooth(gathered) / self.spacing**2, 0.0)
+
+    def covered(self, position: FloatArray, radius: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return pairs of bodies and covered cells of the floor: rows of `position`, and numbers of cells.
+
+        A body covers the cells whose centres are within its `radius` (s,), and the cell that contains its centre.
+        """
+        ny, nx = self.shape
+        # The centre of the k-th neighbour of a cell is no nearer than k - 1/2 cells.
+        reach = math.floor(float(radius.max(initial=0.0)) / self.spacing + 0.5)
+        steps = np.arange(-reach, reach + 1)
+        own = np.floor((position - self.origin) / self.spacing).astype(np.int64)
+        column = own[:, :1] + np.repeat(steps[None], steps.size, axis=0).ravel()
+        row = own[:, 1:] + np.repeat(steps, steps.size)
+        dx = self.origin[0] + self.spacing * (column + 0.5) - position[:, :1]
+        dy = self.origin[1] + self.spacing * (row + 0.5) - position[:, 1:]
+        within = (dx**2 + dy**2 <= radius[:, None] ** 2) | ((row == own[:, 1:]) & (column == own[:, :1]))
+        within &= (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
+        body, which = np.nonzero(within)
+        cell = row[body, which] * nx + column[body, which]
+        there = self.on_floor.ravel()[cell]
+        return body[there], cell[there]
+
+    def _smooth(self, values: FloatArray) -> FloatArray:
+        from scipy.ndimage import gaussian_filter
+
+        smooth: FloatArray = gaussian_filter(values, self._deviation, mode="constant", truncate=3.5)
+        return smooth
+
+
+def _check(level: Level, spacing: float, kernel_radius: float) -> None:
+    low_x, low_y, high_x, high_y = level.polygon.bounds
+    least = max(LEAST_SPACING, math.sqrt((high_x - low_x) * (high_y - low_y) / MOST_CELLS))
+    if not spacing >= least:
+        what = f"cells of {spacing:g} m are too small or too many for level {level.name!r}"
+        raise ResultError(f"spacing: {what}; use {least:.2g} m or more")
+    most = MOST_KERNEL * spacing
+    if not 0.0 < kernel_radius <= most:
+        what = f"must be greater than 0 and at most {most:g} m with cells of {spacing:g} m"
+        raise ResultError(f"kernel_radius: {what}, got {kernel_radius:g} m (--kernel)")

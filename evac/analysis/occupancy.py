@@ -1,0 +1,121 @@
+"""Occupancy: people on each level and stair over the run, from the log of crossings."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ResultError
+from evac.building.model.building import Building
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """The occupancy of a place over the whole run.
+
+    Attributes
+    ----------
+    people : int
+        Number of different people who were there at any time.
+    greatest_number : int
+        Greatest number of people there at once.
+    last_left : float or None
+        Time at which the last of them left [s]; None if people are still there, or nobody ever was.
+    """
+
+    people: int
+    greatest_number: int
+    last_left: float | None
+
+
+@dataclass(frozen=True)
+class Moves:
+    """All changes of level in a run, in order of time.
+
+    Attributes
+    ----------
+    start : (n,) int32
+        Level on which each person starts.
+    row : (m,) int32
+        Index of the person.
+    source, target : (m,) int32
+        Level that the person left and level that it entered, -1 outside.
+    time : (m,) float64 [s]
+    """
+
+    start: IntArray
+    row: IntArray
+    source: IntArray
+    target: IntArray
+    time: FloatArray
+
+    def occupancy(self, levels: Sequence[int]) -> Occupancy:
+        """Return the occupancy of the place that consists of `levels`; moves within it do not count."""
+        inside = np.isin(self.start, levels)
+        entered = np.isin(self.target, levels)
+        left = np.isin(self.source, levels)
+        change = entered.astype(np.int64) - left.astype(np.int64)
+        number = inside.sum() + np.concatenate([[0], np.cumsum(change)])
+        leaving = self.time[change < 0]
+        gone = number[-1] == 0 and leaving.size > 0
+        return Occupancy(
+            people=int(np.union1d(np.flatnonzero(inside), self.row[entered]).size),
+            greatest_number=int(number.max()),
+            last_left=float(leaving[-1]) if gone else None,
+        )
+
+
+def moves_of(
+    building: Building,
+    start_level: IntArray,
+    crossings: tuple[IntArray, IntArray, FloatArray],
+    exit_time: FloatArray,
+) -> Moves:
+    """Return all changes of level of a run.
+
+    Parameters
+    ----------
+    building : Building
+    start_level : (n,) int32
+        Level of each person at time zero.
+    crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
+        Person, link and time in the order of the log. Links are the portals, then the exits (as in
+        ``evac.physics.state.World``); exits may be missing in the log.
+    exit_time : (n,) float64 [s]
+        NaN for people who are not out.
+
+    Raises
+    ------
+    ResultError
+        A person crosses a portal of a level on which, according to the log, it is not.
+    """
+    level = np.array(start_level, dtype=np.int32)
+    portal = crossings[1] < len(building.portals)
+    row, link, time = crossings[0][portal], crossings[1][portal], crossings[2][portal]
+    source, target = np.empty(row.size, np.int32), np.empty(row.size, np.int32)
+    for k, (person, crossed) in enumerate(zip(row.tolist(), link.tolist(), strict=True)):
+        way = building.portals[crossed]
+        source[k] = level[person]
+        if source[k] not in way.levels:
+            raise ResultError(
+                f"the crossings contradict each other: at {time[k]:.3f} s person {person} crosses portal "
+                f"{way.name!r} but is on {building.levels[source[k]].name!r}"
+            )
+        target[k] = level[person] = way.other(source[k])
+    out = np.flatnonzero(np.isfinite(exit_time)).astype(np.int32)
+    row, time = np.concatenate([row, out]), np.concatenate([time, exit_time[out]])
+    source = np.concatenate([source, level[out]])
+    target = np.concatenate([target, np.full(out.size, -1, np.int32)])
+    order = np.argsort(time, kind="stable")
+    return Moves(np.asarray(start_level, np.int32), row[order], source[order], target[order], time[order])
+
+
+def level_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
+    """Return the occupancy of each level, by name."""
+    return {level.name: moves.occupancy([level.index]) for level in building.levels}
+
+
+def stair_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
+    """Return the occupancy of each stair with all its flights and landings, by name."""
+    return {name: moves.occupancy(levels) for name, levels in building.stairs.items()}

@@ -1,0 +1,72 @@
+"""The recorded motion as one table: a row for each person and frame."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.trajectory.trajectory import Trajectory
+
+#: Columns of the table of motion, and their units.
+MOTION_COLUMNS = {
+    "time": "s",
+    "person": "",
+    "group": "",
+    "level": "",
+    "x": "m",
+    "y": "m",
+    "z": "m",
+    "velocity_x": "m/s",
+    "velocity_y": "m/s",
+    "velocity_z": "m/s",
+    "speed": "m/s",
+    "contact_force": "N",
+    "crowd_pressure": "N/m",
+}
+
+
+def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
+    """Return the motion of all people: a row for each person inside at each recorded time.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+
+    Returns
+    -------
+    mapping of str to (r,) array
+        The columns `MOTION_COLUMNS`, sorted by time and then by person. Group and level are names; the group of
+        people without group is empty. See `evac.trajectory.trajectory.Frame` for the others.
+
+    Examples
+    --------
+    >>> import pandas as pd  # doctest: +SKIP
+    >>> table = pd.DataFrame(motion_table(trajectory))  # doctest: +SKIP
+    """
+    frames = [trajectory[k] for k in range(len(trajectory))]
+    levels = np.array([level.name for level in trajectory.building.levels], dtype=object)
+    groups = np.array([*trajectory.groups, ""], dtype=object)
+
+    def column(name: str, kind: Any = np.float64) -> NDArray[Any]:
+        return np.concatenate([np.zeros(0, kind), *(frame[name] for frame in frames)])  # type: ignore[literal-required]
+
+    person = column("person", np.int32)
+    position = np.concatenate([np.zeros((0, 2)), *(frame["position"] for frame in frames)])
+    velocity = np.concatenate([np.zeros((0, 3)), *(frame["velocity"] for frame in frames)])
+    counts = [len(frame["person"]) for frame in frames]
+    return {
+        "time": np.repeat(trajectory.time, counts),
+        "person": person,
+        "group": groups[trajectory.group[person]],
+        "level": levels[column("level", np.int32)],
+        "x": position[:, 0],
+        "y": position[:, 1],
+        "z": column("z"),
+        "velocity_x": velocity[:, 0],
+        "velocity_y": velocity[:, 1],
+        "velocity_z": velocity[:, 2],
+        "speed": column("speed"),
+        "contact_force": column("contact_force"),
+        "crowd_pressure": column("crowd_pressure"),
+    }

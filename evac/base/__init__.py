@@ -1,0 +1,1 @@
+"""What every room uses: errors, arrays, declared parameters, distributions, processes, progress."""

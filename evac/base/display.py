@@ -1,0 +1,196 @@
+"""The progress of a run: a bar on a terminal, an updated line in a notebook, occasional lines elsewhere."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from rich import progress as bars
+from rich.console import Console
+
+from evac.base.errors import counted
+
+if TYPE_CHECKING:
+    from evac.base.phases import Progress
+
+#: Wall time between two updates of the bar, and between two plain lines of a run and of several [s].
+BAR_EVERY = 0.1
+LINE_EVERY = 10.0
+RUNS_EVERY = 2.0
+
+#: Wall time between two updates of the line in a notebook [s].
+NOTEBOOK_EVERY = 0.5
+
+
+class Display:
+    """Shows people out, simulated time, speed relative to real time and the estimated time left.
+
+    A context manager; call `phase` with a description of each phase before the loop, and the display itself with a
+    `Progress` at every tick.
+
+    Parameters
+    ----------
+    has_lines : bool
+        Whether lines are printed if there is no terminal.
+    """
+
+    def __init__(self, has_lines: bool = True) -> None:
+        self._has_lines = has_lines
+        self._console = Console(stderr=True, highlight=False, markup=False, emoji=False)
+        # Variables such as FORCE_COLOR make rich treat any file as a terminal.
+        self._is_bar = self._console.is_terminal and sys.stderr.isatty() and not self._console.is_dumb_terminal
+        self._bar = bars.Progress(
+            bars.SpinnerColumn("line" if self._console.options.ascii_only else "dots"),
+            bars.TextColumn("{task.description}", markup=False),
+            bars.BarColumn(bar_width=30),
+            bars.TextColumn("{task.fields[numbers]}", markup=False),
+            console=self._console,
+            transient=True,
+            disable=not self._is_bar,
+        )
+        self._task = self._bar.add_task("starting", total=None, numbers="")
+        self._start = self._shown = time.perf_counter()
+        self._first: Progress | None = None
+        self._compiling_since: float | None = None
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def phase(self, what: str) -> None:
+        """Show the name of the current phase."""
+        self._bar.reset(self._task, total=None, description=what, numbers="")
+
+    def compiling(self, done: int, kernels: int) -> None:
+        """Show how many kernels have been compiled, and for how long; the directions are computed after the last."""
+        now = time.perf_counter()
+        if self._compiling_since is None:
+            self._compiling_since = self._shown = now
+            if not self._is_bar:
+                self._print(f"compiling {counted(kernels, 'kernel')}, kept for later runs")
+        numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
+        if done == kernels:
+            self._compiling_since = None
+            self.phase("computing directions")
+        elif self._is_bar:
+            self._bar.update(self._task, description="compiling", total=kernels, completed=done, numbers=numbers)
+        elif now - self._shown >= LINE_EVERY:
+            self._shown = now
+            self._print(numbers)
+
+    def line(self, text: str) -> None:
+        """Print a permanent line above the bar."""
+        self._console.print(text, soft_wrap=True)
+
+    def _print(self, line: str) -> None:
+        if self._has_lines:
+            print(line, file=sys.stderr, flush=True)
+
+    def __call__(self, state: "Progress") -> None:
+        """Show a tick unless the last update is recent; speed is measured after the first tick, which may load code."""
+        now = time.perf_counter()
+        if self._first is None:
+            self._first, self._start, self._shown = state, now, now
+            self.phase("running")
+            return
+        if now - self._shown < (BAR_EVERY if self._is_bar else LINE_EVERY):
+            return
+        self._shown = now
+        numbers = numbers_of(self._first, state, now - self._start)
+        if self._is_bar:
+            self._bar.update(self._task, total=state.people, completed=state.out, numbers=numbers)
+        else:
+            self._print(numbers)
+
+    def runs(self, done: int, runs: int) -> None:
+        """Show how many of several runs are done; without a terminal, occasional lines are printed."""
+        if self._is_bar:
+            self._bar.update(
+                self._task, description="running", total=runs, completed=done, numbers=f"{done}/{runs} runs"
+            )
+        elif done in (1, runs) or time.perf_counter() - self._shown >= RUNS_EVERY:
+            self._shown = time.perf_counter()
+            self._print(f"{done}/{runs} runs")
+
+
+@contextmanager
+def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator[Callable[[Progress], None] | None]":
+    """Enter the display of a run started from Python, and return the function to call at every tick.
+
+    Parameters
+    ----------
+    progress : callable, bool or None
+        A function is returned as it is. None: a bar on a terminal, a line in a notebook, nothing elsewhere; True: as
+        None, with lines elsewhere; False: nothing.
+    """
+    if callable(progress):
+        yield progress
+    elif progress is False:
+        yield None
+    elif _is_notebook():
+        yield NotebookLine()
+    elif progress is True or (hasattr(sys, "ps1") or sys.stderr.isatty()):
+        with Display(has_lines=progress is True) as display:
+            yield display
+    else:
+        yield None
+
+
+class NotebookLine:
+    """Shows the progress of a run in a notebook, as an updated line below the cell."""
+
+    def __init__(self) -> None:
+        from IPython.display import display
+
+        self._first: Progress | None = None
+        self._start = self._shown = time.perf_counter()
+        self._handle = display({"text/plain": "first tick"}, raw=True, display_id=True)
+
+    def __call__(self, state: "Progress") -> None:
+        """Show a tick unless the last update is recent; the last tick is always shown."""
+        now = time.perf_counter()
+        if self._first is None:
+            self._first, self._start = state, now
+        elif now - self._shown >= NOTEBOOK_EVERY or state.out == state.people:
+            self._shown = now
+            line = numbers_of(self._first, state, now - self._start)
+            self._handle.update({"text/plain": line}, raw=True)
+
+
+def _is_notebook() -> bool:
+    """Return whether this process is a Jupyter kernel, which can display output."""
+    if "IPython" not in sys.modules:
+        return False
+    from IPython import get_ipython
+
+    return type(get_ipython()).__name__ == "ZMQInteractiveShell"
+
+
+def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
+    """Return people out, simulated time, speed relative to real time and the estimated time left as a text.
+
+    The time left is that until ``simulation.duration``, or less if people leave fast enough.
+
+    Parameters
+    ----------
+    first, state : Progress
+        At the start of the measurement and now.
+    wall : float [s]
+        Wall time between them.
+    """
+    speed = (state.time - first.time) / wall if wall > 0 else 0.0
+    left = (state.duration - state.time) / speed if speed > 0 else 0.0
+    gone = state.out - first.out
+    bound = "" if gone else "< "
+    if gone:
+        left = min(left, (state.people - state.out) * wall / gone)
+    minutes, seconds = divmod(round(left), 60)
+    counts = f"{state.out}/{state.people} out, t = {state.time:.1f} s"
+    return f"{counts}, {speed:.3g} x real time, ETA {bound}{minutes}:{seconds:02d}"

@@ -1,0 +1,79 @@
+"""Checks of the arrays of a checkpoint: each owner takes its own with their kind, shape and range."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from evac.base.errors import ResultError
+
+#: Default bounds: numbers must be finite.
+FINITE = float(np.finfo(np.float64).max)
+
+
+class SavedError(ResultError):
+    """An array of a checkpoint is missing, or is not what its owner saves."""
+
+
+def taken(
+    state: Mapping[str, NDArray[Any]],
+    name: str,
+    kind: DTypeLike,
+    shape: tuple[int | None, ...],
+    least: Any = -FINITE,
+    most: Any = FINITE,
+    nan: bool = False,
+) -> NDArray[Any]:
+    """Return a copy of a saved array, after checking it.
+
+    Owners of a state call this in their ``restore``, so that no kernel reads an index, a shape or a number that a run
+    cannot have.
+
+    Parameters
+    ----------
+    state : mapping of str to array
+    name : str
+    kind : dtype
+    shape : tuple of int or None
+        None permits any length.
+    least, most : number, or array that can be broadcast
+        Range of the values, including both.
+    nan : bool
+        Whether NaN is permitted.
+
+    Raises
+    ------
+    SavedError
+        The array is missing, has another kind or shape, or contains a value outside of the range; names it.
+
+    Examples
+    --------
+    >>> taken({"route": np.array([0, 1], np.int32)}, "route", np.int32, (2,), 0, 1)
+    array([0, 1], dtype=int32)
+    """
+    if name not in state:
+        raise SavedError(f"{name}: the array is missing")
+    array = state[name]
+    fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
+    if array.dtype != np.dtype(kind) or not fits:
+        raise SavedError(
+            f"{name}: expected {np.dtype(kind)} of shape {shape}, got {array.dtype} of shape {array.shape}"
+        )
+    with np.errstate(invalid="ignore"):
+        right = (array >= least) & (array <= most)
+    if nan:
+        right |= np.isnan(array)
+    if not right.all():
+        raise SavedError(f"{name}: {array[~right].flat[0]} is out of range")
+    return array.copy()
+
+
+@contextmanager
+def part_of(state: Mapping[str, NDArray[Any]], prefix: str) -> Iterator[dict[str, NDArray[Any]]]:
+    """Give the arrays whose names have a prefix, without it; errors of `taken` within name it."""
+    try:
+        yield {name[len(prefix) :]: array for name, array in state.items() if name.startswith(prefix)}
+    except SavedError as error:
+        raise SavedError(f"{prefix}{error}") from error

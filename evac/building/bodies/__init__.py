@@ -1,6 +1,0 @@
-"""Convert the solid bodies of a building model (slabs, spaces, walls, doors, flights) to a plan."""
-
-from evac.building.bodies.body import Body
-from evac.building.bodies.plan import Rules, plan_of_bodies
-
-__all__ = ["Body", "Rules", "plan_of_bodies"]

@@ -1,0 +1,241 @@
+"""Data model of a building: levels, portals, exits, areas, walls. All classes are immutable."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.building.model.findings import Finding, warnings_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Slope classes: walking on the flat, up or down a slope. Columns of speeds and lengths.
+FLAT, UP, DOWN = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Level:
+    """A maximal edge-connected set of cells with one slope class: a floor, a flight or a landing.
+
+    Attributes
+    ----------
+    index : int
+        Row in all per-level arrays.
+    name : str
+        Tag of the mesh, or generated from kind and height (``"flight z=0.00..1.50"``); unique.
+    kind : str
+        ``"floor"``, ``"flight"`` (sloped) or ``"landing"`` (flat, between flights of one stair).
+    stair : str or None
+        Name of the stair it belongs to.
+    triangles : (t, 3) int32
+        Rows of ``Building.vertices``.
+    polygon : shapely polygon or multipolygon
+        The level in plan, with holes.
+    uphill : (2,) float64
+        Unit vector of steepest ascent in plan, zero on a flat level.
+    slope : float
+        Angle with the horizontal [rad].
+    z_min, z_max : float
+        Heights of its lowest and highest vertex [m].
+    """
+
+    index: int
+    name: str
+    kind: str
+    stair: str | None
+    triangles: IntArray
+    polygon: BaseGeometry
+    uphill: FloatArray
+    slope: float
+    z_min: float
+    z_max: float
+
+
+@dataclass(frozen=True)
+class Portal:
+    """A chain of edges shared by two levels, which people can cross in both directions.
+
+    Attributes
+    ----------
+    index : int
+        Row in ``Building.portals``, and link index.
+    name : str
+    levels : (int, int)
+        Indices of the two levels that it joins.
+    segments : (s, 4) float64
+        x1, y1, x2, y2 [m], each with the first level's inside on its left.
+    width : float
+        Total length of its segments [m].
+    """
+
+    index: int
+    name: str
+    levels: tuple[int, int]
+    segments: FloatArray
+    width: float
+
+    def other(self, level: int) -> int:
+        """Return the level on the other side."""
+        first, second = self.levels
+        return second if level == first else first
+
+    def segments_from(self, level: int) -> FloatArray:
+        """Return the segments (s, 4) [m] oriented with the inside of the given level on their left."""
+        return self.segments if level == self.levels[0] else self.segments[:, [2, 3, 0, 1]]
+
+
+@dataclass(frozen=True)
+class Exit:
+    """A chain of edges on the boundary of one level; people leave the building when their centre crosses it.
+
+    Attributes
+    ----------
+    index : int
+        Row in ``Building.exits``; `Building.link_of` gives its link index.
+    name : str
+    level : int
+    segments : (s, 4) float64
+        x1, y1, x2, y2 [m], each with the level's inside on its left.
+    width : float
+        Total length of its segments [m].
+    """
+
+    index: int
+    name: str
+    level: int
+    segments: FloatArray
+    width: float
+
+
+@dataclass(frozen=True)
+class Door:
+    """A door between rooms: an opening in a wall within one level, and part of its floor.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+    segment : (4,) float64
+        Its ends x1, y1, x2, y2 [m].
+    width : float
+        Clear width [m].
+    """
+
+    name: str
+    level: int
+    segment: FloatArray
+    width: float
+
+
+@dataclass(frozen=True)
+class Area:
+    """A named part of a level in which people can start.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+    polygon : shapely polygon or multipolygon
+        The area in plan [m].
+    """
+
+    name: str
+    level: int
+    polygon: BaseGeometry
+
+
+@dataclass(frozen=True)
+class Building:
+    """The fixed geometry of a case: levels, portals, exits, areas and walls.
+
+    Portals and exits together are called links; link indices number the portals first, then the exits.
+
+    Attributes
+    ----------
+    source : Path
+        The file that it was read from, for messages.
+    vertices : (v, 3) float64
+        Welded vertices [m].
+    levels : tuple of Level
+    portals : tuple of Portal
+    exits : tuple of Exit
+    areas : tuple of Area
+    walls : (w, 4) float64
+        Segments x1, y1, x2, y2 [m], each with the level's inside on its left: free edges of the mesh that are
+        not exits, and outlines of obstacles; collinear neighbours of one level are merged.
+    wall_level : (w,) int32
+        Level of each wall.
+    stairs : dict of str to tuple of int
+        Levels of each stair, from top to bottom.
+    findings : tuple of Finding
+        Warnings and other facts that do not prevent a run, with their places.
+    closed : frozenset of int
+        Indices of links that are closed for the whole run and act as walls.
+    doors : tuple of Door
+        Doors between rooms, if the source names them as plans do; empty for meshes.
+    """
+
+    source: Path
+    vertices: FloatArray
+    levels: tuple[Level, ...]
+    portals: tuple[Portal, ...]
+    exits: tuple[Exit, ...]
+    areas: tuple[Area, ...]
+    walls: FloatArray
+    wall_level: IntArray
+    stairs: dict[str, tuple[int, ...]]
+    findings: tuple[Finding, ...] = field(default=())
+    closed: frozenset[int] = frozenset()
+    doors: tuple[Door, ...] = ()
+
+    def __repr__(self) -> str:
+        exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
+        return f"<Building {self.source.name}: {len(self.levels)} levels, exits {exits}>"
+
+    def plot(self) -> "Figure":
+        """Return a matplotlib figure with the plan of every storey, including names, widths and warnings."""
+        from evac.pictures.notebook import building_figure
+
+        return building_figure(self)
+
+    def _repr_html_(self) -> str:
+        from evac.pictures.notebook import figure_html
+
+        return figure_html(self.plot(), "plans of the storeys")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Texts of the warnings among the findings."""
+        return warnings_of(self.findings)
+
+    def level_named(self, name: str) -> Level | None:
+        """Return the level with a given name, or None."""
+        return next((level for level in self.levels if level.name == name), None)
+
+    @property
+    def n_links(self) -> int:
+        """Number of portals and exits."""
+        return len(self.portals) + len(self.exits)
+
+    def link_of(self, exit_: Exit) -> int:
+        """Return the link index of an exit. The link index of a portal is its `index`."""
+        return len(self.portals) + exit_.index
+
+    def is_open(self, link: Portal | Exit) -> bool:
+        """Return whether a portal or an exit can be passed."""
+        return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
+
+    def links_of(self, level: int) -> "list[Portal | Exit]":
+        """Return the portals and exits of a level, including closed ones."""
+        return [*self.portals_of(level), *self.exits_of(level)]
+
+    def portals_of(self, level: int) -> list[Portal]:
+        """Return the portals of a level, including closed ones."""
+        return [portal for portal in self.portals if level in portal.levels]
+
+    def exits_of(self, level: int) -> list[Exit]:
+        """Return the exits of a level, including closed ones."""
+        return [exit_ for exit_ in self.exits if level == exit_.level]

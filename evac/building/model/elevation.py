@@ -1,0 +1,52 @@
+"""Heights of points on a building's levels."""
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Level
+
+#: Largest distance of the vertices of a level from a plane for which it is treated as one plane [m].
+PLANE = 1e-9
+
+
+def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> FloatArray:
+    """Return the height of points on levels.
+
+    Heights are exact on cells; beyond the edge of a level, the plane of the nearest cell is extrapolated.
+
+    Parameters
+    ----------
+    level : (n,) int
+        Level of each point; -1 for none.
+    position : (n, 2) float64 [m]
+
+    Returns
+    -------
+    (n,) float64 [m]
+        Heights; NaN where the level is -1.
+    """
+    level_of = np.asarray(level)
+    points = np.asarray(position, dtype=np.float64)
+    height = np.full(len(points), np.nan)
+    for index in np.unique(level_of[level_of >= 0]):
+        here = level_of == index
+        height[here] = level_elevation(building.vertices, building.levels[index], points[here])
+    return height
+
+
+def level_elevation(vertices: FloatArray, level: Level, position: FloatArray) -> FloatArray:
+    """Return the heights (n,) of points (n, 2) on one level [m]; see `elevation`."""
+    own = vertices[np.unique(level.triangles)]
+    gradient = np.tan(level.slope) * level.uphill
+    off = own[:, 2] - own[0, 2] - (own[:, :2] - own[0, :2]) @ gradient
+    if np.abs(off).max() <= PLANE:
+        height: FloatArray = own[0, 2] + (position - own[0, :2]) @ gradient
+        return height
+    corners = vertices[level.triangles]
+    cell = shapely.STRtree(shapely.polygons(corners[:, :, :2])).nearest(shapely.points(position))
+    a, b, c = corners[cell].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    height = a[:, 2] - ((position - a[:, :2]) * normal[:, :2]).sum(axis=1) / normal[:, 2]
+    return height

@@ -1,0 +1,279 @@
+"""Places too narrow for a body: portals, exits, and constrictions inside a level."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import BoolArray, FloatArray
+from evac.base.errors import counted
+from evac.building.model.building import Building, Level
+from evac.building.model.findings import Finding
+from evac.building.surface.components import connected_components
+
+#: Minimum area of ground behind a constriction that a body's centre can reach [m2]; smaller ground is a niche.
+LEAST_PART = 0.05
+#: A constriction that is impassable even for a body of this width is a closed wall, not a narrow place [m].
+CLOSED = 0.02
+#: Points closer along an outline than this many widths, or closer than the rounding length [m], do not form a gap.
+FAR_ALONG, ROUNDING = 5.0, 1e-7
+#: Cosine of the greatest angle to a right one at which two directions count as perpendicular.
+PARALLEL = 1e-3
+#: Share of a segment that is left out at each end.
+INNER = 1e-3
+#: Distance within which points and lines are on a wall, a portal or an exit [m].
+JOINED = 1e-6
+#: Accuracy of the width of a constriction [m].
+PRECISION = 1e-3
+
+
+def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
+    """Return a warning for each place that is too narrow for some bodies.
+
+    Inside a level, these are the gaps between walls that some bodies fit through and others do not, and the
+    constrictions where the ground falls apart for the widest body: its centre can reach the polygon minus all points
+    nearer to a wall than half the width.
+
+    Parameters
+    ----------
+    building : Building
+    widths : (n,) or float [m]
+        Diameters of the bodies.
+    """
+    bodies = np.atleast_1d(np.asarray(widths, dtype=np.float64))
+    widest = float(bodies.max())
+    notes = []
+    for portal in building.portals:
+        if portal.width < widest:
+            one, other = (building.levels[index].name for index in portal.levels)
+            what = f"portal {portal.name!r} between {one!r} and {other!r} is"
+            notes.append(_note(what, portal.width, one, _middle(portal.segments), bodies))
+    for way in building.exits:
+        if way.width < widest:
+            what, on = f"exit {way.name!r} is", building.levels[way.level].name
+            notes.append(_note(what, way.width, on, _middle(way.segments), bodies))
+    for level in building.levels:
+        gaps = [gap for gap in gaps_at(building, level, widest) if gap[0] >= bodies.min()]
+        near = [shapely.Point(place).buffer(widest) for _, place in gaps]
+        gaps += [neck for neck in necks(building, level, widest) if not shapely.contains_xy(near, *neck[1]).any()]
+        notes += [_note("a gap that is", width, level.name, place, bodies) for width, place in gaps]
+    return tuple(notes)
+
+
+def gaps_at(building: Building, level: Level, width: float) -> list[tuple[float, tuple[float, float]]]:
+    """Return the width [m] and plan position of each gap between walls of a level that is narrower than `width` [m].
+
+    Of gaps within `width` of each other, the narrowest one is returned.
+    """
+    segments = gaps_between_walls(building, level, width - JOINED)  # a body as wide as the gap passes
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=width).T
+    cluster = connected_components(len(lines), pairs)
+    across = shapely.length(lines)
+    order = np.lexsort((across, cluster))
+    narrowest = order[np.unique(cluster[order], return_index=True)[1]]
+    return [(float(across[index]), _middle(segments[index])) for index in narrowest.tolist()]
+
+
+def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
+    """Return segments (g, 4) across gaps of a level that are narrower than `width` [m].
+
+    By default, these are gaps between walls that fail to meet. Each segment leads through the level from a corner of
+    the outline to the nearest point of a side within that distance. Consecutive sides do not form a gap.
+    """
+    pairs = _pairs(polygon, width)
+    return pairs.across(polygon, pairs.arcs(pairs.length).min(axis=1) > FAR_ALONG * width, pairs.ends)
+
+
+def gaps_between_walls(building: Building, level: Level, width: float) -> FloatArray:
+    """Return segments (g, 4) across the gaps between walls of a level that are narrower than `width` [m].
+
+    A disc of this diameter does not pass any of them. A gap is measured where it is narrowest: moving either end along
+    its wall makes the segment longer. Closed portals and exits are walls. The mouth of a niche does not count: of
+    ground with a short outline that contains neither a portal nor an exit.
+
+    Parameters
+    ----------
+    building : Building
+    level : Level
+    width : float [m]
+    """
+    pairs = _pairs(level.polygon, width)
+    if not len(pairs.ends):
+        return np.zeros((0, 4))
+    links = building.links_of(level.index)
+    walls = [building.walls[building.wall_level == level.index]]
+    walls += [link.segments for link in links if not building.is_open(link)]
+    openings = [np.zeros((0, 4)), *(link.segments for link in links if building.is_open(link))]
+    wall, opening = (shapely.multilinestrings(np.concatenate(some).reshape(-1, 2, 2)) for some in (walls, openings))
+    shapely.prepare(wall)
+    between = shapely.dwithin(wall, shapely.points(pairs.ends), JOINED).all(axis=1)
+    gap = np.hypot(*(pairs.ends[:, 1] - pairs.ends[:, 0]).T)
+    along = pairs.arcs(pairs.length)
+    ground = shapely.buffer(opening, JOINED, cap_style="flat")
+    shapely.prepare(ground)
+    open_length = np.zeros(len(pairs.lines))
+    beside = shapely.intersects(ground, pairs.lines)
+    open_length[beside] = shapely.length(shapely.intersection(pairs.lines[beside], ground))
+    opened = pairs.arcs(open_length)
+    is_niche = (along <= FAR_ALONG * gap[:, None]) & (opened <= JOINED)
+    chosen = between & ~is_niche.any(axis=1) & pairs.are_shortest(open_length <= JOINED)
+    # Without the ends, which rounding may put beyond a slanted wall.
+    inner = pairs.ends + INNER * (pairs.ends[:, ::-1] - pairs.ends)
+    return pairs.across(level.polygon, chosen, inner)
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Corners of an outline, each with a side within some distance.
+
+    Attributes
+    ----------
+    lines : (s,) linestrings
+        The sides of all rings.
+    ring : (s,) int64
+        Ring of each side.
+    length : (s,) float64
+        Length of each side [m].
+    corner, side : (m,) int64
+        For each pair, the side that starts at the corner, and the side near it.
+    ends : (m, 2, 2) float64
+        The corner, and the point of the side nearest to it [m].
+    """
+
+    lines: NDArray[Any]
+    ring: NDArray[np.int64]
+    length: FloatArray
+    corner: NDArray[np.int64]
+    side: NDArray[np.int64]
+    ends: FloatArray
+
+    def arcs(self, amount: FloatArray) -> FloatArray:
+        """Return what lies along both ways (m, 2) from the corner to the nearest point; inf on different rings.
+
+        Parameters
+        ----------
+        amount : (s,) float64
+            The amount on each side, spread over its length.
+        """
+        before = np.cumsum(amount) - amount
+        start = shapely.get_coordinates(shapely.get_point(self.lines[self.side], 0))
+        share = np.hypot(*(self.ends[:, 1] - start).T) / self.length[self.side]
+        one = np.abs(before[self.side] + share * amount[self.side] - before[self.corner])
+        arcs = np.stack([one, np.bincount(self.ring, amount)[self.ring[self.corner]] - one], axis=1)
+        arcs[self.ring[self.corner] != self.ring[self.side]] = np.inf
+        return arcs
+
+    def are_shortest(self, is_wall: BoolArray) -> BoolArray:
+        """Return whether the segments (m,) become longer if an end moves along one of the sides (s,) that are walls."""
+        sides = shapely.get_coordinates(self.lines).reshape(-1, 2, 2)
+        along = (sides[:, 1] - sides[:, 0]) / self.length[:, None]
+        last = np.append(np.flatnonzero(np.diff(self.ring)), len(self.ring) - 1)
+        behind, ahead = np.arange(len(self.ring)) - 1, np.arange(len(self.ring)) + 1
+        first = np.append(0, last[:-1] + 1)
+        behind[first], ahead[last] = last, first
+        step = self.ends[:, 1] - self.ends[:, 0]
+        size = np.hypot(*step.T)
+
+        def leads_away(corner: NDArray[np.int64], towards: FloatArray) -> BoolArray:
+            onwards = is_wall[corner] & ((along[corner] * towards).sum(axis=1) > PARALLEL * size)
+            back = is_wall[behind[corner]] & ((along[behind[corner]] * towards).sum(axis=1) < -PARALLEL * size)
+            found: BoolArray = ~onwards & ~back
+            return found
+
+        share = np.hypot(*(self.ends[:, 1] - sides[self.side, 0]).T)
+        found = leads_away(self.corner, step)
+        for corner, distance in ((self.side, share), (ahead[self.side], self.length[self.side] - share)):
+            found &= (distance > JOINED) | leads_away(corner, -step)
+        return found
+
+    def across(self, polygon: BaseGeometry, chosen: BoolArray, within: FloatArray) -> FloatArray:
+        """Return the segments (g, 4) of chosen pairs, each once, whose parts `within` (m, 2, 2) are in the level."""
+        found = chosen.copy()
+        shapely.prepare(polygon)
+        found[found] = shapely.contains(polygon, shapely.linestrings(within[found]))
+        # The smaller end first, so that a gap between two corners is found once.
+        segments: FloatArray = np.unique([sorted(pair) for pair in self.ends[found].tolist()], axis=0).reshape(-1, 4)
+        return segments
+
+
+def _pairs(polygon: BaseGeometry, width: float) -> _Pairs:
+    """Return the corners of a level with the sides at most `width` [m] from each that they are not on."""
+    sides, rings = [], []
+    for index, ring in enumerate(shapely.get_rings(shapely.get_parts(polygon))):
+        ends = shapely.get_coordinates(ring)
+        sides.append(np.stack([ends[:-1], ends[1:]], axis=1))
+        rings.append(np.full(len(ends) - 1, index))
+    side = np.concatenate(sides)
+    lines, corners = shapely.linestrings(side), shapely.points(side[:, 0])
+    one, other = shapely.STRtree(lines).query(corners, predicate="dwithin", distance=width)
+    ends = shapely.get_coordinates(shapely.shortest_line(corners[one], lines[other])).reshape(-1, 2, 2)
+    apart = np.hypot(*(ends[:, 1] - ends[:, 0]).T) > ROUNDING
+    return _Pairs(lines, np.concatenate(rings), shapely.length(lines), one[apart], other[apart], ends[apart])
+
+
+def necks(building: Building, level: Level, width: float) -> list[tuple[float, tuple[float, float]]]:
+    """Return the width [m] and plan position of each constriction that a body `width` wide cannot pass."""
+    width -= PRECISION  # a body as wide as the neck passes
+    walls = shapely.multilinestrings(building.walls[building.wall_level == level.index].reshape(-1, 2, 2))
+    walls = shapely.line_merge(walls)  # buffering merged chains of walls is many times faster
+    parts = _reachable(level, walls, width)
+    parts = sorted((part for part in parts if part.area > LEAST_PART), key=lambda part: part.area)
+    found: dict[tuple[float, float], tuple[float, tuple[float, float]]] = {}
+    for index in range(len(parts) - 1):
+        neck = _neck_of(level, walls, width, parts[index], shapely.union_all(parts[:index] + parts[index + 1 :]))
+        if neck is not None:  # found from both sides, it counts once
+            found.setdefault((round(neck[1][0], 1), round(neck[1][1], 1)), neck)
+    return list(found.values())
+
+
+def _neck_of(
+    level: Level, walls: BaseGeometry, width: float, part: BaseGeometry, others: BaseGeometry
+) -> tuple[float, tuple[float, float]] | None:
+    """Find, by bisection, the largest width at which `part` is connected to `others`, and the place."""
+    passes, stops = CLOSED, width
+    joined = _around(level, walls, passes, part)
+    if not joined.intersects(others):
+        return None
+    while stops - passes > PRECISION:
+        middle = 0.5 * (passes + stops)
+        wider = _around(level, walls, middle, part)
+        if wider.intersects(others):
+            passes, joined = middle, wider
+        else:
+            stops = middle
+    one = _around(level, walls, stops, part)
+    rest = [piece for piece in _reachable(level, walls, stops) if piece.intersects(others)]
+    other = shapely.union_all(rest)
+    reach = 2.0 * PRECISION
+    links = shapely.get_parts(joined.difference(one.buffer(reach)).difference(other.buffer(reach)))
+    between = [link for link in links if link.dwithin(one, 2.0 * reach) and link.dwithin(other, 2.0 * reach)]
+    place = min(between, key=lambda link: link.area) if between else shapely.shortest_line(one, other)
+    x, y = place.centroid.coords[0]
+    return passes, (x, y)
+
+
+def _around(level: Level, walls: BaseGeometry, width: float, part: BaseGeometry) -> BaseGeometry:
+    """Return the ground that a body `width` wide can reach from `part`, which a wider body can reach."""
+    return shapely.union_all([piece for piece in _reachable(level, walls, width) if piece.intersects(part)])
+
+
+def _reachable(level: Level, walls: BaseGeometry, width: float) -> list[BaseGeometry]:
+    """Return the connected parts of a level in which the centre of a body `width` wide can be."""
+    free = level.polygon.difference(walls.buffer(0.5 * width))
+    return [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
+
+
+def _middle(segments: FloatArray) -> tuple[float, float]:
+    x, y = segments.reshape(-1, 2).mean(axis=0).tolist()
+    return x, y
+
+
+def _note(what: str, width: float, level: str, place: tuple[float, float], bodies: FloatArray) -> Finding:
+    wider = np.count_nonzero(bodies > width)
+    people = f"{wider} of {counted(len(bodies), 'person', 'people')} wider than it (up to {bodies.max():.2f} m)"
+    text = f"{what} only {width:.2f} m wide, a wall for {people}: widen it if they should pass"
+    return Finding("warning", text, level, place)

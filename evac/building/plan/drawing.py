@@ -1,0 +1,420 @@
+"""Conversion of a plan to a surface mesh: doors join rooms, obstacles and stairs are cut out, exits are opened."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.base.errors import BuildingError, counted
+from evac.base.parameters import did_you_mean
+from evac.building.model.findings import Finding
+from evac.building.plan import stairs
+from evac.building.plan.conforming import Height
+from evac.building.plan.doors import Rooms, placed
+from evac.building.plan.outlines import (
+    Strip,
+    along,
+    between_floors,
+    between_rooms,
+    covered,
+    distinct,
+    is_on,
+    nearest,
+    normal,
+    overlaps,
+    reaching,
+    strip,
+    with_walls,
+    written,
+)
+from evac.building.plan.plancheck import beside_floor, both_sides, low_storeys, with_cause
+from evac.building.plan.planparts import DOOR_REACH, SNAP, Item, Stair
+from evac.building.plan.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
+from evac.building.surface.surfacemesh import SurfaceMesh
+
+if TYPE_CHECKING:
+    from evac.building.plan.plan import Plan
+
+#: A surface: its tags, its polygon in plan and its height.
+Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
+
+#: Distance from a segment at which the presence of floor is tested [m].
+BESIDE = 0.05
+#: Depth of floor added up to an exit above which it is a warning: more than the thickness of most walls [m].
+DEEP = 0.3
+#: Length of an exit or a stair edge that may lack a floor beside it without a warning [m].
+UNCOVERED = 0.01
+
+
+def draw(plan: "Plan") -> SurfaceMesh:
+    """Return the tagged surface of a plan; see `evac.building.plan.plan.Plan.surface`."""
+    try:
+        return _Drawing(plan).mesh()
+    except BuildingError as error:
+        raise BuildingError(with_cause(str(error), plan.source, plan.findings)) from error
+
+
+class _Drawing:
+    """The floors of a plan while they are cut and joined."""
+
+    def __init__(self, plan: "Plan") -> None:
+        self.plan = plan
+        self.findings = list(plan.findings)
+        self.floors: dict[str, BaseGeometry] = {}
+        self.rooms: dict[str, BaseGeometry] = {}  # the floors before anything is cut out of them
+        self.pieces: dict[str, list[stairs.Piece]] = {}
+        self.edges: list[tuple[str, str, FloatArray]] = []  # tag, storey, pieces (p, 4)
+        self.openings: list[tuple[str, FloatArray]] = []
+        self.doors: list[tuple[str, FloatArray]] = []
+        self.exits = list(plan.exits)
+
+    def mesh(self) -> SurfaceMesh:
+        """Return the surface mesh: apply all parts of the plan in order."""
+        plan = self.plan
+        if not plan.storeys:
+            raise BuildingError(f"{plan.source}: the plan has no storey; add at least one with its polygons")
+        for kind in ("door", "exit", "opening", "area", "obstacle"):
+            for item in getattr(plan, f"{kind}s"):
+                self._check_storey(f"{kind} {item.name!r}", item.storey)
+        for name in plan.storeys:
+            self._make_floor(name)
+        self._open_doors()
+        self.rooms = dict(self.floors)
+        obstacles = [self._place_obstacle(item) for item in plan.obstacles]
+        self._cut_exits()
+        self._make_stairs()
+        for item in self.exits:
+            with self._naming(f"exit {item.name!r}"):
+                self._open_exit(item)
+        for item in plan.openings:
+            self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
+        self.findings += [*low_storeys(plan.storeys, self.floors, plan.headroom), *beside_floor(plan.areas, self.rooms)]
+        surfaces: list[Drawn] = [*self._ground(), *(found for found in obstacles if found is not None)]
+        for name, pieces in self.pieces.items():
+            surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
+        edges = []
+        for tag, storey, ends in self.edges:
+            z = plan.storeys[storey].z
+            edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
+        try:
+            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors)
+        except ValueError as error:
+            raise BuildingError(f"{plan.source}: {error}") from error
+        return mesh
+
+    def _check_storey(self, what: str, name: str) -> None:
+        if name not in self.plan.storeys:
+            hint = did_you_mean(name, list(self.plan.storeys))
+            raise BuildingError(f"{self.plan.source}: {what}: no storey is named {name!r}; {hint}")
+
+    @contextmanager
+    def _naming(self, what: str) -> Iterator[None]:
+        """Prefix geometry errors with the plan and the part."""
+        try:
+            yield
+        except ValueError as error:
+            raise BuildingError(f"{self.plan.source}: {what}: {error}") from error
+
+    def _find(self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray) -> None:
+        """Add a finding on a storey, at a geometry or at the middle of a segment."""
+        place = place_of(at) if isinstance(at, BaseGeometry) else tuple(np.reshape(at, (-1, 2)).mean(axis=0).tolist())
+        self.findings.append(Finding(kind, text, storey, place))
+
+    def _make_floor(self, name: str) -> None:
+        """Make the floor of a storey: join its polygons, or put walls between them."""
+        storey = self.plan.storeys[name]
+        if storey.file is not None:
+            raise BuildingError(f"{self.plan.source}: storey {name!r}: {storey.file} has not been read")
+        rooms = distinct(storey.polygons)
+        if len(rooms) < len(storey.polygons):
+            count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
+            self._find("assumed", f"{count} of another one, and left out", name, rooms[0])
+        double = overlaps(rooms)
+        if double:
+            area = united(double).area
+            text = f"polygons overlap on {area:.2f} m2 and are joined; the largest overlap is here"
+            self._find("assumed", text, name, max(double, key=lambda part: part.area))
+        if storey.wall > 0.0:
+            rooms = with_walls(rooms, storey.wall)
+        self.floors[name] = united(rooms)
+
+    def _open_doors(self) -> None:
+        """Open the doors of the plan in order; each meets what is near it of the rooms and of earlier doors."""
+        rooms = {name: Rooms(floor) for name, floor in self.floors.items()}
+        for name, own in rooms.items():
+            own.expect([door for door in self.plan.doors if door.storey == name])
+        for door in self.plan.doors:
+            own, known = rooms[door.storey], len(self.findings)
+            with self._naming(f"door {door.name!r}"):
+                try:
+                    ground = self._open_door(door, own.near_next())
+                except ValueError:  # its message also says what is farther away
+                    del self.findings[known:]
+                    ground = self._open_door(door, own.floor())
+            own.add(ground)
+        self.floors = {name: own.floor() for name, own in rooms.items()}
+
+    def _open_door(self, door: Item, floor: BaseGeometry) -> list[BaseGeometry]:
+        """Return the ground between a door and the rooms on both its sides."""
+        assert door.segment is not None
+        segment, change = placed(floor, door.segment, door.reach)
+        if change:
+            self._find("assumed", f"door {door.name!r} {change}", door.storey, segment)
+        found = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
+        ground = [one.polygon for one in found if one is not None and not one.polygon.is_empty]
+        if all(found):
+            z = self.plan.storeys[door.storey].z
+            self.doors.append((door.name, np.column_stack([segment, [z, z]])))
+            return ground
+        if not any(found):
+            raise ValueError(
+                f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
+                f"{nearest(floor, segment, reach=door.reach, between=True)}: move the door there, or increase reach"
+            )
+        if door.outside == "refuse":
+            raise ValueError(
+                f"{written(segment)} on storey {door.storey!r} has a room on one side only; move it, increase "
+                "reach if the wall is thicker, or make it an exit"
+            )
+        ends = np.concatenate([*segment])[None]
+        if door.outside == "exit":
+            self.edges.append((f"exit:{door.name}", door.storey, ends))
+        else:
+            self.openings.append((door.storey, ends[0]))
+        return ground
+
+    def _add(self, storey: str, strips: list[Strip]) -> None:
+        """Add strips of ground to a floor."""
+        parts = [one.polygon for one in strips if not one.polygon.is_empty]
+        if parts:
+            self.floors[storey] = united([self.floors[storey], *parts])
+
+    def _place_obstacle(self, item: Item) -> tuple[tuple[str, ...], BaseGeometry, float] | None:
+        """Cut an obstacle out of its floor; return its surface, or None if it is not on the floor."""
+        floor, storey = self.floors[item.storey], self.plan.storeys[item.storey]
+        outline = united(item.polygons)
+        inside = common(floor, outline)
+        if inside.is_empty:
+            self._find("left out", f"obstacle {item.name!r} is not on the floor", item.storey, outline)
+            return None
+        self.floors[item.storey] = cut(floor, outline)
+        return (f"obstacle:{item.name}",), inside, storey.z
+
+    def _make_stairs(self) -> None:
+        """Make flights and landings, cut the floors away from them, and join them to the floors."""
+        plan = self.plan
+        ends: list[tuple[str, str, str, FloatArray, FloatArray]] = []
+        for stair in plan.stairs:
+            what = f"stair {stair.name!r}"
+            for storey in (stair.lower, stair.upper):
+                self._check_storey(what, storey)
+            with self._naming(what):
+                pieces, upper, ways = self._stair_pieces(stair)
+            self.pieces[stair.name] = pieces
+            ends.append((what, "lower", stair.lower, stair.lower_edge, ways[0]))
+            ends.append((what, "upper", stair.upper, upper, ways[1]))
+        for name, kind, values in plan.pieces:
+            with self._naming(f"stair {name!r}"):
+                made = stairs.flight(*values) if kind == "flight" else [stairs.landing(united(values[0]), values[1])]
+            self.pieces.setdefault(name, []).extend(made)
+        if plan.headroom > 0.0:
+            for name, pieces in self.pieces.items():
+                for storey in plan.storeys:
+                    self._cut_for_headroom(name, pieces, storey)
+        for what, end, storey, edge, way in ends:
+            with self._naming(what):
+                self._join(what, end, storey, edge, way)
+
+    def _stair_pieces(self, stair: Stair) -> tuple[list[stairs.Piece], FloatArray, list[FloatArray]]:
+        """Return the pieces of a stair, its upper edge, and the directions from both its ends into their floors."""
+        low, high = self.plan.storeys[stair.lower].z, self.plan.storeys[stair.upper].z
+        if low >= high:
+            raise ValueError(
+                f"the lower storey {stair.lower!r} (z = {low:g}) must be below the upper one {stair.upper!r} "
+                f"(z = {high:g}); swap them, or correct z"
+            )
+        foot, head = stair.lower_edge, stair.upper_edge
+        width = float(np.hypot(*(foot[1] - foot[0])))
+        depth = stair.landing
+        if stair.turn is None and stair.length is None:
+            assert head is not None
+            pieces = stairs.straight(foot, low, head, high, depth or 0.0, stair.landings)
+            way = _across(head, head.mean(axis=0) - foot.mean(axis=0))
+            return pieces, head, [-_across(foot, head.mean(axis=0) - foot.mean(axis=0)), way]
+        way = self._way(stair)
+        assert stair.length is not None or stair.turn is not None
+        if stair.length is None:
+            raise ValueError("a U-shaped stair needs the length of its first flight; set length")
+        if stair.turn is None and head is None:
+            head = np.round(foot + stair.length * way, 6) + 0.0
+            return stairs.straight(foot, low, head, high, depth or 0.0, stair.landings), head, [-way, way]
+        if head is None:
+            aside = np.array([-way[1], way[0]]) * (1.0 if stair.turn == "left" else -1.0)
+            head = np.round(foot + (width + stair.gap) * aside, 6) + 0.0
+        pieces = stairs.switchback(foot, low, head, high, way, stair.length, width if depth is None else depth)
+        return pieces, head, [-way, -way]
+
+    def _way(self, stair: Stair) -> FloatArray:
+        """Return the unit vector (2,) in the direction of the first flight."""
+        edge, floor = stair.lower_edge, self.floors[stair.lower]
+        if stair.direction is not None:
+            return _across(edge, stair.direction)
+        middle, left = edge.mean(axis=0), normal(edge)
+        has_floor = [is_on(floor, middle + BESIDE * way) for way in (left, -left)]
+        if has_floor[0] == has_floor[1]:
+            where = "both sides" if has_floor[0] else "neither side"
+            raise ValueError(
+                f"its direction is ambiguous: storey {stair.lower!r} has floor on {where} of its lower edge "
+                f"{written(edge)}; set direction = [x, y]"
+            )
+        return -left if has_floor[0] else left
+
+    def _cut_for_headroom(self, name: str, pieces: list[stairs.Piece], storey: str) -> None:
+        """Remove the part of a floor that leaves too little height above or below a stair."""
+        z, floor = self.plan.storeys[storey].z, self.floors[storey]
+        low = [stairs.too_low(piece, z, self.plan.headroom) for piece in pieces]
+        away = [part for part in low if not part.is_empty and common(floor, part).area > LEAST_AREA]
+        if away:
+            self.floors[storey] = cut(floor, united(away))
+            area = floor.area - self.floors[storey].area
+            text = f"{area:.2f} m2 of floor cut away for {self.plan.headroom:g} m of headroom at stair {name!r}"
+            self._find("assumed", text, storey, max(away, key=lambda part: part.area))
+
+    def _join(self, what: str, end: str, storey: str, edge: FloatArray, way: FloatArray) -> None:
+        """Check that an end of a stair lies on the outline of its floor, and close a small gap between them."""
+        length = float(np.hypot(*(edge[1] - edge[0])))
+        beside = covered(along(self.floors[storey], edge, 2e-6), edge)
+        if beside < length - LEAST_LENGTH:
+            gap = strip(self.floors[storey], edge, way, SNAP)
+            if gap is not None and not gap.polygon.is_empty:
+                self._add(storey, [gap])
+                self._find("repaired", f"gap of {gap.depth:.3f} m at the {end} end of {what} closed", storey, edge)
+                beside = length
+        if beside < LEAST_LENGTH:
+            raise ValueError(
+                f"its {end} edge {written(edge)} does not lie on the outline of storey {storey!r}; "
+                f"{nearest(self.floors[storey], edge)}; move the edge there, or extend the floor"
+            )
+        if beside < length - UNCOVERED:
+            text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} adjoin the floor"
+            self._find("warning", text, storey, edge)
+
+    def _cut_exits(self) -> None:
+        """Cut the polygons of exits out of the floors, with the narrow strips of floor behind them."""
+        for row, item in enumerate(self.exits):
+            if item.polygons:
+                floor, drawn = self.floors[item.storey], united(item.polygons)
+                ground = reaching(drawn, floor, SNAP)
+                if ground.area > drawn.area + LEAST_AREA:
+                    text = f"exit {item.name!r} moved to the outline of its floor, at most {SNAP:g} m away"
+                    self._find("repaired", text, item.storey, drawn)
+                self.floors[item.storey] = cut(floor, ground)
+                self.exits[row] = replace(item, polygons=(ground,))
+
+    def _open_exit(self, item: Item) -> None:
+        """Put an exit on the outline of its floor; if it is on the outer face of a wall, extend the floor to it."""
+        tag = f"exit:{item.name}"
+        if item.segment is None:
+            rings = [ring for part in item.polygons for ring in shapely.get_rings(part)]
+            lines = [shapely.get_coordinates(ring) for ring in rings]
+            ends = [line[k : k + 2] for line in lines for k in range(len(line) - 1)]
+            pieces = [piece for side in ends for piece in self._outline(item, side)]
+            if not pieces:
+                raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
+            self.findings += both_sides(item, self.floors[item.storey], np.unique(pieces, axis=0))
+            self.edges.append((tag, item.storey, np.unique(pieces, axis=0)))
+            return
+        floor, segment = self.floors[item.storey], item.segment
+        pieces = self._outline(item, segment)
+        length = float(np.hypot(*(segment[1] - segment[0])))
+        beside = covered(np.array(pieces).reshape(-1, 4), segment)
+        if beside < 0.9 * length:
+            pieces = self._recess(item, segment, beside)
+        elif between_floors(floor, np.array(pieces), DOOR_REACH).any():
+            raise ValueError(between_rooms(segment, item.storey))
+        elif beside < length - LEAST_LENGTH:
+            text = f"exit {item.name!r} is {beside:.3f} m wide instead of {length:.3f} m: walls cover the rest of it"
+            self._find("warning", text, item.storey, segment)
+        self.edges.append((tag, item.storey, np.array(pieces)))
+
+    def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
+        """Return the pieces (4,) of the floor's outline along a segment; only those exactly on it if there are any."""
+        assert segment is not None
+        floor, length = self.floors[item.storey], float(np.hypot(*(segment[1] - segment[0])))
+        exact = along(floor, segment, 2e-6)
+        if covered(exact, segment) > length - LEAST_LENGTH:
+            return [*exact]
+        return [*along(floor, segment, SNAP)]
+
+    def _recess(self, item: Item, segment: FloatArray, beside: float) -> list[FloatArray]:
+        """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
+        floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
+        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
+        if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
+            raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
+        found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
+        inward = [one for one in found if one is not None and not one.polygon.is_empty]
+        if len(inward) > 1:
+            raise ValueError(between_rooms(segment, item.storey))
+        if not inward:
+            if beside > LEAST_LENGTH:
+                longest = max(self._outline(item, segment), key=lambda piece: np.hypot(*(piece[2:] - piece[:2])))
+                length = float(np.hypot(*(segment[1] - segment[0])))
+                raise ValueError(
+                    f"of {written(segment)}, only {beside:.2f} of {length:.2f} m are on the outline of storey "
+                    f"{item.storey!r}; move the exit along it, or shorten it to {written(longest.reshape(2, 2))}"
+                )
+            raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {edge}")
+        self._add(item.storey, inward)
+        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
+        self._find("warning" if inward[0].depth > DEEP else "assumed", text, item.storey, segment)
+        return [segment.ravel()]
+
+    def _ground(self) -> list[tuple[tuple[str, ...], BaseGeometry, float]]:
+        """Return the floors, divided by the areas on them, with their tags."""
+        surfaces = []
+        for name, floor in self.floors.items():
+            if floor.is_empty:
+                raise BuildingError(
+                    f"{self.plan.source}: storey {name!r}: obstacles, stairs and exits cover all of it; move them"
+                )
+            parts: list[tuple[tuple[str, ...], BaseGeometry]] = [((f"floor:{name}",), floor)]
+            for item in (item for item in self.plan.areas if item.storey == name):
+                outline = united(item.polygons)
+                inside = common(floor, outline)
+                if inside.is_empty:
+                    raise BuildingError(
+                        f"{self.plan.source}: area {item.name!r} is not on the floor of storey {name!r}; move it there"
+                    )
+                parts = [part for tags, one in parts for part in _divided(tags, one, f"area:{item.name}", outline)]
+            surfaces += [(tags, one, self.plan.storeys[name].z) for tags, one in parts]
+        return surfaces
+
+
+def _divided(
+    tags: tuple[str, ...], ground: BaseGeometry, tag: str, outline: BaseGeometry
+) -> list[tuple[tuple[str, ...], BaseGeometry]]:
+    """Divide a piece of ground by an outline; the part inside gets an additional tag."""
+    parts: list[tuple[tuple[str, ...], BaseGeometry]] = []
+    make: Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
+    for own, make in ((tags, cut), ((*tags, tag), common)):
+        part = make(ground, outline)
+        if not part.is_empty:
+            parts.append((own, part))
+    return parts
+
+
+def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return the unit normal of an edge on the side of a direction."""
+    across = normal(edge)
+    side = float(across @ direction)
+    if abs(side) < 0.1 * float(np.hypot(*direction)):
+        raise ValueError(
+            f"direction [{direction[0]:g}, {direction[1]:g}] is parallel to its edge {written(edge)}; change it"
+        )
+    return across if side > 0.0 else -across

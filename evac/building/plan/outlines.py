@@ -1,0 +1,240 @@
+"""Outlines of floors: pieces along a segment, strips between a segment and a floor, walls between rooms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import BoolArray, FloatArray
+from evac.building.geometry.extent import FACTORS
+from evac.building.model.findings import away
+from evac.building.plan.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut, flat_parts
+from evac.building.surface.edges import segment_lengths
+
+#: Pieces of an outline lie along a segment if their directions differ by less than this (25 degrees).
+ALONG = 0.9
+#: Units of the segment for which it has to be multiplied by a factor.
+UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet"}
+#: Distance from a floor, as a share of its extent, at which a segment in another unit would lie at the floor.
+NEAR = 0.05
+#: Places along a piece of an outline at which the floor beyond a wall is looked for.
+SAMPLES = 8
+#: Length of a segment that may lack a floor within reach [m], where an end of it is drawn slightly into a wall.
+BESIDE_JAMB = 0.01
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Ground between a segment and a floor, and its depth [m]."""
+
+    polygon: BaseGeometry
+    depth: float
+
+
+def sides(polygon: BaseGeometry) -> FloatArray:
+    """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left [m]."""
+    rings = []
+    for part in shapely.get_parts(polygon):
+        oriented = shapely.orient_polygons(part)
+        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    if not rings:
+        return np.empty((0, 4))
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def along(polygon: BaseGeometry, ends: FloatArray, reach: float) -> FloatArray:
+    """Return the pieces (p, 4) of a polygon's outline that lie along a segment, at most `reach` from it [m].
+
+    Pieces shorter than 1 mm are left out. Where the outline is on the segment, pieces end exactly at its ends.
+    """
+    own = sides(polygon)
+    length = segment_lengths(own)
+    own, length = own[length > 0.0], length[length > 0.0]
+    start, step = own[:, :2], (own[:, 2:] - own[:, :2]) / length[:, None]
+    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    share = np.stack([((point - start) * step).sum(axis=1) for point in ends], axis=1)
+    low = np.maximum(share.min(axis=1), 0.0)
+    high = np.minimum(share.max(axis=1), length)
+    low, high = np.where(low < LEAST_LENGTH, 0.0, low), np.where(length - high < LEAST_LENGTH, length, high)
+    is_along = (high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG)
+    pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)[is_along]
+    line = shapely.LineString(ends)
+    middle = shapely.points((pieces[:, :2] + pieces[:, 2:]) / 2)
+    off = [shapely.distance(shapely.points(pieces[:, k : k + 2]), line) for k in (0, 2)]
+    is_near = (np.maximum(*off) <= reach) & (shapely.distance(middle, line) <= reach)
+    rounded: FloatArray = np.round(pieces[is_near], 6) + 0.0
+    return rounded
+
+
+def covered(pieces: FloatArray, ends: FloatArray) -> float:
+    """Return the length of a segment that has a piece beside it [m]."""
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    direction = (ends[1] - ends[0]) / length
+    spans = np.sort(((pieces.reshape(-1, 2, 2) - ends[0]) @ direction).clip(0.0, length), axis=1)
+    total, reached = 0.0, 0.0
+    for low, high in spans[np.argsort(spans[:, 0])].tolist():
+        total += max(high - max(low, reached), 0.0)
+        reached = max(reached, high)
+    return total
+
+
+def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float) -> Strip | None:
+    """Return the strip of ground between a segment and a floor in a given direction.
+
+    Parameters
+    ----------
+    polygon : shapely polygon or multipolygon
+        The floor.
+    ends : (2, 2) float64 [m]
+    way : (2,) float64
+        Unit vector across the segment.
+    reach : float [m]
+
+    Returns
+    -------
+    Strip or None
+        None if part of the segment has no floor within `reach`. The strip of a segment on the floor is empty.
+    """
+    far = ends + (reach + LEAST_LENGTH) * way
+    corridor = shapely.set_precision(shapely.Polygon([*ends, *far[::-1]]), GRID)
+    line, end = shapely.LineString(ends).buffer(2 * GRID), shapely.LineString(far).buffer(2 * GRID)
+    gaps = [part for part in shapely.get_parts(cut(corridor, polygon)) if part.intersects(line)]
+    gap = shapely.union_all(gaps)
+    if gap.is_empty:
+        return Strip(gap, 0.0)
+    if sum(part.intersection(end).area for part in gaps) > 2 * GRID * BESIDE_JAMB:
+        return None
+    depth = float(((shapely.get_coordinates(gap) - ends[0]) @ way).max())
+    return Strip(gap, depth)
+
+
+def normal(ends: FloatArray) -> FloatArray:
+    """Return the unit vector to the left of a segment."""
+    along_it = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    return np.array([-along_it[1], along_it[0]])
+
+
+def is_on(polygon: BaseGeometry, point: FloatArray) -> bool:
+    """Return whether a point is inside a polygon."""
+    return bool(shapely.intersects_xy(polygon, *point))
+
+
+def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:
+    """Return which pieces (p, 4) of an outline have floor beyond the wall behind most of their length.
+
+    Parameters
+    ----------
+    polygon : shapely polygon or multipolygon
+        The floor.
+    pieces : (p, 4) float64 [m]
+        With the floor on their left.
+    reach : float [m]
+        Greatest thickness of the wall.
+    """
+    start, step = pieces[:, None, :2], (pieces[:, 2:] - pieces[:, :2])[:, None]
+    outward = np.stack([step[..., 1], -step[..., 0]], axis=-1) / segment_lengths(pieces)[:, None, None]
+    places = start + np.linspace(0.0, 1.0, 2 * SAMPLES + 1)[1::2, None] * step
+    rays = shapely.linestrings(np.stack([places + LEAST_LENGTH * outward, places + reach * outward], axis=-2))
+    shapely.prepare(polygon)
+    found: BoolArray = shapely.intersects(polygon, rays).mean(axis=1) > 0.5
+    return found
+
+
+def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, between: bool = False) -> str:
+    """Describe, for a message, the edge of an outline nearest to a segment, and its distance.
+
+    If `reach` is greater than 0, only edges with floor beyond a wall of this thickness are considered (`between`), or
+    only the others, provided that there is one.
+    """
+    own = sides(polygon)
+    if reach > 0.0 and len(own):
+        is_wanted = between_floors(polygon, own, reach) == between
+        own = own[is_wanted] if is_wanted.any() else own
+    if not len(own):
+        return "obstacles, stairs and exits cover its whole floor"
+    line = shapely.LineString(ends)
+    middle = shapely.points(ends.mean(axis=0))
+    lines = shapely.linestrings(own.reshape(-1, 2, 2))
+    row = np.lexsort((shapely.distance(lines, middle), shapely.distance(lines, line)))[0]
+    x1, y1, x2, y2 = own[row]
+    return (
+        f"the nearest edge of its outline is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}), "
+        f"{away(shapely.distance(lines[row], line))}{_in_other_unit(polygon, ends)}"
+    )
+
+
+def _in_other_unit(polygon: BaseGeometry, ends: FloatArray) -> str:
+    """Describe, for a message, the unit in which a segment far away from a floor would lie at the floor."""
+    low, high = np.reshape(polygon.bounds, (2, 2))
+    extent = float(np.hypot(*(high - low)))
+    if polygon.distance(shapely.LineString(ends)) < extent:
+        return ""
+    off = [float(polygon.boundary.distance(shapely.LineString(factor * ends))) for factor in FACTORS]
+    best = int(np.argmin(off))
+    if off[best] > NEAR * extent:
+        return ""
+    unit = UNITS.get(FACTORS[best])
+    question = f"are these {unit}?" if unit else "is the unit of the storey the metre?"
+    return f" ({question} Multiplied by {FACTORS[best]:.4g}, the segment lies at the floor)"
+
+
+def between_rooms(ends: FloatArray, storey: str) -> str:
+    """Describe, for a message, an exit with floor on both its sides."""
+    return (
+        f"{written(ends)} does not lead outside: storey {storey!r} has floor on both sides of the wall there; "
+        "make it a door, or move it to the outer outline"
+    )
+
+
+def written(ends: FloatArray) -> str:
+    """Describe a segment for a message."""
+    (x1, y1), (x2, y2) = ends
+    return f"({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f})"
+
+
+def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeometry]:
+    """Shrink adjacent rooms so that walls of a given thickness fit between them; outer sides are not moved."""
+    tree = shapely.STRtree(rooms)
+    divided = []
+    for index, room in enumerate(rooms):
+        others = [rooms[other] for other in tree.query(room, "intersects").tolist() if other != index]
+        shared = shapely.intersection(room.boundary, shapely.union_all([other.boundary for other in others]))
+        lines = [part for part in shapely.get_parts(shared) if part.geom_type == "LineString"]
+        if not lines:
+            divided.append(room)
+            continue
+        walls = shapely.line_merge(shapely.union_all(lines))
+        divided.append(cut(room, walls.buffer(thickness / 2, cap_style="square", join_style="mitre")))
+    return [room for room in divided if not room.is_empty]
+
+
+def distinct(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+    """Return polygons without those that are equal to an earlier one."""
+    found: dict[bytes, BaseGeometry] = {}
+    for polygon in polygons:
+        found.setdefault(shapely.to_wkb(shapely.normalize(polygon)), polygon)
+    return list(found.values())
+
+
+def overlaps(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+    """Return the intersection of each pair of polygons, if it is larger than rounding errors."""
+    one, other = shapely.STRtree(polygons).query(polygons, "intersects")
+    both = [common(polygons[a], polygons[b]) for a, b in zip(one.tolist(), other.tolist(), strict=True) if a < b]
+    return [part for part in both if part.area > LEAST_AREA]
+
+
+def reaching(outside: BaseGeometry, floor: BaseGeometry, reach: float) -> BaseGeometry:
+    """Extend the ground of an exit by strips of floor narrower than `reach` [m] between it and the outline.
+
+    An exit is often drawn slightly inside the outline; the narrow rim behind it is not floor.
+    """
+    rest = cut(floor, outside)
+    wide = rest.buffer(-reach / 2, join_style="mitre").buffer(reach / 2, join_style="mitre")
+    near = outside.buffer(reach, join_style="mitre")
+    strips = [part for part in shapely.get_parts(cut(rest, wide)) if near.buffer(LEAST_LENGTH).covers(part)]
+    touching = [part for part in strips if part.distance(outside) < LEAST_LENGTH]
+    if not touching:
+        return outside
+    return flat_parts(shapely.union_all([outside, *touching], grid_size=GRID))

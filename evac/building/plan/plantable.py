@@ -1,0 +1,135 @@
+"""Conversion between plans and tables, as in plan files and ``[building.plan]`` of a case."""
+
+import inspect
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from evac.base.defaults import HEADROOM
+from evac.base.errors import BuildingError, escaped
+from evac.base.parameters import did_you_mean
+from evac.building.plan.plan import Plan
+from evac.building.plan.planparts import Item, Stair
+
+#: Name of each list of tables, and the method of `Plan` that takes the keys of one table as arguments.
+SECTIONS = {
+    "storeys": "storey",
+    "stairs": "stair",
+    "flights": "flight",
+    "landings": "landing",
+    "doors": "door",
+    "exits": "exit",
+    "openings": "opening",
+    "areas": "area",
+    "obstacles": "obstacle",
+}
+
+
+def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = "") -> Plan:
+    """Return the plan that a table describes.
+
+    Parameters
+    ----------
+    table : mapping
+        ``headroom`` [m], and lists of tables under the keys of `SECTIONS`, with the arguments of that method of
+        `evac.building.plan.plan.Plan`.
+    source : Path
+        Name of the plan in messages.
+    folder : Path
+        Folder that paths of storey files are relative to.
+    prefix : str
+        Prefix of keys in messages.
+
+    Raises
+    ------
+    BuildingError
+        A key is unknown or missing, or a value is invalid; names the key.
+    """
+    for key in table:
+        if key != "headroom" and key not in SECTIONS:
+            raise BuildingError(f"{source}: {prefix}{key}: unknown key; {did_you_mean(key, ['headroom', *SECTIONS])}")
+    plan = Plan(source, headroom=table.get("headroom", HEADROOM))
+    for section, method in SECTIONS.items():
+        items = table.get(section, [])
+        if not isinstance(items, list):
+            raise BuildingError(f"{source}: {prefix}{section} must be a list of tables: [[{section}]]")
+        for index, item in enumerate(items):
+            name = item["name"] if isinstance(item, Mapping) and "name" in item else index
+            key = escaped(f"{prefix}{section}.{name}")
+            _check_keys(f"{source}: {key}", item, getattr(plan, method))
+            values = dict(item)
+            if section == "storeys" and isinstance(values.get("file"), str):
+                values["file"] = folder / values["file"]
+            getattr(plan, method)(**values)
+    return plan
+
+
+def table_of(plan: Plan) -> dict[str, Any]:
+    """Return a plan as a table of plain data; `plan_of` is the inverse."""
+    table: dict[str, Any] = {"headroom": plan.headroom}
+    table["storeys"] = [
+        {"name": one.name, "z": one.z, "wall": one.wall}
+        | ({"file": str(one.file), "options": dict(one.options)} if one.file else {"polygons": _wkt(one.polygons)})
+        for one in plan.storeys.values()
+    ]
+    table["stairs"] = [_stair(one) for one in plan.stairs]
+    table["flights"], table["landings"] = [], []
+    for stair, kind, values in plan.pieces:
+        if kind == "flight":
+            lower, lower_z, upper, upper_z = values
+            piece = {"lower_edge": lower.tolist(), "lower_z": lower_z, "upper_edge": upper.tolist(), "upper_z": upper_z}
+            table["flights"].append({"stair": stair, **piece})
+        else:
+            table["landings"].append({"stair": stair, "polygon": _wkt(values[0]), "z": values[1]})
+    table["doors"] = [_item(one) | {"reach": one.reach, "outside": one.outside} for one in plan.doors]
+    table["exits"] = [_item(one) for one in plan.exits]
+    table["openings"] = [_item(one) for one in plan.openings]
+    table["areas"] = [_item(one) for one in plan.areas]
+    table["obstacles"] = [_item(one) for one in plan.obstacles]
+    return {key: value for key, value in table.items() if value != []}
+
+
+def _check_keys(what: str, item: Any, method: Any) -> None:
+    """Refuse an item that is not a table, lacks a key, or has an unknown key."""
+    if not isinstance(item, Mapping):
+        raise BuildingError(f"{what}: must be a table, not {item!r}")
+    known = inspect.signature(method).parameters
+    for key in item:
+        if key not in known:
+            raise BuildingError(f"{what}.{key}: unknown key; {did_you_mean(str(key), list(known))}")
+    for key, parameter in known.items():
+        if parameter.default is inspect.Parameter.empty and key not in item:
+            raise BuildingError(f"{what}.{key}: missing; the known keys are {', '.join(known)}")
+    for key in ("name", "storey", "lower", "upper", "stair", "turn", "outside", "file"):
+        if key in item and not (isinstance(item[key], str) and item[key]):
+            raise BuildingError(f"{what}.{key}: must be a string, not {item[key]!r}")
+
+
+def _stair(stair: Stair) -> dict[str, Any]:
+    given = {
+        "name": stair.name,
+        "lower": stair.lower,
+        "lower_edge": stair.lower_edge.tolist(),
+        "upper": stair.upper,
+        "upper_edge": None if stair.upper_edge is None else stair.upper_edge.tolist(),
+        "length": stair.length,
+        "direction": None if stair.direction is None else np.asarray(stair.direction).tolist(),
+        "landing": stair.landing,
+        "landings": stair.landings if stair.landing is not None else None,
+        "turn": stair.turn,
+        "gap": stair.gap,
+    }
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def _item(item: Item) -> dict[str, Any]:
+    shape = {"polygon": _wkt(item.polygons)} if item.segment is None else {"segment": item.segment.tolist()}
+    return {"name": item.name, "storey": item.storey, **shape}
+
+
+def _wkt(polygons: tuple[Any, ...]) -> list[str]:
+    """Return polygons, whose coordinates are on the grid of plans, as WKT without loss of digits."""
+    return [str(shapely.to_wkt(one, rounding_precision=6)) for one in polygons]

@@ -1,0 +1,153 @@
+"""A solid body of a building model, with its level faces and horizontal sections."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.building.plan.shapes import GRID, flat_parts
+
+#: A face is level if the vertical component of its unit normal exceeds this: slopes below 3 degrees.
+LEVEL = float(np.cos(np.radians(3.0)))
+#: Level faces whose heights differ by at most this are at the same height [m].
+SAME_HEIGHT = 0.02
+#: Grid to which plans of bodies are rounded [m]; corners closer together would be welded.
+MILLIMETRE = 1e-3
+#: Notches in outlines up to this depth are smoothed [m].
+NOTCH = 2.5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A solid as a triangle mesh.
+
+    Attributes
+    ----------
+    kind : str
+        One of `evac.building.recover.bodies.plan.KINDS`.
+    name : str
+        Name in the file.
+    points : (v, 3) float64 [m]
+    triangles : (t, 3) int64
+    """
+
+    kind: str
+    name: str
+    points: FloatArray
+    triangles: IndexArray
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """Corners (t, 3, 3) of the triangles, oriented so that normals point outwards [m]."""
+        corners: FloatArray = self.points[self.triangles]
+        away = corners - self.points.mean(axis=0)
+        volume = np.einsum("ti,ti->", away[:, 0], np.cross(away[:, 1], away[:, 2]))
+        return corners if volume >= 0.0 else corners[:, ::-1]
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Unit normals (t, 3); zero where a triangle has no area."""
+        sides = self.corners[:, 1:] - self.corners[:, :1]
+        normal = np.cross(sides[:, 0], sides[:, 1])
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        unit: FloatArray = np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-12)
+        return unit
+
+    @cached_property
+    def box(self) -> FloatArray:
+        """Bounding box (2, 3): minimum and maximum coordinates [m]."""
+        return np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+
+    @property
+    def z_min(self) -> float:
+        """Height of the lowest point [m]."""
+        return float(self.box[0, 2])
+
+    @property
+    def z_max(self) -> float:
+        """Height of the highest point [m]."""
+        return float(self.box[1, 2])
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Centre (x, y) of the bounding box, for messages [m]."""
+        x, y = self.box[:, :2].mean(axis=0).tolist()
+        return x, y
+
+    def tops(self) -> list[tuple[BaseGeometry, float]]:
+        """Return the level faces that point upwards: for each height, their union in plan and the height [m]."""
+        return self._level(self.normals[:, 2] > LEVEL)
+
+    def bottoms(self) -> list[tuple[BaseGeometry, float]]:
+        """Return the level faces that point downwards: for each height, their union in plan and the height [m]."""
+        return self._level(self.normals[:, 2] < -LEVEL)
+
+    def _level(self, mask: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> list[tuple[BaseGeometry, float]]:
+        rows = np.flatnonzero(mask)
+        height = self.corners[rows, :, 2].mean(axis=1)
+        order = np.argsort(height, kind="stable")
+        rows, height = rows[order], height[order]
+        ends = np.flatnonzero(np.diff(height) > SAME_HEIGHT) + 1
+        found = []
+        for group in np.split(np.arange(len(rows)), ends):
+            plan = in_plan(self.corners[rows[group], :, :2])
+            if not plan.is_empty:
+                found.append((plan, float(height[group].max())))
+        return found
+
+    def shadow(self) -> BaseGeometry:
+        """Return the projection of the body onto the plan."""
+        return in_plan(self.corners[:, :, :2])
+
+    def section(self, z: float) -> BaseGeometry:
+        """Return the section at height `z` [m]; empty where the body is not closed."""
+        above = self.corners[:, :, 2] > z
+        cut = above.any(axis=1) & ~above.all(axis=1)
+        lines = []
+        for corners, is_above in zip(self.corners[cut], above[cut], strict=True):
+            lone = int(np.flatnonzero(is_above == (is_above.sum() == 1))[0])
+            start, others = corners[lone], np.delete(corners, lone, axis=0)
+            share = ((z - start[2]) / (others[:, 2] - start[2]))[:, None]
+            lines.append((start + share * (others - start))[:, :2])
+        if not lines:
+            return shapely.Polygon()
+        noded = shapely.union_all(shapely.linestrings(np.array(lines)), grid_size=0.1 * MILLIMETRE)
+        return flat_parts(shapely.build_area(noded))
+
+    def rectangle(self) -> FloatArray | None:
+        """Return the corners (4, 2) of the minimum rotated rectangle, a long side first [m]; None if degenerate."""
+        hull = shapely.minimum_rotated_rectangle(shapely.multipoints(self.points[:, :2]))
+        if hull.geom_type != "Polygon":
+            return None
+        corners: FloatArray = shapely.get_coordinates(hull)[:4]
+        sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)
+        return corners if sides[0] >= sides[1] else np.roll(corners, -1, axis=0)
+
+
+def in_plan(triangles: FloatArray) -> BaseGeometry:
+    """Return the union of triangles (t, 3, 2) in plan."""
+    if not len(triangles):
+        return shapely.Polygon()
+    polygons = shapely.polygons(triangles)
+    return flat_parts(shapely.union_all(polygons[shapely.area(polygons) > 1e-9], grid_size=GRID))
+
+
+def closed(geometry: BaseGeometry, gap: float) -> BaseGeometry:
+    """Close gaps and notches of polygons up to the width `gap` [m] (morphological closing)."""
+    half = 0.5 * gap
+    grown = shapely.buffer(geometry, half, join_style="mitre", mitre_limit=2.0)
+    return shapely.buffer(grown, -half, join_style="mitre", mitre_limit=2.0)
+
+
+def without_slivers(geometry: BaseGeometry, width: float) -> BaseGeometry:
+    """Drop the parts of polygons that are nowhere wider than `width` [m]."""
+    parts = shapely.get_parts(geometry)
+    return flat_parts(shapely.multipolygons(parts[~shapely.is_empty(shapely.buffer(parts, -0.5 * width))]))
+
+
+def snapped(geometry: BaseGeometry) -> BaseGeometry:
+    """Round the corners of polygons to the grid of bodies, and smooth notches of a few grid steps."""
+    return flat_parts(shapely.set_precision(shapely.simplify(geometry, NOTCH), MILLIMETRE))

@@ -1,0 +1,145 @@
+"""Convert doors and openings in walls to doors and exits of a plan."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.building.model.findings import Finding
+from evac.building.plan.outlines import normal, strip
+from evac.building.plan.shapes import united
+from evac.building.recover.bodies.body import Body, snapped
+from evac.building.recover.bodies.floors import Floor
+
+#: Largest difference in height between the foot of a door and the floor that it stands on [m].
+SILL = 0.3
+#: Minimum height of an opening without a door that people can pass [m].
+LEAST_HEIGHT = 1.8
+#: A door or window fills an opening if their boxes share at least this fraction of the opening's box.
+FILLED = 0.3
+#: An opening reaches the foot of its wall if it ends at most this high above it [m].
+FOOT = 0.1
+#: Largest gap between the face of a wall and the room beside it [m].
+BEHIND = 0.15
+#: Lengths tried in turn by which each end of a door is shortened, until rooms lie along all of it [m].
+SHORTENED = (0.0, 0.02, 0.05, 0.1, 0.15)
+#: Narrowest door [m].
+NARROWEST = 0.5
+
+
+@dataclass(frozen=True)
+class Doorway:
+    """A door: its segment (2, 2) in the middle of a wall, its reach to rooms [m], the number of sides with rooms."""
+
+    name: str
+    floor: Floor
+    segment: FloatArray
+    reach: float
+    sides: int
+
+
+def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
+    """Return the bodies that people pass through, and the openings that must be filled in the walls.
+
+    A passage is the opening that a door fills, the door itself if it fills no opening, or an empty opening that reaches
+    down to the floor. Openings are holes in walls. They are filled again, since rooms end at their walls and are joined
+    by doors only.
+    """
+    openings = [body for body in bodies if body.kind == "opening"]
+    boxes = _boxes(openings)
+    walls = _boxes([body for body in bodies if body.kind == "wall"])
+    passages, taken, filled = [], set(), []
+    for body in bodies:
+        if body.kind in ("door", "window"):
+            row = _filled(body, boxes)
+            taken.add(row)
+            shape = body if row is None else openings[row]
+            filled.append(Body("opening", body.name, shape.points, shape.triangles))
+            if body.kind == "door":
+                passages.append(filled[-1])
+    for row, opening in enumerate(openings):
+        if row not in taken and opening.z_max - opening.z_min >= LEAST_HEIGHT and _is_in_wall(opening, walls):
+            passages.append(opening)
+    return passages, [*filled, *(opening for opening in passages if opening not in filled)]
+
+
+def _boxes(bodies: Sequence[Body]) -> FloatArray:
+    return np.array([body.box for body in bodies]).reshape(-1, 2, 3)
+
+
+def _is_in_wall(opening: Body, walls: FloatArray) -> bool:
+    """Return whether an opening is in one of the walls, given by boxes (w, 2, 3), and reaches down to its foot."""
+    low, high = opening.box
+    meets = ((walls[:, 0] - 0.01 < high) & (walls[:, 1] + 0.01 > low)).all(axis=1)
+    return bool((meets & (opening.z_min - walls[:, 0, 2] < FOOT)).any())
+
+
+def _filled(door: Body, openings: FloatArray) -> int | None:
+    """Return the row of the opening, among boxes (o, 2, 3), that a door or window fills; None if it fills none."""
+    both = np.minimum(door.box[1], openings[:, 1]) - np.maximum(door.box[0], openings[:, 0])
+    size = np.maximum(openings[:, 1] - openings[:, 0], 1e-3)
+    share = np.prod(np.maximum(both, 0.0), axis=1) / np.prod(size, axis=1)
+    return int(share.argmax()) if len(share) and share.max() > FILLED else None
+
+
+def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: list[Finding]) -> list[Doorway]:
+    """Return the doors of each floor that join rooms or lead outside; doors without a room are added to `findings`."""
+    found = []
+    for body in passages:
+        near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
+        if not near and body.name.startswith("opening"):
+            continue
+        if not near:
+            findings.append(
+                Finding("left out", f"{body.name!r} is not on a floor (z = {body.z_min:z.2f} m)", None, body.place)
+            )
+            continue
+        floor = min(near, key=lambda one: abs(one.z - body.z_min))
+        way = _fit(body, floor)
+        if way is None:
+            findings.append(Finding("left out", f"{body.name!r} has no room on either side", floor.name, body.place))
+        else:
+            found.append(way)
+    return found
+
+
+def _fit(body: Body, floor: Floor) -> Doorway | None:
+    """Return the widest door with the largest number of rooms beside it; None if there is no room."""
+    corners = body.rectangle()
+    if corners is None:
+        return None
+    best: Doorway | None = None
+    for side in (0, 1):
+        a, b, c, d = np.roll(corners, -side, axis=0)
+        ends = np.array([(a + d) / 2, (b + c) / 2])
+        width, depth = float(np.hypot(*(ends[1] - ends[0]))), float(np.hypot(*(d - a)))
+        for less in SHORTENED:
+            if width - 2 * less < NARROWEST:
+                break
+            along = (ends[1] - ends[0]) / width
+            segment = np.round(np.array([ends[0] + less * along, ends[1] - less * along]), 3)
+            reach = depth / 2 + BEHIND
+            ways = (normal(segment), -normal(segment))
+            sides = sum(strip(floor.ground, segment, way, reach) is not None for way in ways)
+            if sides and (best is None or sides > best.sides):
+                best = Doorway(body.name, floor, segment, reach, sides)
+    return best
+
+
+def middle_of(way: Doorway) -> tuple[float, float]:
+    """Return the midpoint (x, y) of a door, for findings [m]."""
+    x, y = way.segment.mean(axis=0).tolist()
+    return x, y
+
+
+def opened(floor: Floor, ways: Sequence[Doorway]) -> BaseGeometry:
+    """Return the ground of a floor, extended by strips through its doors."""
+    strips = [floor.ground]
+    for way in (way for way in ways if way.floor is floor):
+        for side in (normal(way.segment), -normal(way.segment)):
+            found = strip(floor.ground, way.segment, side, way.reach)
+            if found is not None and not found.polygon.is_empty:
+                strips.append(found.polygon)
+    return snapped(united(strips))

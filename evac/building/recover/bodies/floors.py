@@ -1,0 +1,216 @@
+"""Convert spaces, slabs, walls and columns to the floors of storeys."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.defaults import HEADROOM
+from evac.building.model.findings import Finding
+from evac.building.plan.shapes import common, cut, place_of, united
+from evac.building.recover.bodies.body import Body, closed, snapped, without_slivers
+
+#: Largest difference in height between a floor and the top of its slab, due to floor finishes [m].
+THICKNESS = 0.3
+#: Heights above a floor at which walls and columns are cut [m].
+CUTS = (0.1, 0.5, 1.0, 1.5, 1.9)
+#: Furniture higher above a floor than this is not an obstacle [m].
+HANGING = 1.5
+#: Bodies that reach into a room by at most this are ignored as drawing inaccuracies [m].
+DEPTH = 0.02
+#: Ground narrower than this is dropped [m].
+NARROWEST = 0.4
+#: Minimum area of a part of a space without a slab that is reported as a void [m2].
+LEAST_VOID = 0.25
+
+
+@dataclass
+class Floor:
+    """The ground at one height.
+
+    Attributes
+    ----------
+    name : str
+        Name of its storey, followed by the height if the storey has several floors.
+    z : float [m]
+    ground : polygon or multipolygon
+    slabs : polygon or multipolygon
+        Tops of slabs at its height, including ground under obstacles.
+    rooms : list of (str, polygon or multipolygon)
+        Name and plan of each space on it.
+    """
+
+    name: str
+    z: float
+    ground: BaseGeometry
+    slabs: BaseGeometry
+    rooms: list[tuple[str, BaseGeometry]] = field(default_factory=list)
+
+
+@dataclass
+class _Height:
+    """Plans of spaces (with names) and of slabs that form one floor."""
+
+    z: float
+    spaces: list[tuple[Body, BaseGeometry, float]] = field(default_factory=list)
+    slabs: list[BaseGeometry] = field(default_factory=list)
+
+
+def floors_of(
+    bodies: Sequence[Body],
+    storeys: Sequence[tuple[str, float]],
+    *,
+    ground: str,
+    step: float,
+    gap: float,
+    furniture: bool,
+    findings: list[Finding],
+) -> list[Floor]:
+    """Return the floors of a building, from bottom to top.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    storeys : sequence of (str, float [m])
+        Names and heights, for the names of floors.
+    ground : "auto", "spaces" or "slabs"
+        Source of the floors: spaces intersected with slabs, or slabs without walls. With "auto", slabs are used only
+        if there are no spaces.
+    step : float [m]
+        Ground whose heights differ by at most this is one floor.
+    gap : float [m]
+        Gaps between spaces up to this width are closed.
+    furniture : bool
+        Whether furniture is an obstacle.
+    findings : list of Finding
+        To add to.
+    """
+    heights = _heights(bodies, ground, step)
+    names = _names(heights, storeys)
+    floors = []
+    for height, name in zip(heights, names, strict=True):
+        slabs = united(height.slabs)
+        if height.spaces:
+            made, rooms = _of_spaces(height, slabs, name, gap, findings), _rooms(height)
+        else:
+            made, rooms = slabs, []
+            what = "the file has no spaces" if ground == "auto" else "as set"
+            findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
+        made = _without_bodies(made, bodies, height, furniture)
+        floors.append(Floor(name, height.z, made, slabs, rooms))
+        levels = [z for _, _, z in height.spaces]
+        if levels and max(levels) - min(levels) > 0.001:
+            text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are merged at {height.z:z.3f} m (step)"
+            findings.append(Finding("assumed", text, name))
+    for low, floor in enumerate(floors):
+        over = [other for other in floors[low + 1 :] if other.z < floor.z + HEADROOM]
+        floor.ground = cut(floor.ground, united([one for other in over for one in (other.ground, other.slabs)]))
+        _drop_slivers(floor, findings)
+    return [floor for floor in floors if not floor.ground.is_empty]
+
+
+def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
+    """Group plans whose heights differ by at most `step` [m] into floors, starting from the largest."""
+    found: list[tuple[float, float, Body, BaseGeometry]] = []
+    if ground != "slabs":
+        spaces = [(body, *face) for body in bodies if body.kind == "space" for face in body.bottoms()]
+        found += [(plan.area, z, body, plan) for body, plan, z in spaces]
+    slabs = [(plan.area, z, body, plan) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
+    heights: list[_Height] = []
+    for _, z, body, plan in sorted(found, key=lambda one: (-one[0], one[1])):
+        height = _nearest(heights, z, step)
+        height.spaces.append((body, plan, z))
+    for _, z, _, plan in sorted(slabs, key=lambda one: (-one[0], one[1])):
+        if ground == "spaces" or any(-THICKNESS <= z - height.z <= step for height in heights if height.spaces):
+            near = [height for height in heights if -THICKNESS <= z - height.z <= step]
+            if near:
+                min(near, key=lambda height: abs(height.z - z)).slabs.append(plan)
+        else:
+            _nearest(heights, z, step).slabs.append(plan)
+    return sorted(heights, key=lambda height: height.z)
+
+
+def _nearest(heights: list[_Height], z: float, step: float) -> _Height:
+    """Return the floor at a height [m]; append a new one if none is within `step`."""
+    near = [height for height in heights if abs(height.z - z) <= step]
+    if not near:
+        near = [_Height(round(z, 3))]
+        heights += near
+    return min(near, key=lambda height: abs(height.z - z))
+
+
+def _names(heights: Sequence[_Height], storeys: Sequence[tuple[str, float]]) -> list[str]:
+    """Name each floor after the nearest storey; further floors of the same storey get their height as a suffix."""
+    names = [""] * len(heights)
+    away = sorted(
+        (abs(height.z - z), row, name)
+        for row, height in enumerate(heights)
+        for name, z in storeys
+        if abs(height.z - z) < 1.5
+    )
+    for _, row, name in away:
+        if not names[row] and name not in names:
+            names[row] = name
+    for row, height in enumerate(heights):
+        below = [name for name, z in sorted(storeys, key=lambda one: one[1]) if z <= height.z + THICKNESS]
+        if not names[row]:
+            names[row] = f"{below[-1] if below else 'floor'} z={height.z:z.2f}"
+    return names
+
+
+def _of_spaces(height: _Height, slabs: BaseGeometry, name: str, gap: float, findings: list[Finding]) -> BaseGeometry:
+    """Return the part of the spaces that has a slab below it."""
+    plan = united([closed(united([one for _, one, _ in height.spaces]), gap)])
+    if slabs.is_empty:
+        findings.append(
+            Finding("assumed", "no slab is at the height of the spaces; all spaces are used as ground", name)
+        )
+        return plan
+    void = without_slivers(cut(plan, slabs), 2 * THICKNESS)
+    for part in shapely.get_parts(void):
+        if part.area > LEAST_VOID:
+            text = f"{part.area:.2f} m2 of space without a slab below are a void"
+            findings.append(Finding("left out", text, name, place_of(part)))
+            plan = cut(plan, part)
+    return plan
+
+
+def _rooms(height: _Height) -> list[tuple[str, BaseGeometry]]:
+    """Return the name and plan of each space; repeated names are numbered."""
+    rooms: dict[str, BaseGeometry] = {}
+    for body, plan, _ in sorted(height.spaces, key=lambda one: one[0].name):
+        name, number = body.name, 2
+        while name in rooms:
+            name, number = f"{body.name} ({number})", number + 1
+        rooms[name] = plan
+    return list(rooms.items())
+
+
+def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Height, furniture: bool) -> BaseGeometry:
+    """Return the ground without walls, columns, furniture and the fillings of openings in walls."""
+    away = []
+    for body in bodies:
+        if body.z_max <= height.z + CUTS[0] or body.z_min >= height.z + CUTS[-1]:
+            continue
+        if body.kind in ("wall", "column"):
+            away += [body.section(height.z + above) for above in CUTS]
+        elif body.kind == "opening" and body.z_min <= height.z + THICKNESS:
+            corners = body.rectangle()
+            away += [] if corners is None else [shapely.Polygon(corners)]
+        elif body.kind == "furniture" and furniture and body.z_min < height.z + HANGING:
+            away.append(body.shadow())
+    solid = common(ground, united(away))
+    deep = shapely.buffer(shapely.buffer(solid, -DEPTH / 2, join_style="mitre"), DEPTH / 2, join_style="mitre")
+    return cut(ground, deep) if height.spaces else cut(ground, united(away))
+
+
+def _drop_slivers(floor: Floor, findings: list[Finding]) -> None:
+    """Drop the parts of a floor that are too narrow to stand in."""
+    kept = without_slivers(floor.ground, NARROWEST)
+    dropped = [part for part in shapely.get_parts(cut(floor.ground, kept)) if part.area > 1e-3]
+    if dropped:
+        text = f"{len(dropped)} pieces of ground narrower than {NARROWEST:g} m, {sum(p.area for p in dropped):.2f} m2"
+        place = place_of(max(dropped, key=lambda part: part.area))
+        findings.append(Finding("left out", f"{text}, the largest here", floor.name, place))
+    floor.ground = snapped(kept)

@@ -1,0 +1,158 @@
+"""Convert the bodies of a building model to a plan: storeys, doors, exits, stairs and obstacles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.building.model.findings import Finding
+from evac.building.plan.plan import Plan
+from evac.building.plan.shapes import common, cut, place_of, united
+from evac.building.recover.bodies.body import Body, snapped
+from evac.building.recover.bodies.doorways import Doorway, doorways_of, middle_of, opened, passages_of
+from evac.building.recover.bodies.flights import Stair, meeting, stairs_of
+from evac.building.recover.bodies.floors import Floor, floors_of
+from evac.building.surface.components import connected_components
+
+#: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
+KINDS = ("space", "slab", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
+#: Minimum area of the remaining part of a room in which people can start [m2].
+LEAST_ROOM = 0.5
+#: Distance by which areas extend beyond their rooms, less than the thickness of walls [m].
+BEYOND = 0.02
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Assumptions about a building model; see the parameters of the importer that uses them."""
+
+    ground: str
+    exits: str
+    ground_z: float
+    step: float
+    gap: float
+    furniture: bool
+    cut_slabs: bool
+
+
+def plan_of_bodies(
+    source: Path, bodies: Sequence[Body], storeys: Sequence[tuple[str, float]], rules: Rules, findings: list[Finding]
+) -> Plan:
+    """Return the plan of a building.
+
+    Parameters
+    ----------
+    source : Path
+        For messages.
+    bodies : sequence of Body
+        Of the kinds `KINDS`.
+    storeys : sequence of (str, float [m])
+        Names and heights. The floors themselves are found from the bodies.
+    rules : Rules
+    findings : list of Finding
+        Findings so far; they become the first findings of the plan.
+
+    Raises
+    ------
+    ValueError
+        The file contains no ground.
+    """
+    passages, openings = passages_of(bodies)
+    solid = [body for body in bodies if body.kind not in ("opening", "door", "window")]
+    floors = floors_of(
+        [*solid, *openings],
+        storeys,
+        ground=rules.ground,
+        step=rules.step,
+        gap=rules.gap,
+        furniture=rules.furniture,
+        findings=findings,
+    )
+    if not floors:
+        kinds = sorted({body.kind for body in bodies})
+        raise ValueError(
+            f"the file has no ground, neither a space nor a slab with a level top, only {', '.join(kinds) or 'nothing'}"
+        )
+    ways = doorways_of(passages, floors, findings)
+    for floor in floors:
+        floor.ground = opened(floor, ways)
+    stairs = stairs_of(bodies, floors, rules.cut_slabs, findings)
+    plan = Plan(source)
+    plan.findings = findings
+    for floor in floors:
+        more = [polygon for stair in stairs for of, polygon in stair.ground if of is floor]
+        for polygon in more:
+            text = f"{polygon.area:.3f} m2 of floor added at the end of a stair"
+            findings.append(Finding("repaired", text, floor.name, place_of(polygon)))
+        floor.ground = meeting(floor, stairs)
+        plan.storey(floor.name, floor.ground, floor.z)
+        slab = "" if floor.rooms else ", of slabs"
+        plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
+    for stair in stairs:
+        stair.add_to(plan)
+    exits = _add_doors(plan, ways, rules)
+    _add_rooms(plan, floors, stairs)
+    _note_unreachable(plan, floors, stairs, exits)
+    return plan
+
+
+def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]:
+    """Add the doors, and return the floors that have exits."""
+    outer = [way for way in ways if way.sides == 1]
+    floors = list({way.floor.name: way.floor for way in outer}.values())
+    if rules.exits == "none":
+        floors = []
+    elif rules.exits == "ground" and floors:
+        floors = [min(floors, key=lambda floor: (abs(floor.z - rules.ground_z), floor.z))]
+        text = "doors with a room on one side only are exits on this storey but not on others (exits, ground_z)"
+        plan.note("assumed", text, floors[0].name)
+    taken: set[str] = set()
+    for way in ways:
+        name, number = way.name, 2
+        while name in taken:
+            name, number = f"{way.name} ({number})", number + 1
+        taken.add(name)
+        is_exit = way.sides == 1 and way.floor in floors
+        if is_exit:
+            plan.exit(name, way.floor.name, way.segment)
+        elif way.sides == 1:
+            plan.opening(way.floor.name, way.segment, name)
+        width = float(np.hypot(*(way.segment[1] - way.segment[0])))
+        what = "exit" if is_exit else "door" if way.sides == 2 else "door to the outside (not an exit)"
+        plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, middle_of(way))
+    return floors
+
+
+def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair]) -> None:
+    """Add the spaces as areas, except those that are covered by stairs."""
+    away = united([stair.plan for stair in stairs])
+    names: set[str] = set()
+    for floor in floors:
+        taken: list[BaseGeometry] = []
+        for room, polygon in floor.rooms:
+            if common(cut(polygon, away), floor.ground).area < LEAST_ROOM:
+                text = f"{room!r} is not an area: a stair covers it, or it has no floor"
+                plan.note("left out", text, floor.name, place_of(polygon))
+                continue
+            name = room if room not in names else f"{room} of {floor.name}"
+            names.add(name)
+            # Slightly larger than the room, so that the outline of the area follows the outline of the floor at walls.
+            area = cut(snapped(shapely.buffer(polygon, BEYOND, join_style="mitre")), united(taken))
+            taken.append(area)
+            plan.area(name, floor.name, area)
+
+
+def _note_unreachable(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair], exits: Sequence[Floor]) -> None:
+    """Warn of each storey from which no stair leads to an exit, or to any other storey if there is no exit."""
+    row = {floor.name: k for k, floor in enumerate(floors)}
+    pairs = [(row[stair.floors[0].name], row[floor.name]) for stair in stairs for floor in stair.floors[1:]]
+    part = connected_components(len(floors), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    open_parts = {int(part[row[floor.name]]) for floor in exits}
+    alone = [k for k in range(len(floors)) if np.count_nonzero(part == part[k]) == 1 and len(floors) > 1]
+    for k, floor in enumerate(floors):
+        if int(part[k]) not in open_parts if exits else k in alone:
+            text = "no stair that can be walked leads from this storey to an exit" if exits else "no stair leads here"
+            plan.note("warning", text, floor.name, place_of(floor.ground))

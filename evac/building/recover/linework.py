@@ -1,0 +1,321 @@
+"""Rooms from drawn lines: walls are noded, gaps are closed, doors are found where walls are interrupted."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.building.plan.shapes import GRID, LEAST_LENGTH, flat_parts
+from evac.building.surface.welding import weld_points
+
+#: Grid on which lines are noded [m]; lines that were meant to coincide do so on this grid.
+NODING = 1e-4
+#: Corners of lines are merged within this share of the gap.
+WELDED = 0.05
+#: Minimum width of a room [m]; narrower faces are the interior of walls drawn with both sides.
+THICKEST_WALL = 0.6
+#: Minimum area of a room [m2]; smaller faces are columns, ducts or the swing of doors.
+LEAST_ROOM = 1.5
+#: Distance from a line at which the presence of floor is tested [m].
+BESIDE = 0.01
+#: Lines have the same direction if they differ by less than this (25 degrees).
+PARALLEL = 0.9
+#: An end is joined to lines up to this multiple of the distance to the nearest one.
+FARTHER = 2.0
+#: A wall end is joined to its own wall only if the path along the wall is this many times longer than the gap.
+DETOUR = 3.0
+
+Lines = NDArray[np.object_]
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Faces enclosed by lines.
+
+    Attributes
+    ----------
+    pieces : (n,) array of LineString [m]
+        The lines, divided where they meet, and the lines that close gaps.
+    faces : list of polygon [m]
+        Enclosed faces, without those narrower than the gap, which come from lines drawn twice.
+    closed : (c, 4) float64 [m]
+        Gaps that were closed.
+    loose : list of LineString [m]
+        Lines that enclose nothing.
+    """
+
+    pieces: Lines
+    faces: list[BaseGeometry]
+    closed: FloatArray
+    loose: list[BaseGeometry]
+
+
+@dataclass(frozen=True)
+class Rooms:
+    """Rooms enclosed by walls.
+
+    Attributes
+    ----------
+    floor : shapely polygon or multipolygon [m]
+        Union of the rooms and the doors between them.
+    closed : (c, 4) float64 [m]
+        Gaps in walls that were closed.
+    doors : (d, 4) float64 [m]
+        Openings with floor on both sides.
+    openings : (o, 4) float64 [m]
+        Openings with floor on one side only.
+    loose : list of LineString [m]
+        Walls outside the rooms that enclose nothing.
+    left_out : list of polygon [m]
+        Enclosed faces that are neither rooms nor the interior of walls.
+    """
+
+    floor: BaseGeometry
+    closed: FloatArray
+    doors: FloatArray
+    openings: FloatArray
+    loose: list[BaseGeometry]
+    left_out: list[BaseGeometry]
+
+
+def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
+    """Return the faces enclosed by lines after their ends are joined to the nearest lines within a gap [m].
+
+    Parameters
+    ----------
+    lines : sequence of LineString [m]
+    gap : float [m]
+    """
+    pieces = _without_overshoots(_noded(_welded(lines, WELDED * gap)), gap)
+    closed = _closings(pieces, gap)
+    pieces = _noded([*pieces, *_as_lines(closed)])
+    faces, cuts, dangles, _ = shapely.polygonize_full(pieces)
+    whole = shapely.get_parts(shapely.union_all(shapely.get_parts(faces), grid_size=GRID))
+    slivers = shapely.union_all([one for one in whole if one.buffer(-max(gap, LEAST_LENGTH) / 2).is_empty])
+    loose = [*shapely.get_parts(cuts), *shapely.get_parts(dangles)]
+    wide = [face for face in shapely.get_parts(faces) if not slivers.covers(face.representative_point())]
+    return Faces(pieces, wide, closed, [one for one in loose if one.length > gap])
+
+
+def rooms_of(
+    lines: Sequence[BaseGeometry], gap: float, door: float, wall: float, doors: Sequence[BaseGeometry] = ()
+) -> Rooms:
+    """Return the rooms enclosed by walls.
+
+    Ends of walls are joined to the nearest lines within `gap`. Wider openings, up to `door`, straight ahead of the end
+    of a wall are doors. The enclosed faces are then rooms, the interior of walls drawn with both sides, or columns.
+
+    Parameters
+    ----------
+    lines : sequence of LineString [m]
+        Walls, closed or not.
+    gap : float [m]
+        Ends at most this far from another line are joined to it.
+    door : float [m]
+        Width of the widest door that is searched for; 0 for none.
+    wall : float [m]
+        Thickness of walls that are drawn as one line between two rooms.
+    doors : sequence of LineString [m]
+        Lines that close openings but are not walls, such as door leaves.
+    """
+    drawn = faces_of(lines, gap)
+    found = _door_lines(drawn.pieces, gap, door)
+    ways = np.concatenate([*(pair for _, pair in found), _ends(doors)]).reshape(-1, 4)
+    everything = _noded([*drawn.pieces, *_as_lines(ways), *doors])
+    faces = [*shapely.get_parts(shapely.polygonize_full(everything)[0])]
+    wide = [face for face in faces if not face.buffer(LEAST_LENGTH - THICKEST_WALL / 2).is_empty]
+    rooms = shapely.union_all([face for face in wide if face.area >= LEAST_ROOM], grid_size=GRID)
+    strips = [_hull(pair) for _, pair in found if len(pair) == 2 and _with_floor(_as_lines(pair), rooms).any()]
+    floor = shapely.union_all([rooms, *strips], grid_size=GRID)
+    outside = [one for one in drawn.loose if not floor.intersects(one.interpolate(0.5, normalized=True))]
+    has_floor = _with_floor(drawn.pieces, floor)
+    shared = shapely.union_all(drawn.pieces[has_floor.all(axis=1)])
+    if not shared.is_empty and wall > 0.0:
+        body = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
+        floor = shapely.difference(floor, body, grid_size=GRID)
+    floor = flat_parts(floor)
+    inside = [middle for middle, pair in found if _with_floor(_as_lines(pair), floor).all()]
+    inside += [one for one in _ends(doors) if _with_floor(_as_lines(one[None]), floor).all()]
+    outer = ways[_with_floor(_as_lines(ways), floor).sum(axis=1) == 1]
+    small = [face for face in wide if face.area < LEAST_ROOM and not floor.covers(face.representative_point())]
+    return Rooms(floor, drawn.closed, np.array(inside).reshape(-1, 4), outer, outside, small)
+
+
+def _welded(lines: Sequence[BaseGeometry], distance: float) -> Lines:
+    """Merge corners of lines that are at most a given distance apart [m]."""
+    corners = shapely.get_coordinates([*lines])
+    vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), distance)
+    return np.asarray(shapely.set_coordinates(np.array([*lines], dtype=object), vertices[index][:, :2]))
+
+
+def _noded(lines: Sequence[BaseGeometry] | Lines) -> Lines:
+    """Divide lines where they meet, on a grid, into sorted pieces of two points."""
+    joined = shapely.union_all([*lines], grid_size=NODING)
+    pieces = []
+    for part in shapely.get_parts(joined):
+        corners = shapely.get_coordinates(part)
+        pieces.append(np.stack([corners[:-1], corners[1:]], axis=1))
+    if not pieces:
+        return np.empty(0, dtype=object)
+    ends = np.sort(np.concatenate(pieces).view("f8,f8"), axis=1).view(np.float64).reshape(-1, 4)
+    distinct = np.unique(ends, axis=0)
+    return np.asarray(shapely.linestrings(distinct.reshape(-1, 2, 2)))
+
+
+def _as_lines(ends: FloatArray) -> list[BaseGeometry]:
+    return [shapely.LineString(one.reshape(2, 2)) for one in ends]
+
+
+def _ends(lines: Sequence[BaseGeometry]) -> FloatArray:
+    """Return the lines of two points (n, 4) among lines."""
+    straight = [shapely.get_coordinates(line).ravel() for line in lines if shapely.get_num_coordinates(line) == 2]
+    return np.array(straight).reshape(-1, 4)
+
+
+def _nodes(pieces: Lines) -> tuple[FloatArray, IndexArray, IndexArray]:
+    """Return the nodes where pieces meet, the two nodes of each piece, and the number of pieces at each node."""
+    ends = shapely.get_coordinates(pieces)
+    nodes, at, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    return nodes, at.reshape(-1, 2), count
+
+
+def _without_overshoots(pieces: Lines, gap: float) -> Lines:
+    """Drop pieces that overshoot another wall by at most the gap and end freely."""
+    if not len(pieces):
+        return pieces
+    _, at, count = _nodes(pieces)
+    degree = np.sort(count[at], axis=1)
+    is_over = (degree[:, 0] == 1) & (degree[:, 1] > 2) & (shapely.length(pieces) <= gap)
+    return np.asarray(pieces[~is_over])
+
+
+def _closings(pieces: Lines, gap: float) -> FloatArray:
+    """Return lines (c, 4) that join ends of walls to other ends and walls within a gap, nearest first.
+
+    Joined ends form one cluster, which is joined to every other end and wall once. Lines much farther from an end than
+    the nearest one are not joined to it.
+    """
+    if not len(pieces) or not gap > 0.0:
+        return np.empty((0, 4))
+    nodes, at, count = _nodes(pieces)
+    ends = np.flatnonzero(count == 1)
+    way = _along_walls(len(nodes), at, shapely.length(pieces), ends, DETOUR * gap)
+    one, piece = shapely.STRtree(pieces).query(shapely.points(nodes[ends]), predicate="dwithin", distance=gap)
+    start = ends[one]
+    across = shapely.shortest_line(shapely.points(nodes[start]), pieces[piece])
+    target = shapely.get_coordinates(across)[1::2]
+    far = shapely.length(across)
+    pairs = zip(start.tolist(), at[piece].tolist(), strict=True)
+    reach = np.array([min(way.get((a, b), math.inf) for b in both) for a, both in pairs])
+    is_other = (start[:, None] != at[piece]).all(axis=1) & (DETOUR * far < reach)
+    start, piece, target, far = start[is_other], piece[is_other], target[is_other], far[is_other]
+    nearest = np.full(len(nodes), math.inf)
+    np.minimum.at(nearest, start, far)
+    cluster = {int(end): {int(end)} for end in ends}
+    touched: dict[int, set[int]] = {int(end): set() for end in ends}
+    closed: set[tuple[float, ...]] = set()
+    for row in np.lexsort((piece, start, far)).tolist():
+        a, k = int(start[row]), int(piece[row])
+        b = next((n for n in at[k].tolist() if n in cluster and (nodes[n] == target[row]).all()), None)
+        if far[row] > FARTHER * nearest[a] + LEAST_LENGTH or k in touched[a] or cluster[a] & set(at[k].tolist()):
+            continue
+        together = cluster[a] | (cluster[b] if b is not None else set())
+        pieces_of = touched[a] | {k} | (touched[b] if b is not None else set())
+        for end in together:
+            cluster[end], touched[end] = together, pieces_of
+        closed.add((*nodes[a].tolist(), *target[row].tolist()))
+    return np.array(sorted(one for one in closed if one[:2] != one[2:])).reshape(-1, 4)
+
+
+def _along_walls(
+    count: int, at: IndexArray, length: FloatArray, ends: IndexArray, reach: float
+) -> dict[tuple[int, int], float]:
+    """Return the distances along walls from ends to the nodes within a reach [m]."""
+    beside: list[list[tuple[int, float]]] = [[] for _ in range(count)]
+    for (a, b), far in zip(at.tolist(), length.tolist(), strict=True):
+        beside[a].append((b, far))
+        beside[b].append((a, far))
+    way: dict[tuple[int, int], float] = {}
+    for end in ends.tolist():
+        todo = [(0.0, end)]
+        while todo:
+            far, node = todo.pop()
+            if far < way.get((end, node), math.inf):
+                way[end, node] = far
+                todo += [(far + more, other) for other, more in beside[node] if far + more <= reach]
+    return way
+
+
+def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the doors: the segment (4,) of each, and the lines (1 or 2, 4) that close it, one per side of the wall."""
+    if not len(pieces) or not door > gap:
+        return []
+    nodes, at, count = _nodes(pieces)
+    tree = shapely.STRtree(pieces)
+    beside: dict[int, list[int]] = {}
+    for a, b in at.tolist():
+        beside.setdefault(a, []).append(b)
+        beside.setdefault(b, []).append(a)
+    found: dict[tuple[float, ...], tuple[FloatArray, FloatArray]] = {}
+    rays: list[tuple[list[int], FloatArray]] = []
+    for node in np.flatnonzero(count == 1).tolist():
+        (behind,) = beside[node]
+        rays.append(([node], nodes[node] - nodes[behind]))
+    for a, b in at[(count[at] == 2).all(axis=1)].tolist():
+        across = nodes[b] - nodes[a]
+        further = [next(far for far in beside[node] if far != other) for node, other in ((a, b), (b, a))]
+        back = [nodes[far] - nodes[node] for far, node in zip(further, (a, b), strict=True)]
+        if GRID < np.hypot(*across) <= THICKEST_WALL and _is_jamb(across, back):
+            rays.append(([a, b], -(back[0] / np.hypot(*back[0]) + back[1] / np.hypot(*back[1]))))
+    for starts, way in rays:
+        way = way / np.hypot(*way)
+        hits = [_ahead(pieces, tree, nodes[start], way, door) for start in starts]
+        if all(hit is not None and hit > gap for hit in hits):
+            pair = np.array([[*nodes[s], *(nodes[s] + h * way)] for s, h in zip(starts, hits, strict=True) if h])
+            middle = pair.mean(axis=0)
+            found.setdefault(_key(middle), (middle, np.round(pair, 6) + 0.0))
+    return [found[name] for name in sorted(found)]
+
+
+def _key(ends: FloatArray) -> tuple[float, ...]:
+    """Return a key that is equal for the same door found from both of its sides."""
+    one, other = sorted(np.round(ends.reshape(2, 2), 2).tolist())
+    return (*one, *other)
+
+
+def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
+    """Return whether a piece is the end face of a wall: both sides of the wall lead away from it in one direction."""
+    lengths = [float(np.hypot(*one)) for one in back]
+    width = float(np.hypot(*across))
+    alike = float(back[0] @ back[1]) > PARALLEL * lengths[0] * lengths[1]
+    return alike and abs(float(back[0] @ across)) < 0.5 * lengths[0] * width and min(lengths) > 0.5 * width
+
+
+def _ahead(pieces: Lines, tree: shapely.STRtree, start: FloatArray, way: FloatArray, reach: float) -> float | None:
+    """Return the distance from a point to the next wall in a direction [m]; None if there is none within reach."""
+    ray = shapely.LineString([start + LEAST_LENGTH * way, start + reach * way])
+    hit = pieces[tree.query(ray, predicate="intersects")]
+    met = shapely.intersection(ray, hit)
+    return LEAST_LENGTH + float(shapely.distance(shapely.Point(ray.coords[0]), met).min()) if len(hit) else None
+
+
+def _hull(pair: FloatArray) -> BaseGeometry:
+    """Return the ground between the two lines that close a door."""
+    return shapely.set_precision(shapely.convex_hull(shapely.MultiPoint(pair.reshape(-1, 2))), GRID)
+
+
+def _with_floor(lines: Sequence[BaseGeometry] | Lines, floor: BaseGeometry) -> NDArray[np.bool_]:
+    """Return whether there is floor to the left and right (n, 2) of the midpoints of lines of two points."""
+    if not len(lines):
+        return np.empty((0, 2), dtype=bool)
+    ends = shapely.get_coordinates([*lines]).reshape(-1, 2, 2)
+    step = ends[:, 1] - ends[:, 0]
+    middle, length = ends.mean(axis=1), np.hypot(*step.T)
+    off = BESIDE * np.column_stack([-step[:, 1], step[:, 0]]) / length[:, None]
+    shapely.prepare(floor)
+    return np.stack([shapely.intersects_xy(floor, *(middle + side * off).T) for side in (1.0, -1.0)], axis=1)

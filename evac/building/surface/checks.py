@@ -1,0 +1,243 @@
+"""Checks of a building before anything is computed on it."""
+
+import itertools
+import math
+from collections.abc import Collection
+
+import numpy as np
+import shapely
+
+from evac.base.arrays import FloatArray
+from evac.base.errors import BuildingError
+from evac.building.model.building import Building, Level
+from evac.building.model.elevation import elevation, level_elevation
+from evac.building.model.findings import Finding
+from evac.building.surface.components import connected_components
+from evac.building.surface.edges import segment_lengths, side_of
+
+#: Minimum depth of a level between two portals that face each other [m].
+LEAST_DEPTH = 1.0
+#: Cosine of the smallest angle between the inward normals of segments that face each other (120 degrees).
+FACING = -0.5
+#: Minimum vertical distance of two floors, and of a floor and a flight, that overlap in plan [m].
+LEAST_HEADROOM = 1.0
+LEAST_CLEARANCE = 0.1
+#: Overlaps up to this area [m2], or up to this share of the smaller level, are taken as rounding errors.
+LEAST_SHARED = 0.01
+LEAST_SHARE = 5e-4
+#: Walls drawn with both sides are thicker than this [m]; smaller gaps are cells that miss each other.
+THINNEST = 0.01
+#: Largest gap at the end of a stair for which a larger weld is suggested [m].
+NEAR_MISS = 0.03
+#: Rounding tolerance of lengths [m] and areas [m2].
+ROUNDING = 1e-6
+
+
+def check_overlap(building: Building) -> None:
+    """Refuse a level that overlaps itself in plan, or overlaps another level at the same height.
+
+    Raises
+    ------
+    BuildingError
+        Names the levels and a place where they overlap.
+    """
+    for level in building.levels:
+        cells = shapely.polygons(building.vertices[level.triangles][:, :, :2])
+        if shapely.area(cells).sum() <= level.polygon.area + ROUNDING * max(level.polygon.area, 1.0):
+            continue
+        one, other = shapely.STRtree(cells).query(cells, predicate="intersects")
+        both = shapely.intersection(cells[one[one < other]], cells[other[one < other]])
+        x, y = both[shapely.area(both).argmax()].centroid.coords[0]
+        raise BuildingError(
+            f"{building.source}: level {level.name!r} overlaps itself in plan at ({x:z.2f}, {y:z.2f}); "
+            "divide it by a landing or a floor tag, or remove the duplicate cells"
+        )
+    _check_same_ground(building)
+
+
+def _check_same_ground(building: Building) -> None:
+    """Refuse levels that overlap without enough height between them: people on them would not see each other."""
+    for a, b in itertools.combinations(building.levels, 2):
+        needed = LEAST_CLEARANCE if "flight" in (a.kind, b.kind) else LEAST_HEADROOM
+        if a.z_max + needed <= b.z_min or b.z_max + needed <= a.z_min:
+            continue
+        both = a.polygon.intersection(b.polygon)
+        if both.area <= min(LEAST_SHARED, LEAST_SHARE * min(a.polygon.area, b.polygon.area)):
+            continue
+        # The intersection may also contain lines and points, where the levels meet.
+        for part in (part for part in shapely.get_parts(both) if part.area > 0.0):
+            places = np.vstack([shapely.get_coordinates(part), part.representative_point().coords[0]])
+            one, other = (level_elevation(building.vertices, level, places) for level in (a, b))
+            room, k = one - other, np.abs(one - other).argmin()
+            if abs(room[k]) < needed - ROUNDING or room.min() < 0.0 < room.max():
+                x, y = places[k]
+                raise BuildingError(
+                    f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
+                    f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f} m, so people on one "
+                    f"would walk through people on the other. Overlapping levels must be {needed:g} m apart in height: "
+                    "cut the upper or the lower one away there (an area is a part of its floor, not drawn over it)"
+                )
+
+
+def missed_seams(building: Building) -> tuple[Finding, ...]:
+    """Warn of walls back to back that are closer than the thickness of any wall: cells that should probably meet."""
+    walls, level = building.walls, building.wall_level
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    middle = (walls[:, :2] + walls[:, 2:]) / 2
+    one, other = shapely.STRtree(lines).query(shapely.points(middle), predicate="dwithin", distance=THINNEST)
+    step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
+    # The midpoint of one wall lies beside and behind the other one, and the walls face away from each other.
+    along = ((middle[one] - walls[other, :2]) * step[other]).sum(axis=1)
+    is_beside = (along > 0.0) & (along < segment_lengths(walls)[other])
+    is_behind = side_of(walls[other].T, *middle[one].T) <= 0.0
+    opposed = (step[one] * step[other]).sum(axis=1) < FACING
+    rows = np.flatnonzero(is_beside & is_behind & opposed)
+    height = elevation(
+        building, np.concatenate([level[one[rows]], level[other[rows]]]), np.tile(middle[one[rows]], (2, 1))
+    )
+    rows = rows[np.abs(np.subtract(*height.reshape(2, -1))) < THINNEST]
+    if not len(rows):
+        return ()
+    first = rows[0]
+    x, y = middle[one[first]]
+    gap = float(shapely.distance(shapely.points(x, y), lines[other[first]]))
+    names = [building.levels[index].name for index in sorted({level[one[first]], level[other[first]]})]
+    ends = shapely.points(walls[one[rows]].reshape(-1, 2, 2))
+    miss = shapely.distance(ends, lines[other[rows]][:, None])
+    text = (
+        f"cells {'of ' + ' and '.join(map(repr, names)) + ' ' if len(names) > 1 else ''}miss each other by "
+        f"{1e3 * gap:.1f} mm here and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
+        f"should meet, building.weld = {weld_for(float(miss[miss < THINNEST].max(initial=gap))):g} joins them"
+    )
+    return (Finding("warning", text, names[0], (float(x), float(y))),)
+
+
+def weld_for(miss: float) -> float:
+    """Return a weld that closes a gap [m]: 10 % more than the gap, rounded up to a millimetre."""
+    return math.ceil(1.1e3 * miss) / 1e3
+
+
+def check_depth(building: Building) -> None:
+    """Refuse a level less than 1 m deep between two portals that face each other.
+
+    Portals side by side, or at right angles on a quarter landing, may be closer.
+
+    Raises
+    ------
+    BuildingError
+        Names the level, the portals and the place.
+    """
+    for level in building.levels:
+        for one, other in itertools.combinations(building.portals_of(level.index), 2):
+            for a, b in itertools.product(one.segments_from(level.index), other.segments_from(level.index)):
+                line = shapely.shortest_line(shapely.LineString(a.reshape(2, 2)), shapely.LineString(b.reshape(2, 2)))
+                if line.length < LEAST_DEPTH - ROUNDING and _face(a, b):
+                    x, y = line.centroid.coords[0]
+                    raise BuildingError(
+                        f"{building.source}: level {level.name!r} is only {line.length:.2f} m deep between its portals "
+                        f"{one.name!r} and {other.name!r} at ({x:z.2f}, {y:z.2f}); make it at least {LEAST_DEPTH:g} m "
+                        f"deep, or join it to a neighbouring level; {measures(building)}"
+                    )
+
+
+def measures(building: Building) -> str:
+    """Describe the size of the building for a message, in case its unit is not the metre."""
+    width, depth, height = np.ptp(building.vertices, axis=0).tolist()
+    return f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height (building.scale)"
+
+
+def check_stairs(building: Building) -> None:
+    """Refuse a stair that does not join two levels, or a level and an exit.
+
+    Raises
+    ------
+    BuildingError
+        Names the stair and its heights.
+    """
+    for name, members in building.stairs.items():
+        ends = {f"exit {way.name!r}" for way in building.exits if way.level in members}
+        for portal in building.portals:
+            one, other = portal.levels
+            if (one in members) != (other in members):
+                ends.add(f"level {building.levels[other if one in members else one].name!r}")
+        if len(ends) < 2:
+            own = [building.levels[index] for index in members]
+            x, y = own[0].polygon.representative_point().coords[0]
+            found = f"only {ends.pop()}" if ends else "nothing"
+            raise BuildingError(
+                f"{building.source}: stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
+                f"{max(lv.z_max for lv in own):.2f}, joins {found}: its ends must share vertices with two levels "
+                f"(within building.weld){_nearest_end(building, own)}"
+            )
+
+
+def _nearest_end(building: Building, own: list[Level]) -> str:
+    """Describe for a message the level that is nearest to an end of the stair, if there is one within a metre."""
+    members = {one.index for one in own}
+    joined = members.union(*(portal.levels for portal in building.portals if members & set(portal.levels)))
+    misses = []
+    for one, other in itertools.product(own, building.levels):
+        if other.index not in joined:
+            near = shapely.get_coordinates(shapely.shortest_line(one.polygon, other.polygon))
+            z = [level_elevation(building.vertices, at, near[k : k + 1])[0] for k, at in enumerate((one, other))]
+            if abs(z[0] - z[1]) < LEAST_HEADROOM:
+                misses.append((one.polygon.distance(other.polygon), abs(z[0] - z[1]), other.name))
+    away, step, nearest = min(misses, key=lambda one: math.hypot(*one[:2]), default=(math.inf, math.inf, ""))
+    if away >= LEAST_DEPTH:
+        return ""
+    miss = math.hypot(away, step)
+    helps = f": building.weld = {weld_for(miss):g} may join them" if miss < NEAR_MISS else ""
+    return f"; {nearest!r} is {away:.3f} m away in plan and {step:.3f} m in height{helps}"
+
+
+def check_exits(building: Building) -> None:
+    """Refuse a building without an exit.
+
+    Raises
+    ------
+    BuildingError
+        The message shows how to add an exit on the longest free edge of the lowest level.
+    """
+    if building.exits:
+        return
+    own = building.walls[building.wall_level == building.wall_level.min()] if len(building.walls) else building.walls
+    example = ""
+    if len(own):
+        x1, y1, x2, y2 = own[np.argmax(segment_lengths(own).round(6))].tolist()
+        level = building.levels[building.wall_level.min()]
+        example = (
+            f'; in case.toml, for example: [[building.exits]] name = "exit", segment = [[{x1:z.2f}, {y1:z.2f}], '
+            f'[{x2:z.2f}, {y2:z.2f}]], level = "{level.name}"'
+        )
+    raise BuildingError(
+        f"{building.source}: the building has no exit: tag free edges of the mesh 'exit:NAME' or give segments{example}"
+    )
+
+
+def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:
+    """Warn of levels from which no exit can be reached, except the levels in `closed`."""
+    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
+    part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    open_levels = {way.level for way in building.exits if building.is_open(way)}
+    notes = []
+    for number in np.unique(part):
+        members = np.flatnonzero(part == number).tolist()
+        if open_levels.isdisjoint(members) and not set(members) <= set(closed):
+            names = [building.levels[index].name for index in members]
+            others = f" and its neighbours {', '.join(map(repr, names[1:]))}" if len(names) > 1 else ""
+            text = f"no exit can be reached from {names[0]!r}{others}: people there cannot leave"
+            x, y = building.levels[members[0]].polygon.representative_point().coords[0]
+            notes.append(Finding("warning", text, names[0], (x, y)))
+    return tuple(notes)
+
+
+def _face(a: FloatArray, b: FloatArray) -> bool:
+    """Return whether two segments face each other: opposed inward normals, each partly on the other's inner side."""
+    step_a, step_b = a[2:] - a[:2], b[2:] - b[:2]
+    opposed = float(step_a @ step_b) < FACING * float(np.hypot(*step_a) * np.hypot(*step_b))
+    return opposed and _is_ahead(a, b) and _is_ahead(b, a)
+
+
+def _is_ahead(a: FloatArray, b: FloatArray) -> bool:
+    """Return whether any end of segment b is on the left of segment a."""
+    return bool((side_of(a, b[[0, 2]], b[[1, 3]]) > ROUNDING).any())

@@ -1,0 +1,119 @@
+"""Edges of a triangle mesh: the cells that share them, and chains of edges for portals, exits and walls."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.base.errors import BuildingError
+
+#: Corners at most this far from the straight line between their neighbours are removed [m].
+COLLINEAR = 1e-4
+
+
+@dataclass(frozen=True)
+class EdgeTable:
+    """All sides of all triangles, directed with the cell on their left.
+
+    Attributes
+    ----------
+    ends : (3 t, 2) int64
+    cell : (3 t,) int64
+    partner : (3 t,) int64
+        Cell on the other side, -1 at a free edge.
+    """
+
+    ends: IndexArray
+    cell: IndexArray
+    partner: IndexArray
+
+
+def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> EdgeTable:
+    """Find the neighbouring cell across every edge.
+
+    Raises
+    ------
+    BuildingError
+        If an edge has more than two cells, or two cells on the same side in plan.
+    """
+    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    cell = np.tile(np.arange(len(triangles)), 3)
+    least = np.sort(ends, axis=1)
+    order = np.lexsort((cell, least[:, 1], least[:, 0]))
+    same = (least[order[1:]] == least[order[:-1]]).all(axis=1)
+
+    triple = np.flatnonzero(same[1:] & same[:-1])
+    if len(triple):
+        place = edge_place(vertices, least[order[triple[0]]])
+        raise BuildingError(
+            f"{source}: more than two cells share the edge {place}; an edge may join two cells only: cut the floor "
+            "open where it passes under the foot of a stair"
+        )
+    one, other = order[:-1][same], order[1:][same]
+    folded = (ends[one] == ends[other]).all(axis=1)
+    if folded.any():
+        place = edge_place(vertices, ends[one[folded][0]])
+        raise BuildingError(
+            f"{source}: the surface folds over itself at the edge {place}: both of its cells are on the same side in "
+            "plan; put a landing there"
+        )
+    partner = np.full(len(ends), -1, dtype=np.int64)
+    partner[one], partner[other] = cell[other], cell[one]
+    return EdgeTable(ends, cell, partner)
+
+
+def chains(ends: IndexArray) -> list[IndexArray]:
+    """Join directed edges (e, 2) into chains of vertices.
+
+    A chain ends where the next edge is missing or ambiguous. A closed chain starts and ends at its smallest
+    vertex, which is a corner. Chains are sorted by their vertices.
+    """
+    following: dict[int, list[int]] = defaultdict(list)
+    arriving: dict[int, int] = defaultdict(int)
+    for a, b in sorted(map(tuple, ends.tolist())):
+        following[a].append(b)
+        arriving[b] += 1
+    passed = {a for a, next_ in following.items() if len(next_) == 1 and arriving[a] == 1}
+    found = [_walk(a, b, following, passed) for a in following if a not in passed for b in following[a]]
+    left = passed.difference(*found)
+    for a in sorted(left):
+        if a in left:
+            loop = _walk(a, following[a][0], following, passed - {a})
+            left.difference_update(loop)
+            found.append(loop)
+    return [np.array(chain, dtype=np.int64) for chain in sorted(found)]
+
+
+def _walk(a: int, b: int, following: dict[int, list[int]], passed: set[int]) -> list[int]:
+    """Follow edges from a through b up to the first vertex that ends a chain."""
+    chain = [a, b]
+    while chain[-1] in passed:
+        chain.append(following[chain[-1]][0])
+    return chain
+
+
+def straight_segments(vertices: FloatArray, chain: IndexArray) -> FloatArray:
+    """Convert a chain to plan segments (s, 4) [m], with collinear neighbours merged (Douglas-Peucker)."""
+    line = shapely.simplify(shapely.LineString(vertices[chain, :2]), COLLINEAR, preserve_topology=False)
+    corners = shapely.get_coordinates(line)
+    return np.concatenate([corners[:-1], corners[1:]], axis=1)
+
+
+def segment_lengths(segments: FloatArray) -> FloatArray:
+    """Return the lengths (s,) of segments (s, 4) [m]."""
+    length: FloatArray = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
+    return length
+
+
+def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return twice the signed area of a segment (4,) and each point [m2], positive for points on its left."""
+    x1, y1, x2, y2 = segment
+    return np.asarray((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
+
+
+def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
+    """Describe the place of an edge, for a message."""
+    return " - ".join(f"({x:z.2f}, {y:z.2f}, {z:z.2f})" for x, y, z in vertices[ends])

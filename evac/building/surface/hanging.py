@@ -1,0 +1,153 @@
+"""Removal of hanging nodes (T-junctions): cells are split at vertices that lie on their sides."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.base.errors import BuildingError
+from evac.building.geometry.polygons import least_height
+
+#: The vertices on each edge (a, b), a < b, in their order from a to b.
+Hanging = dict[tuple[int, int], list[int]]
+
+
+#: Largest number of rounds of splitting. One is enough for most meshes; an edge split at a vertex that is slightly off
+#: it moves, so that other vertices may then lie on its parts.
+MOST_ROUNDS = 12
+
+
+def split_at_vertices(
+    source: Path, vertices: FloatArray, triangles: IndexArray, edges: dict[str, IndexArray], distance: float
+) -> tuple[IndexArray, IndexArray, dict[str, IndexArray]]:
+    """Split free edges and tagged edges at the vertices that lie on them.
+
+    Parts of a cell whose smallest height is at most `distance` are dropped, since the neighbour is then split at their
+    vertices and takes their place.
+
+    Parameters
+    ----------
+    vertices : (v, 3) float64 [m]
+        Farther apart than `distance`.
+    triangles : (t, 3) int64
+    edges : dict of str to (e, 2) int64
+        Tagged edges.
+    distance : float [m]
+        Largest distance of a vertex from an edge that it splits.
+
+    Returns
+    -------
+    triangles : (s, 3) int64
+    owner : (s,) int64
+        Row of the original triangle of each triangle.
+    edges : dict of str to (e, 2) int64
+
+    Raises
+    ------
+    BuildingError
+        If splitting does not terminate because vertices are too close to each other, or no cell is wide enough.
+    """
+    owner = np.arange(len(triangles))
+    farthest: tuple[float, int] = (0.0, 0)
+    for _ in range(MOST_ROUNDS):
+        hanging = _hanging_vertices(vertices, triangles, edges, distance)
+        if not hanging:
+            return triangles, owner, edges
+        farthest = max(max((_distance(vertices, p, edge), p) for edge, on in hanging.items() for p in on), farthest)
+        pieces: list[tuple[int, int, int]] = []
+        cut_from: list[int] = []
+        for row, (a, b, c) in enumerate(triangles.tolist()):
+            parts = _split_triangle(a, b, c, _on_sides(vertices, (a, b, c), hanging))
+            pieces += parts
+            cut_from += [row] * len(parts)
+        triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
+        is_wide = least_height(vertices[triangles]) > distance
+        if not is_wide.any():
+            x, y, z = vertices[triangles[0, 0]]
+            raise BuildingError(
+                f"{source}: no cell is wider than building.weld ({distance:g} m), for example at ({x:z.2f}, {y:z.2f}, "
+                f"{z:z.2f}): the surface must be drawn in metres; set building.scale, or decrease building.weld"
+            )
+        triangles, owner = triangles[is_wide], owner[is_wide]
+        edges = {
+            name: np.array([part for a, b in pairs.tolist() for part in _parts(a, b, hanging)], dtype=np.int64)
+            for name, pairs in edges.items()
+        }
+    off, (x, y, z) = farthest[0], vertices[farthest[1]]
+    raise BuildingError(
+        f"{source}: splitting cells at vertices on their sides does not end around ({x:z.2f}, {y:z.2f}, {z:z.2f}): "
+        f"vertices there lie up to {off:.2g} m beside a side, within building.weld ({distance:g} m); set building.weld "
+        f"to less than {off:.2g}, or repair the mesh there"
+    )
+
+
+def _hanging_vertices(
+    vertices: FloatArray, triangles: IndexArray, edges: dict[str, IndexArray], distance: float
+) -> Hanging:
+    """Find the vertices that lie on free edges and on tagged edges."""
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    sides, uses = np.unique(sides, axis=0, return_counts=True)
+    tagged = [np.sort(pairs, axis=1) for pairs in edges.values()]
+    used = np.unique(np.concatenate([triangles.ravel(), *(pairs.ravel() for pairs in tagged)]))
+    return _vertices_on_edges(vertices, np.concatenate([sides[uses == 1], *tagged]), used, distance)
+
+
+def _vertices_on_edges(vertices: FloatArray, edges: IndexArray, candidates: IndexArray, distance: float) -> Hanging:
+    """Find the vertices that lie on edges."""
+    tree = shapely.STRtree(shapely.points(vertices[candidates, :2]))
+    lines = shapely.linestrings(vertices[edges][:, :, :2])
+    edge, point = tree.query(lines, predicate="dwithin", distance=distance)
+    a, b, p = edges[edge, 0], edges[edge, 1], candidates[point]
+    along = vertices[b] - vertices[a]
+    reach = vertices[p] - vertices[a]
+    share = (along * reach).sum(axis=1) / np.square(along).sum(axis=1)
+    off = np.linalg.norm(reach - share[:, None] * along, axis=1)
+    on = (p != a) & (p != b) & (share > 0) & (share < 1) & (off <= distance)
+    hanging: Hanging = {}
+    for row in np.flatnonzero(on)[np.argsort(share[on], kind="stable")]:
+        found = hanging.setdefault((int(a[row]), int(b[row])), [])
+        if int(p[row]) not in found:
+            found.append(int(p[row]))
+    return hanging
+
+
+def _on_sides(vertices: FloatArray, corners: tuple[int, int, int], hanging: Hanging) -> Hanging:
+    """Return the vertices on the sides of one triangle, each assigned to the nearest side only."""
+    sides = itertools.combinations(sorted(corners), 2)
+    own = {side: [p for p in hanging[side] if p not in corners] for side in sides if side in hanging}
+    if len(own) > 1:
+        for p in set[int]().union(*own.values()):
+            on = [side for side in own if p in own[side]]
+            nearest = min(on, key=lambda side: _distance(vertices, p, side))
+            for side in on:
+                if side != nearest:
+                    own[side].remove(p)
+    return own
+
+
+def _distance(vertices: FloatArray, p: int, edge: tuple[int, int]) -> float:
+    """Return the distance of vertex `p` from the line through an edge [m]."""
+    a, b = vertices[list(edge)]
+    return float(np.linalg.norm(np.cross(b - a, vertices[p] - a)) / np.linalg.norm(b - a))
+
+
+def _parts(a: int, b: int, hanging: Hanging) -> list[tuple[int, int]]:
+    """Divide the edge from a to b at the vertices on it."""
+    between = hanging.get((min(a, b), max(a, b)), [])
+    return list(itertools.pairwise([a, *(between if a < b else between[::-1]), b]))
+
+
+def _split_triangle(a: int, b: int, c: int, hanging: Hanging) -> list[tuple[int, int, int]]:
+    """Split a triangle at the vertices on its sides: a fan from c over side ab, whose outer cells are split further."""
+    for _ in range(3):
+        if len(_parts(a, b, hanging)) > 1:
+            break
+        a, b, c = b, c, a
+    else:
+        return [(a, b, c)]
+    (_, p), *inner, (q, _) = _parts(a, b, hanging)
+    first = [(r, s, p) for r, s in _parts(c, a, hanging)]
+    last = [(r, s, q) for r, s in _parts(b, c, hanging)]
+    return [*first, *((r, s, c) for r, s in inner), *last]

@@ -1,0 +1,138 @@
+"""Plane patches of a mesh: coplanar cells joined to a polygon in plan, and triangulated again."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.building.plan.shapes import GRID, LEAST_AREA, flat_parts, place_of
+from evac.building.plan.stairs import below
+from evac.building.surface.components import connected_components
+
+#: Tolerances for coplanar cells: of their slopes, and of their heights at the origin of the patch [m].
+SAME_RISE, SAME_HEIGHT = 1e-3, 2e-3
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Adjacent coplanar cells of one body with the same tags.
+
+    Attributes
+    ----------
+    body : int
+        Vertex-connected component of the mesh that the patch belongs to.
+    tags : frozenset of str
+    plan : shapely polygon or multipolygon [m]
+    rise : (2,) float64
+        Gradient (dz/dx, dz/dy).
+    z : float [m]
+        Height of the plane at x = y = 0.
+    """
+
+    body: int
+    tags: frozenset[str]
+    plan: BaseGeometry
+    rise: FloatArray
+    z: float
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether the patch is horizontal."""
+        return bool(np.hypot(*self.rise) < SAME_RISE)
+
+    def height(self, points: FloatArray) -> FloatArray:
+        """Return the heights (n,) of points (n, 2) [m]."""
+        heights: FloatArray = self.z + points @ self.rise
+        return heights
+
+    def without(self, away: BaseGeometry) -> "Patch":
+        """Return the patch without a part of its plan."""
+        return replace(self, plan=flat_parts(shapely.difference(self.plan, away, grid_size=GRID)))
+
+    def over(self, other: "Patch", least: float, most: float) -> BaseGeometry:
+        """Return the polygon where this patch is between `least` and `most` [m] above another one."""
+        common = flat_parts(shapely.intersection(self.plan, other.plan, grid_size=GRID))
+        if common.is_empty:
+            return common
+        rise, z = self.rise - other.rise, self.z - other.z
+        room = z + shapely.get_coordinates(common) @ rise
+        if room.min() >= least and room.max() <= most:
+            return common
+        if room.max() <= least or room.min() >= most:
+            return shapely.Polygon()
+
+        def apart(x: float, y: float) -> float:
+            return float(z + rise[0] * x + rise[1] * y)
+
+        part = below(common, apart, most) if room.max() > most else common
+        if room.min() < least:
+            part = shapely.difference(part, below(common, apart, least))
+        return flat_parts(part)
+
+
+def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags: dict[str, np.ndarray]) -> list[Patch]:
+    """Join cells, none of them upright, to patches, sorted by place.
+
+    Parameters
+    ----------
+    points : (v, 3) float64 [m]
+    triangles : (t, 3) int64
+    body : (t,) int64
+        Body of each cell.
+    tags : dict of str to (t,) bool
+    """
+    corners = points[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    rise = -normal[:, :2] / normal[:, 2:]
+    origin = points[:, :2].mean(axis=0)
+    z = corners[:, 0, 2] - ((corners[:, 0, :2] - origin) * rise).sum(axis=1)
+    own = np.stack([*tags.values()], axis=1) if tags else np.zeros((len(triangles), 0), dtype=bool)
+    keys = np.column_stack([body, own, np.round(rise / SAME_RISE), np.round(z / SAME_HEIGHT)]).astype(np.int64)
+    _, group = np.unique(keys, axis=0, return_inverse=True)
+    found = []
+    for number in range(int(group.max(initial=-1)) + 1):
+        rows = np.flatnonzero(group.ravel() == number)
+        plans = shapely.polygons(corners[rows][:, :, :2])
+        joined = flat_parts(shapely.union_all(plans, grid_size=GRID))
+        first = rows[0]
+        height = float(corners[first, 0, 2] - corners[first, 0, :2] @ rise[first])
+        names = frozenset(name for k, name in enumerate(tags) if own[first, k])
+        found += [
+            Patch(int(body[first]), names, part, rise[first] + 0.0, height)
+            for part in shapely.get_parts(joined)
+            if part.area > LEAST_AREA
+        ]
+    return sorted(found, key=lambda one: (one.z, *one.plan.bounds, one.body))
+
+
+def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]]:
+    """Triangulate patches; return triangles (t, 3, 3) [m] and the tags of each triangle.
+
+    Raises
+    ------
+    ValueError
+        Parts of a patch's outline are too close to each other for triangulation; names the place.
+    """
+    corners, tags = [np.empty((0, 3, 3))], list[frozenset[str]]()
+    for patch in patches:
+        for part in shapely.get_parts(patch.plan):
+            try:
+                pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
+            except shapely.GEOSException as error:
+                x, y = place_of(part)
+                raise ValueError(f"the ground at ({x:z.2f}, {y:z.2f}) cannot be triangulated: {error}") from error
+            plan = np.array([shapely.get_coordinates(piece)[:3] for piece in pieces]).reshape(-1, 2)
+            solid = np.column_stack([plan, patch.height(plan)]).reshape(-1, 3, 3)
+            corners.append(solid)
+            tags += [patch.tags] * len(solid)
+    return np.concatenate(corners), tags
+
+
+def bodies(count: int, triangles: IndexArray) -> IndexArray:
+    """Return the body index of each cell; cells that share vertices belong to one body."""
+    pairs = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    part: IndexArray = connected_components(count, pairs)[triangles[:, 0]]
+    return part

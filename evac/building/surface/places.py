@@ -1,0 +1,314 @@
+"""Exits, areas and obstacles that a case adds to a building, given as segments and polygons on a level."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.base.errors import BuildingError
+from evac.base.parameters import did_you_mean
+from evac.building.geometry.polygons import union
+from evac.building.model.building import Area, Building, Exit, Level
+from evac.building.model.elevation import level_elevation
+from evac.building.model.findings import Finding
+from evac.building.model.links import nearest_wall, sorted_walls
+from evac.building.plan.outlines import between_floors
+from evac.building.plan.planparts import DOOR_REACH
+from evac.building.surface.edges import COLLINEAR, segment_lengths
+
+#: Largest distance of an exit from the free edge that it is snapped to [m].
+EXIT_REACH = 0.05
+#: Largest difference between a height given for a level and the height of the level [m].
+HEIGHT_REACH = 0.5
+#: Share of an area outside its level above which a warning is issued.
+CUT_OFF = 0.01
+#: Remainders of walls and exits shorter than this are dropped [m].
+LEAST_LENGTH = 1e-3
+
+
+def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
+    """Add an exit along a segment, which is snapped to the free edges of a level.
+
+    Parameters
+    ----------
+    item : mapping
+        ``name``, ``segment`` ((2, 2) [m]) and ``level`` (name) or ``z`` [m].
+
+    Raises
+    ------
+    BuildingError
+        If the name is already used, the level is not found, or part of the segment is farther than
+        `EXIT_REACH` from every free edge of the level, or it is at a wall with the level on both sides.
+    """
+    name, what = item["name"], f"exit {item['name']!r}"
+    if any(other.name == name for other in building.exits):
+        raise BuildingError(f"{building.source}: there are two exits named {name!r}; rename one")
+    ends = _coordinates(building, item, what, "segment", 2)
+    level = find_level(building, item, what, shapely.LineString(ends))
+    kept, opened = [], []
+    for row in np.flatnonzero(building.wall_level == level.index):
+        rest, piece = _cut(building.walls[row], ends)
+        kept += rest
+        opened += piece
+    free, longest = _uncovered(ends, opened)
+    if longest > EXIT_REACH:
+        own = building.wall_level == level.index
+        near = nearest_wall(building.walls[own], building.wall_level[own], building.levels, ends)
+        (x1, y1), (x2, y2) = ends
+        raise BuildingError(
+            f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does "
+            f"not lie on a free edge (within {EXIT_REACH} m all along); "
+            + (f"{free:.2f} m of it are off: shorten it, or check for an exit or a portal there" if opened else near)
+        )
+    segments = np.array(opened)
+    if between_floors(level.polygon, segments, DOOR_REACH).any():
+        x, y = ends.mean(axis=0)
+        raise BuildingError(
+            f"{building.source}: {what} does not lead outside: level {level.name!r} has floor on both sides of the "
+            f"wall at ({x:z.2f}, {y:z.2f}); move it to the outer outline"
+        )
+    width = float(segment_lengths(segments).sum())
+    new = Exit(len(building.exits), name, level.index, segments, width)
+    return replace(_with_walls(building, level, np.array(kept).reshape(-1, 4)), exits=(*building.exits, new))
+
+
+def add_area(building: Building, item: Mapping[str, Any]) -> Building:
+    """Add an area, clipped to the polygon of its level.
+
+    Parameters
+    ----------
+    item : mapping
+        ``name``, ``polygon`` ((k, 2) [m]) and ``level`` (name) or ``z`` [m].
+
+    Raises
+    ------
+    BuildingError
+        If the name is already used, or no part of the polygon is on the level.
+    """
+    name, what = item["name"], f"area {item['name']!r}"
+    if any(other.name == name for other in building.areas):
+        raise BuildingError(f"{building.source}: there are two areas named {name!r}; rename one")
+    drawn = _polygon(building, item, what)
+    level = find_level(building, item, what, drawn)
+    polygon = _plane_part(drawn.intersection(level.polygon))
+    if polygon.is_empty:
+        raise BuildingError(f"{building.source}: {what} has no part on level {level.name!r}{_extent(level)}")
+    findings = building.findings
+    if polygon.area < (1.0 - CUT_OFF) * drawn.area:
+        text = f"{what}: {polygon.area:.2f} of its {drawn.area:.2f} m2 are on the level; the rest is cut off"
+        findings += (Finding("warning", text, level.name, polygon.representative_point().coords[0]),)
+    return replace(building, areas=(*building.areas, Area(name, level.index, polygon)), findings=findings)
+
+
+def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Building:
+    """Cut obstacles out of the polygons of levels and areas; their outlines become walls.
+
+    Parameters
+    ----------
+    items : sequence of mappings
+        Each with ``name``, ``polygon`` ((k, 2) [m] or a shapely geometry) and ``level`` (name) or ``z`` [m].
+
+    Raises
+    ------
+    BuildingError
+        If an obstacle is outside its level, or covers part of a portal or an exit.
+    """
+    on_level: dict[int, list[BaseGeometry]] = {}
+    for item in items:
+        what = f"obstacle {item['name']!r}"
+        polygon = _polygon(building, item, what)
+        level = find_level(building, item, what, polygon)
+        if polygon.intersection(level.polygon).area <= LEAST_LENGTH**2:
+            raise BuildingError(f"{building.source}: {what} is not on level {level.name!r}{_extent(level)}")
+        _check_open(building, level, polygon, what)
+        on_level.setdefault(level.index, []).append(polygon)
+    for index, polygons in on_level.items():
+        building = _take_out(building, building.levels[index], union(polygons))
+    return building
+
+
+def find_level(building: Building, item: Mapping[str, Any], what: str, geometry: BaseGeometry) -> Level:
+    """Find the level named ``level``, or the level at about the height ``z`` on which most of `geometry` lies.
+
+    Levels are compared by the area of a polygon on them, or by the length of a segment along their walls. For equal
+    levels, the nearest one in plan is chosen, then the one nearest to ``z``, then a floor rather than a flight.
+
+    Raises
+    ------
+    BuildingError
+        If there is none; the message names the existing levels.
+    """
+    if item.get("level") is not None:
+        found = building.level_named(item["level"])
+        if found is None:
+            names = [level.name for level in building.levels]
+            raise BuildingError(
+                f"{building.source}: {what}: no level is named {item['level']!r}; {did_you_mean(item['level'], names)}"
+            )
+        return found
+    if item.get("z") is None:
+        raise BuildingError(f"{building.source}: {what}: give its level by name (level = ...) or by height (z = ...)")
+    z = float(item["z"])
+    centre = shapely.points(shapely.get_coordinates(geometry.centroid))
+    near = []
+    for level in building.levels:
+        point = shapely.get_coordinates(shapely.shortest_line(level.polygon, centre)[0])[:1]
+        height_error = abs(float(level_elevation(building.vertices, level, point)[0]) - z)
+        if height_error <= HEIGHT_REACH:
+            distance = max(float(level.polygon.distance(geometry)) - EXIT_REACH, 0.0)
+            overlap, is_flight = _overlap(building, level, geometry), level.kind == "flight"
+            near.append((-round(overlap, 3), round(distance, 3), round(height_error, 3), is_flight, level.index))
+    if not near:
+        heights = ", ".join(f"{level.name!r} z = {level.z_min:z.2f} to {level.z_max:z.2f}" for level in building.levels)
+        raise BuildingError(
+            f"{building.source}: {what}: no level is at the height z = {z:g} m there; correct z, or name a level: "
+            f"{heights}"
+        )
+    return building.levels[min(near)[-1]]
+
+
+def _overlap(building: Building, level: Level, geometry: BaseGeometry) -> float:
+    """Return the area of a polygon on a level [m2], or the length of a segment along its walls [m]."""
+    if geometry.geom_type != "LineString":
+        return float(geometry.intersection(level.polygon).area)
+    ends = shapely.get_coordinates(geometry)
+    pieces = [piece for wall in building.walls[building.wall_level == level.index] for piece in _cut(wall, ends)[1]]
+    return float(segment_lengths(np.array(pieces).reshape(-1, 4)).sum())
+
+
+def _coordinates(building: Building, item: Mapping[str, Any], what: str, key: str, least: int) -> FloatArray:
+    """Check and return the plan coordinates (k, 2) of a key; a segment must have exactly two different ends."""
+    try:
+        plan = np.array(item.get(key, ()), dtype=np.float64)
+    except (TypeError, ValueError):
+        plan = np.empty(0)
+    is_right = plan.ndim == 2 and plan.shape[1] == 2 and len(plan) >= least and np.isfinite(plan).all()
+    if key == "segment":
+        is_right = is_right and len(plan) == 2 and np.hypot(*(plan[1] - plan[0])) > LEAST_LENGTH
+    if not is_right:
+        wanted = "two different points [[x1, y1], [x2, y2]]" if key == "segment" else "at least 3 points [[x, y], ...]"
+        raise BuildingError(f"{building.source}: {what}: {key} must be {wanted}, not {item.get(key)!r}")
+    return plan
+
+
+def _polygon(building: Building, item: Mapping[str, Any], what: str) -> BaseGeometry:
+    """Check and return the polygon of an item."""
+    if isinstance(item.get("polygon"), BaseGeometry):
+        return item["polygon"]
+    polygon = shapely.Polygon(_coordinates(building, item, what, "polygon", 3))
+    if not polygon.is_valid or polygon.area <= LEAST_LENGTH**2:
+        cause = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
+        raise BuildingError(
+            f"{building.source}: {what}: polygon is not a valid outline: {cause}; draw it without crossings"
+        )
+    return polygon
+
+
+def _cut(wall: FloatArray, ends: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Divide a wall into the remaining pieces and the piece (at most one) that lies along the segment `ends`."""
+    start, end = wall[:2], wall[2:]
+    length = float(np.hypot(*(end - start)))
+    along = (end - start) / length
+    reach = np.sort((ends - start) @ along)
+    low, high = max(reach[0], 0.0), min(reach[1], length)
+    if low < LEAST_LENGTH:
+        low = 0.0
+    if length - high < LEAST_LENGTH:
+        high = length
+    segment = shapely.LineString(ends)
+    piece = np.array([start + low * along, start + high * along])
+    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    is_beside = abs(float(direction @ along)) > 0.9 and high - low > LEAST_LENGTH
+    if not is_beside or shapely.distance(shapely.points(piece), segment).max() > EXIT_REACH:
+        return [wall], []
+    rest = [np.concatenate([start, piece[0]])] if low > 0.0 else []
+    rest += [np.concatenate([piece[1], end])] if high < length else []
+    return rest, [piece.ravel()]
+
+
+def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> tuple[float, float]:
+    """Return the total and the longest length of the segment `ends` that is not covered by pieces [m]."""
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    along = (ends[1] - ends[0]) / length
+    spans = sorted(sorted(((piece.reshape(2, 2) - ends[0]) @ along).tolist()) for piece in pieces)
+    covered, free, longest = 0.0, 0.0, 0.0
+    for low, high in [*spans, [length, length]]:
+        gap = max(low - covered, 0.0)
+        free, longest = free + gap, max(longest, gap)
+        covered = max(covered, high)
+    return free, longest
+
+
+def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: str) -> None:
+    """Refuse an obstacle that covers part of a portal or an exit."""
+    ways = [("portal", portal.name, portal.segments) for portal in building.portals_of(level.index)]
+    ways += [("exit", way.name, way.segments) for way in building.exits_of(level.index)]
+    for kind, name, segments in ways:
+        covered = shapely.multilinestrings(segments.reshape(-1, 2, 2)).intersection(polygon)
+        if covered.length > LEAST_LENGTH:
+            x, y = covered.centroid.coords[0]
+            raise BuildingError(
+                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at "
+                f"({x:z.2f}, {y:z.2f}) on level {level.name!r}; move it off"
+            )
+
+
+def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Building:
+    """Subtract an obstacle from a level and its areas, and add walls along its outline."""
+    polygon = _plane_part(level.polygon.difference(obstacle))
+    if polygon.is_empty:
+        raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}; make them smaller")
+    new, old = _sides(polygon), level.polygon.boundary
+    middle = shapely.points((new[:, :2] + new[:, 2:]) / 2)
+    is_new = shapely.distance(middle, old) > COLLINEAR
+    own = building.walls[building.wall_level == level.index]
+    kept = own[~shapely.covers(obstacle, shapely.linestrings(own.reshape(-1, 2, 2)))]
+    levels = list(building.levels)
+    levels[level.index] = replace(level, polygon=polygon.normalize())
+    areas = [
+        replace(area, polygon=_plane_part(area.polygon.difference(obstacle))) if area.level == level.index else area
+        for area in building.areas
+    ]
+    gone = [area.name for area in areas if area.polygon.is_empty]
+    if gone:
+        raise BuildingError(
+            f"{building.source}: obstacles cover all of the area {gone[0]!r} on level {level.name!r}; "
+            "make them smaller, or move the area"
+        )
+    building = _with_walls(building, level, np.concatenate([kept, new[is_new]]))
+    return replace(building, levels=tuple(levels), areas=tuple(areas))
+
+
+def _sides(polygon: BaseGeometry) -> FloatArray:
+    """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left."""
+    rings = []
+    for part in shapely.get_parts(polygon):
+        oriented = shapely.orient_polygons(part)
+        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def _plane_part(geometry: BaseGeometry) -> BaseGeometry:
+    """Drop points and lines that an overlay operation may return in addition to polygons."""
+    parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
+    return shapely.union_all(parts) if parts else shapely.Polygon()
+
+
+def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
+    """Replace the walls of one level."""
+    other = building.wall_level != level.index
+    walls, wall_level = sorted_walls(
+        np.concatenate([building.walls[other], own]),
+        np.concatenate([building.wall_level[other], np.full(len(own), level.index)]),
+    )
+    return replace(building, walls=walls, wall_level=wall_level)
+
+
+def _extent(level: Level) -> str:
+    """Describe, for a message, the plan extent of a level and how to correct a place that is not on it."""
+    x1, y1, x2, y2 = level.polygon.bounds
+    return f", which extends from ({x1:z.2f}, {y1:z.2f}) to ({x2:z.2f}, {y2:z.2f}); move it there"

@@ -1,0 +1,338 @@
+"""Clean walkable surface: welded, without degenerate cells and hanging nodes, in canonical order.
+
+The result depends only on the geometry, not on the order of vertices and cells in a file or on their orientation.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.defaults import FARTHEST
+from evac.base.errors import BuildingError
+from evac.building.geometry.extent import helpful_factor, is_plausible
+from evac.building.geometry.polygons import least_height, plan_area
+from evac.building.model.findings import Finding
+from evac.building.surface.foreign import walked_surface
+from evac.building.surface.hanging import split_at_vertices
+from evac.building.surface.resolution import check_resolution
+from evac.building.surface.surfacemesh import TriangleMesh
+from evac.building.surface.welding import weld_points
+
+#: Largest share by which welding may change the area of the ground.
+MOST_CHANGE = 5e-4
+
+#: Largest difference in height along the lower edge of a door [m].
+SILL = 0.02
+
+#: Greatest rise of a riser, and smallest slope of the sides of a stair, which are not flights [m, degrees].
+MOST_RISER, UPRIGHT = 0.5, 85.0
+
+#: Maximum extent of a building [m].
+LARGEST = 1e5
+#: Minimum width of a building [m], in its larger direction: nobody fits into a smaller one.
+LEAST_WIDTH = 0.5
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The walkable cells of a building.
+
+    Attributes
+    ----------
+    vertices : (v, 3) float64 [m]
+        In the order of (x, y, z).
+    triangles : (t, 3) int64
+        Counter-clockwise in plan, smallest vertex first, sorted by their vertices.
+    gradient : (t, 2) float64
+        Gradient (dz/dx, dz/dy) of each cell.
+    is_sloped : (t,) bool
+        False on flat cells.
+    cell_tags : dict of str to (t,) bool
+    exit_edges : dict of str to (e, 2) int64
+        Tagged edges; ``exit:NAME`` is the key.
+    obstacles : dict of str to (o, 3, 3) float64 [m]
+        Corners of the cells of each tag ``obstacle:``; they are not in `triangles`.
+    findings : tuple of Finding
+    doors : tuple of (str, (2, 3) float64) [m]
+        Name and ends of each door between rooms.
+    """
+
+    vertices: FloatArray
+    triangles: IndexArray
+    gradient: FloatArray
+    is_sloped: BoolArray
+    cell_tags: dict[str, BoolArray]
+    exit_edges: dict[str, IndexArray]
+    obstacles: dict[str, FloatArray]
+    findings: tuple[Finding, ...]
+    doors: tuple[tuple[str, FloatArray], ...] = ()
+
+
+def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[Finding]:
+    """Refuse buildings too large, too small or too far from the origin; warn of those of an unusual size."""
+    used = points[mesh.triangles.ravel()]
+    low, high = used.min(axis=0), used.max(axis=0)
+    width, depth, height = (high - low).tolist()
+    factor = helpful_factor(max(width, depth))
+    helps = "" if factor is None else f" (for example to {factor * scale:.4g})"
+    if (high - low).max() > LARGEST or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST:
+        raise BuildingError(
+            f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
+            f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); it must measure at most {LARGEST:g} m and be "
+            f"within {FARTHEST:g} m of the origin: set building.scale{helps}, or move the building"
+        )
+    if max(width, depth) < LEAST_WIDTH:
+        # Without a scale first: it is the usual mistake in a file that is drawn in metres.
+        factor = 1.0 / scale if is_plausible(max(width, depth) / scale) else factor
+        helps = (
+            "" if factor is None else f"; building.scale = {factor * scale:.4g} makes it {factor * width:.4g} m wide"
+        )
+        raise BuildingError(
+            f"{mesh.source}: the building is only {1e3 * width:.4g} mm wide and {1e3 * depth:.4g} mm deep with "
+            f"building.scale = {scale:g}; one of them must be at least {LEAST_WIDTH:g} m{helps}"
+        )
+    if factor is None:
+        return []
+    text = (
+        f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height; if its unit is not the "
+        f"metre, building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
+    )
+    return [Finding("warning", text)]
+
+
+def clean_surface(
+    mesh: TriangleMesh,
+    weld: float,
+    flat_angle: float,
+    walkable_angle: float,
+    scale: float,
+    headroom: float,
+    treads: bool,
+) -> Surface:
+    """Convert a mesh to a walkable surface: weld vertices, drop cells that are not walkable, and split cells.
+
+    Parameters
+    ----------
+    weld : float [m]
+        Vertices at most this far apart are merged; an edge is split at vertices at most this far from it.
+    flat_angle, walkable_angle : float [degrees]
+        Cells with a slope below `flat_angle` are flat, above `walkable_angle` dropped, in between sloped.
+    scale : float
+        Metres per unit of the file.
+    headroom, treads
+        See `evac.building.surface.foreign.walked_surface`.
+
+    Raises
+    ------
+    BuildingError
+        If the coordinates are too coarse for `weld`, a stair is too steep, no walkable cell is left, or cells too
+        narrow for `weld` form a significant part of the ground.
+    """
+    check_resolution(mesh.source, mesh.points, scale, weld)
+    points = mesh.points * scale
+    doubt = _check_extent(mesh, points, scale)
+    is_upright = np.rad2deg(slope_angle(points[mesh.triangles])) > walkable_angle + 1e-9
+    mesh, points = walked_surface(mesh, points, is_upright, weld, headroom, treads)
+    notes = [*mesh.findings, *doubt]
+    vertices, new_index = weld_points(points, weld)
+    exit_edges = {name: new_index[edges] for name, edges in mesh.edge_tags.items()}
+    triangles, drawn, tags = _distinct(new_index[mesh.triangles], mesh.cell_tags)
+    exit_edges |= _lower_edges(vertices, triangles, tags, walkable_angle, exit_edges)
+    exit_edges = {name: edges[edges[:, 0] != edges[:, 1]] for name, edges in exit_edges.items()}
+
+    is_sliver = least_height(vertices[triangles]) <= weld
+    if is_sliver.any():
+        text = f"{_count(is_sliver)} dropped as degenerate (height below building.weld)"
+        notes.append(Finding("warning", text, place=_first_place(vertices, triangles, is_sliver)))
+    is_obstacle = _any_tag(tags, "obstacle", len(triangles))
+    obstacles = {
+        name: vertices[triangles[mask & ~is_sliver]] for name, mask in tags.items() if name.startswith("obstacle:")
+    }
+    is_steep = np.rad2deg(slope_angle(vertices[triangles])) > walkable_angle + 1e-9
+    dropped = is_steep & ~is_obstacle & ~is_sliver
+    _check_stairs(
+        mesh.source, vertices[triangles], {name: mask & dropped for name, mask in tags.items()}, walkable_angle
+    )
+    if dropped.any():
+        text = (
+            f"{_count(dropped)} dropped as steeper than {walkable_angle:g} degrees: walls are not needed, and stairs "
+            "must be drawn as inclined surfaces, not as treads and risers"
+        )
+        notes.append(Finding("warning", text, place=_first_place(vertices, triangles, dropped)))
+    walkable = ~is_steep & ~is_obstacle & ~is_sliver
+    if not walkable.any():
+        x, y, z = vertices[triangles[0]].mean(axis=0)
+        raise BuildingError(
+            f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees), for example the one at "
+            f"({x:z.2f}, {y:z.2f}, {z:z.2f}); the surface must be drawn in metres with z upwards, in cells larger than "
+            f"building.weld ({weld:g} m): set building.scale or building.up"
+        )
+    has_collapsed = (np.diff(triangles, axis=1) == 0).any(axis=1)
+    counted = walkable | (is_sliver & ~is_obstacle)
+    before, is_sure = points[mesh.triangles[drawn[counted]]], (walkable | has_collapsed)[counted]
+    triangles, tags = triangles[walkable], _select(tags, walkable)
+    triangles, owner, exit_edges = split_at_vertices(mesh.source, vertices, triangles, exit_edges, weld)
+    _check_ground(mesh.source, before, is_sure, vertices[triangles], weld)
+
+    tags = {name: mask[owner] for name, mask in tags.items() if not name.startswith("obstacle:")}
+    triangles, tags, exit_edges = _cut_exits(mesh.source, vertices, triangles, tags, exit_edges)
+    triangles = _counter_clockwise(vertices, triangles)
+    order = np.lexsort(triangles.T[::-1])
+    triangles, tags = triangles[order], _select(tags, order)
+    gradient = _gradient(vertices[triangles])
+    is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= flat_angle
+    doors = tuple((name, scale * ends) for name, ends in mesh.doors)
+    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors)
+
+
+def slope_angle(corners: FloatArray) -> FloatArray:
+    """Return the angles (t,) of triangles (t, 3, 3) with the horizontal [rad], independent of their orientation."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    angle: FloatArray = np.arctan2(np.hypot(normal[:, 0], normal[:, 1]), np.abs(normal[:, 2]))
+    return angle
+
+
+def _check_stairs(source: Path, corners: FloatArray, steep: dict[str, BoolArray], walkable_angle: float) -> None:
+    """Refuse flights of tagged stairs that are too steep; risers and the sides of stairs are no flights.
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) float64 [m]
+    steep : dict of str to (t,) bool
+        Cells that are too steep to walk on, by tag.
+    """
+    rise, angle = np.ptp(corners[:, :, 2], axis=1), slope_angle(corners)
+    is_flight = (rise > MOST_RISER) & (np.rad2deg(angle) < UPRIGHT)
+    for name, mask in sorted(steep.items()):
+        rows = np.flatnonzero(mask & is_flight)
+        if name.startswith("stair:") and len(rows):
+            row = rows[rise[rows].argmax()]
+            x, y, _ = corners[row].mean(axis=0)
+            raise BuildingError(
+                f"{source}: stair {name.removeprefix('stair:')!r} rises {rise[row]:.2f} m over "
+                f"{rise[row] / np.tan(angle[row]):.2f} m in plan ({np.rad2deg(angle[row]):.0f} degrees) at ({x:z.2f}, "
+                f"{y:z.2f}), steeper than building.walkable_angle ({walkable_angle:g} degrees): make it at least "
+                f"{np.ceil(100.0 * rise[row] / np.tan(np.deg2rad(walkable_angle))) / 100.0:.2f} m long"
+            )
+
+
+def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:
+    """Drop repeated cells (Gmsh 2.2 writes a cell once for each of its groups) and merge their tags.
+
+    Returns the distinct cells, the row of `triangles` of each, and the tags.
+    """
+    distinct, first, row = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True, return_inverse=True)
+    joined = {}
+    for name, mask in tags.items():
+        joined[name] = np.zeros(len(distinct), dtype=bool)
+        joined[name][row.ravel()[mask]] = True
+    return distinct, first, joined
+
+
+def _lower_edges(
+    vertices: FloatArray,
+    triangles: IndexArray,
+    tags: dict[str, BoolArray],
+    walkable_angle: float,
+    edges: dict[str, IndexArray],
+) -> dict[str, IndexArray]:
+    """Return the edges of exits, including the level lower edges of upright cells, which represent doors."""
+    found: dict[str, IndexArray] = {}
+    for name in (name for name in tags if name.startswith("exit:")):
+        cells = triangles[tags[name]]
+        cells = cells[np.rad2deg(slope_angle(vertices[cells])) > walkable_angle + 1e-9]
+        if len(cells):
+            sides = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+            lowest = vertices[cells][:, :, 2].min()
+            is_low = (np.abs(vertices[sides][:, :, 2] - lowest) <= SILL).all(axis=1)
+            found[name] = np.concatenate([edges.get(name, np.empty((0, 2), dtype=np.int64)), sides[is_low]])
+    return found
+
+
+def _cut_exits(
+    source: Path,
+    vertices: FloatArray,
+    triangles: IndexArray,
+    tags: dict[str, BoolArray],
+    edges: dict[str, IndexArray],
+) -> tuple[IndexArray, dict[str, BoolArray], dict[str, IndexArray]]:
+    """Remove the cells of exits, which are ground outside; the edges that they share with the rest become exits."""
+    is_exit = _any_tag(tags, "exit", len(triangles))
+    if not is_exit.any():
+        return triangles, {name: mask for name, mask in tags.items() if not name.startswith("exit:")}, edges
+    sides = np.sort(np.stack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]], axis=1), axis=2)
+    floor = {tuple(side) for side in sides[~is_exit].reshape(-1, 2).tolist()}
+    edges = dict(edges)
+    for name in (name for name in tags if name.startswith("exit:") and tags[name].any()):
+        own = [side for side in sides[tags[name]].reshape(-1, 2).tolist() if tuple(side) in floor]
+        if not own:
+            x, y, z = vertices[triangles[tags[name]][0]].mean(axis=0)
+            raise BuildingError(
+                f"{source}: the cells of {name!r} at ({x:z.2f}, {y:z.2f}, {z:z.2f}) share no edge with the floor; draw "
+                "them adjacent to the floor (within building.weld), or tag edges of its outline instead"
+            )
+        edges[name] = np.concatenate([edges.get(name, np.empty((0, 2), dtype=np.int64)), np.array(own)])
+    kept = {name: mask[~is_exit] for name, mask in tags.items() if not name.startswith("exit:")}
+    return triangles[~is_exit], kept, edges
+
+
+def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: FloatArray, weld: float) -> None:
+    """Refuse cells (t, 3, 3) so narrow that welding changes the area of the ground in plan.
+
+    Cells that are not `is_sure` are slivers, which may be separate ground or overlap other cells: the area must be
+    right in both cases.
+    """
+    drawn = plan_area(before)
+    for least in (drawn.sum(), drawn[is_sure].sum()):
+        change = float(plan_area(after).sum() - least)
+        if abs(change) > MOST_CHANGE * least:
+            x, y, z = before[np.argmin(least_height(before))].mean(axis=0)
+            raise BuildingError(
+                f"{source}: welding changes the ground from {least:.4g} m2 by {change:+.2g} m2, because the width of "
+                f"cells is close to building.weld ({weld:g} m), for example at ({x:z.2f}, {y:z.2f}, {z:z.2f}); "
+                "remove such cells, draw larger cells, or decrease building.weld"
+            )
+
+
+def _counter_clockwise(vertices: FloatArray, triangles: IndexArray) -> IndexArray:
+    """Sort the corners of each triangle, then swap the last two if it is clockwise in plan."""
+    triangles = np.sort(triangles, axis=1)
+    first, second = np.diff(vertices[triangles][:, :, :2], axis=1).transpose(1, 0, 2)
+    clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
+    triangles[clockwise, 1:] = triangles[clockwise, :0:-1]
+    return triangles
+
+
+def _gradient(corners: FloatArray) -> FloatArray:
+    """Return the gradients (t, 2) of z over the plan of triangles (t, 3, 3)."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    gradient: FloatArray = -normal[:, :2] / normal[:, 2:]
+    return gradient + 0.0
+
+
+def _select(tags: dict[str, BoolArray], rows: BoolArray | IndexArray) -> dict[str, BoolArray]:
+    """Select rows of every mask."""
+    return {name: mask[rows] for name, mask in tags.items()}
+
+
+def _any_tag(tags: dict[str, BoolArray], kind: str, n_cells: int) -> BoolArray:
+    """Return the mask of cells with a tag of a given kind."""
+    found = np.zeros(n_cells, dtype=bool)
+    for name, mask in tags.items():
+        if name.startswith(f"{kind}:"):
+            found |= mask
+    return found
+
+
+def _count(mask: BoolArray) -> str:
+    """Describe a number of cells, for a message."""
+    number = int(mask.sum())
+    return "1 cell" if number == 1 else f"{number} cells (the first one is here)"
+
+
+def _first_place(vertices: FloatArray, triangles: IndexArray, mask: BoolArray) -> tuple[float, float, float]:
+    """Return the first vertex, in the order of (x, y, z), of the marked cells."""
+    x, y, z = vertices[triangles[mask].min()].tolist()
+    return x, y, z

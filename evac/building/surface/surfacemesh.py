@@ -1,0 +1,231 @@
+"""Surface meshes of buildings as importers return them, and their triangulation."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.errors import BuildingError, PluginError
+from evac.building.geometry.polygons import triangulate
+from evac.building.model.findings import Finding, as_findings
+from evac.building.model.names import repaired, with_repaired_names
+from evac.building.plan.conforming import Height, Point, conform
+
+#: Kinds of tag on surfaces and on edges.
+SURFACE_TAGS = ("floor", "stair", "area", "obstacle")
+EDGE_TAGS = ("exit",)
+#: Largest coordinate of a vertex, in units of the file; larger than UTM coordinates in millimetres.
+FARTHEST = 1e11
+
+
+@dataclass(frozen=True)
+class SurfaceMesh:
+    """The surfaces that people can walk on, as read from a file, before any processing.
+
+    The core welds vertices, splits cells at hanging nodes and ignores the orientation of cells, so neighbours need not
+    share vertices or edges exactly. Tags are names ``kind:NAME``, see docs/buildings.md.
+
+    Attributes
+    ----------
+    points : (v, 3) array [units of the file]
+    cells : sequence of sequences of int, or (c, k) array
+        Triangles or polygons, convex or not: rows of `points`, counted from 0.
+    cell_tags : mapping of str to (c,) array of bool
+        Mask of the cells with each tag ``floor:``, ``stair:``, ``area:`` or ``obstacle:``. A cell may have several
+        tags. Cells with a tag ``exit:`` are ground outside: they are removed, and the edges that they share with the
+        floor become the exit. Upright cells with such a tag are doors, whose lower edges become the exit.
+    edge_tags : mapping of str to (e, 2) array of int
+        Edges with each tag ``exit:``, as pairs of rows of `points`.
+    findings : sequence of Finding or str
+        Findings about the file; a string is a warning.
+    openings : sequence of (str, (4,) array [units of the file])
+        Possible exits that the file does not declare: a level and the ends x1, y1, x2, y2 of a piece of its outline.
+        `evac import` suggests them.
+    doors : sequence of (str, (2, 3) array [units of the file])
+        Doors between rooms, which are part of the floor: a name and the ends of the opening.
+    """
+
+    points: ArrayLike
+    cells: Sequence[Sequence[int]] | IndexArray
+    cell_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
+    edge_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
+    findings: Sequence[Finding | str] = ()
+    openings: Sequence[tuple[str, ArrayLike]] = ()
+    doors: Sequence[tuple[str, ArrayLike]] = ()
+
+    @classmethod
+    def of_polygons(
+        cls,
+        surfaces: Iterable[tuple[str | Sequence[str], BaseGeometry, Height]],
+        edges: Iterable[tuple[str, Point, Point]] = (),
+        findings: Sequence[Finding | str] = (),
+        openings: Sequence[tuple[str, ArrayLike]] = (),
+        doors: Sequence[tuple[str, ArrayLike]] = (),
+    ) -> Self:
+        """Return the conforming mesh of polygons in plan; coordinates are rounded to 6 decimals.
+
+        Parameters
+        ----------
+        surfaces : iterable of (tag or tags, polygon or multipolygon, height)
+            Holes are allowed. The height is a number, or a function of x and y that is linear over the polygon.
+        edges : iterable of (tag, point, point)
+            Straight edges on the outlines of the surfaces, such as exits, by their ends (x, y, z).
+        findings, openings, doors : sequence
+            See the attributes.
+
+        Raises
+        ------
+        ValueError
+            A surface is not a valid polygon, or an edge is not on any surface; names the tag and the place.
+        """
+        surfaces, edges = list(surfaces), list(edges)
+        tags = [(tag,) if isinstance(tag, str) else tuple(tag) for tag, _, _ in surfaces]
+        mesh = conform([(own[0], *rest) for own, (_, *rest) in zip(tags, surfaces, strict=True)], edges)
+        edge_tags: dict[str, list[list[int]]] = {}
+        for (tag, _, _), chain in zip(edges, mesh.chains, strict=True):
+            edge_tags.setdefault(tag, []).extend(chain)
+        known = dict.fromkeys(tag for own in tags for tag in own)
+        surface = np.array(mesh.surface, dtype=np.int64)
+        rows = {tag: [row for row, own in enumerate(tags) if tag in own] for tag in known}
+        cell_tags = {tag: np.isin(surface, of_tag) for tag, of_tag in rows.items()}
+        return cls(mesh.points, mesh.triangles, cell_tags, edge_tags, findings, openings, doors)
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """A surface mesh that has been checked and triangulated.
+
+    Attributes
+    ----------
+    source : Path
+    points : (v, 3) float64 [units of the file]
+    triangles : (t, 3) int64
+    cell_tags : dict of str to (t,) bool
+        Cells with each known tag.
+    edge_tags : dict of str to (e, 2) int64
+        Edges with each tag of edges.
+    findings : tuple of Finding
+    doors : tuple of (str, (2, 3) float64) [units of the file]
+    """
+
+    source: Path
+    points: FloatArray
+    triangles: IndexArray
+    cell_tags: dict[str, BoolArray]
+    edge_tags: dict[str, IndexArray]
+    findings: tuple[Finding, ...]
+    doors: tuple[tuple[str, FloatArray], ...] = ()
+
+
+def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
+    """Check and triangulate the mesh that an importer returned.
+
+    Raises
+    ------
+    BuildingError
+        There are no cells, a cell refers to a vertex that does not exist, a vertex is not finite or too far from the
+        origin, the outline of a polygon crosses itself, or an exit tag has neither edges nor cells.
+    PluginError
+        An array has the wrong shape.
+    """
+    points = _as_array(source, "points", mesh.points, np.float64, (-1, 3))
+    blocks, rows = _by_length(source, mesh.cells)
+    n_cells = sum(len(block) for block in blocks)
+    edges = {name: _as_array(source, name, pairs, np.int64, (-1, 2)) for name, pairs in mesh.edge_tags.items()}
+    masks = {name: _as_array(source, name, mask, np.bool_, (n_cells,)) for name, mask in mesh.cell_tags.items()}
+    if not n_cells:
+        raise BuildingError(
+            f"{source}: the file contains no surface cells (triangles, quads or polygons); "
+            "export the walkable surface with its faces"
+        )
+    _check_vertices(source, points, [*blocks, *edges.values()])
+    try:
+        pieces = [triangulate(points, block) for block in blocks]
+    except ValueError as error:
+        raise BuildingError(f"{source}: {error}; repair this face, or triangulate the mesh") from error
+    triangles = np.concatenate([piece for piece, _ in pieces])
+    cell = np.concatenate([of[owner] for of, (_, owner) in zip(rows, pieces, strict=True)])
+    notes = [replace(one, level=one.level and repaired(one.level)) for one in as_findings(tuple(mesh.findings))]
+    for name in [*masks, *edges]:
+        kind = name.partition(":")[0]
+        if kind in EDGE_TAGS and not len(edges.get(name, ())) and not np.any(masks.get(name, False)):
+            raise BuildingError(f"{source}: the tag {name!r} has neither edges nor cells; tag the edges of the exit")
+        if kind not in (*SURFACE_TAGS, *EDGE_TAGS):
+            known = ", ".join(f"{kind}:NAME" for kind in (*SURFACE_TAGS, *EDGE_TAGS))
+            text = f"the unknown tag {name!r} is ignored; known tags are {known}"
+            notes.append(Finding("warning", text))
+    kinds = (*SURFACE_TAGS, *EDGE_TAGS)
+    cell_tags = {name: mask[cell] for name, mask in masks.items() if name.partition(":")[0] in kinds}
+    edge_tags = {name: pairs for name, pairs in edges.items() if name.partition(":")[0] in EDGE_TAGS}
+    cell_tags = with_repaired_names(source, cell_tags, notes)
+    edge_tags = with_repaired_names(source, edge_tags, notes)
+    doors = tuple((repaired(name), _door_ends(source, name, ends)) for name, ends in mesh.doors)
+    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), doors)
+
+
+def _door_ends(source: Path, name: str, ends: ArrayLike) -> FloatArray:
+    """Check and return the ends (2, 3) of a door."""
+    found: FloatArray = _as_array(source, f"door:{name}", ends, np.float64, (-1, 3))
+    if len(found) != 2 or not np.isfinite(found).all():
+        raise PluginError(f"{source}: the importer's door {name!r} is {ends!r}; it must be two finite points (x, y, z)")
+    return found
+
+
+def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:
+    """Convert values to an array of a given type and shape (-1 for any length); refuse other values."""
+    try:
+        array = np.asarray(values)
+        if not array.size:
+            array = array.reshape([max(length, 0) for length in shape])
+        array = np.ascontiguousarray(array.astype(dtype, casting="unsafe" if dtype is np.bool_ else "same_kind"))
+    except (TypeError, ValueError) as error:
+        raise PluginError(
+            f"{source}: the importer's {name!r} are not an array of numbers: {error}; return numbers of type "
+            f"{np.dtype(dtype)}"
+        ) from error
+    if array.ndim != len(shape) or any(b not in (-1, a) for a, b in zip(array.shape, shape, strict=True)):
+        wanted = ", ".join("n" if length < 0 else str(length) for length in shape)
+        raise PluginError(f"{source}: the importer's {name!r} have the shape {array.shape}; it must be ({wanted})")
+    return array
+
+
+def _by_length(source: Path, cells: Sequence[Sequence[int]] | IndexArray) -> tuple[list[IndexArray], list[IndexArray]]:
+    """Group the cells by their number of corners; return the groups and the rows of their cells."""
+    if isinstance(cells, np.ndarray):
+        return [_as_array(source, "cells", cells, np.int64, (-1, cells.shape[-1]))], [np.arange(len(cells))]
+    by_length: dict[int, list[int]] = {}
+    for row, cell in enumerate(cells):
+        by_length.setdefault(len(cell), []).append(row)
+    if min(by_length, default=3) < 3:
+        raise BuildingError(f"{source}: cell {by_length[min(by_length)][0]} has fewer than three corners; remove it")
+    blocks = [
+        _as_array(source, "cells", [cells[row] for row in by_length[length]], np.int64, (-1, length))
+        for length in sorted(by_length)
+    ]
+    return blocks, [np.array(by_length[length]) for length in sorted(by_length)]
+
+
+def _check_vertices(source: Path, points: FloatArray, blocks: list[IndexArray]) -> None:
+    """Refuse cells whose vertices do not exist, and vertices that are not finite or too far from the origin."""
+    ends = [corner for block in blocks if block.size for corner in (block.min(), block.max())]
+    outside = [corner for corner in ends if not 0 <= corner < len(points)]
+    if outside:
+        raise BuildingError(
+            f"{source}: a cell refers to vertex {outside[0] + 1}, but the file has {len(points)}; write the mesh again"
+        )
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise BuildingError(
+            f"{source}: vertex {bad[0] + 1} is not finite: {points[bad[0]].tolist()}; repair its coordinates"
+        )
+    far = np.flatnonzero((np.abs(points) > FARTHEST).any(axis=1))
+    if len(far):
+        raise BuildingError(
+            f"{source}: vertex {far[0] + 1} lies at {points[far[0]].tolist()}, farther than {FARTHEST:g} from the "
+            "origin; repair its coordinates or draw the building in metres"
+        )

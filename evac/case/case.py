@@ -1,0 +1,186 @@
+"""A checked case: plain data, from a file, a dictionary or a sweep."""
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from pydantic import PrivateAttr, field_validator, model_validator
+
+from evac.case.keys import Parameters, Section, Title, key, wrong
+from evac.case.schema import (
+    MOST_ITEMS,
+    MOST_PEOPLE,
+    BuildingSettings,
+    ContactSettings,
+    DirectionSettings,
+    GroupSettings,
+    OutputSettings,
+    PeopleSettings,
+    PluginSettings,
+    SimulationSettings,
+)
+
+if TYPE_CHECKING:
+    from evac.case.problems import Key
+    from evac.contract.registry import Registry
+
+#: File name used for a case that was made from a dictionary.
+DICTIONARY = "<dictionary>"
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The origin of a case: its file, its content after overrides, plugin files, and the registry used to check it."""
+
+    source: Path
+    table: Mapping[str, Any]
+    loaded_files: tuple[Path, ...]
+    unloaded_files: tuple[Path, ...]
+    unchecked: "tuple[Key, ...]"
+    registry: "Registry"
+
+
+class Case(Section):
+    """A checked case, which is plain data; `evac.simulation.assembly` reads its building and creates its plugins.
+
+    Returned by `evac.case.load_case`; frozen. `change` returns a changed copy.
+    """
+
+    title: Title = key("one line that says what the case is", "", "")
+    building: BuildingSettings = key("the building: a table [building] with mesh or plan")
+    directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
+    people: tuple[GroupSettings, ...] = key(
+        "the groups: a table [[people]] for each", "", min_length=1, max_length=MOST_ITEMS
+    )
+    presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
+    contact: ContactSettings = key("contact between bodies")
+    forces: dict[str, Parameters] = key(
+        "`[forces.NAME]`: parameters of a force on or between people; present: enabled with them; `false`: disabled",
+        "",
+        {},
+    )
+    behaviours: dict[str, Parameters] = key(
+        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with them; `false`: disabled",
+        "",
+        {},
+    )
+    recorders: dict[str, Parameters] = key(
+        "`[recorders.NAME]`: parameters of a recorder; every one that is registered is enabled; `false`: disabled",
+        "",
+        {},
+    )
+    importers: dict[str, Parameters] = key(
+        "`[importers.NAME]`: parameters of an importer of buildings; every one that is registered is enabled; "
+        "`false`: disabled",
+        "",
+        {},
+    )
+    simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
+    output: OutputSettings = key("what is written", "", OutputSettings())
+    plugins: PluginSettings = key("plugin files", "", PluginSettings())
+
+    _origin: Origin = PrivateAttr()
+
+    @field_validator("people", mode="after")
+    @classmethod
+    def _sorted_by_name(cls, people: tuple[GroupSettings, ...]) -> tuple[GroupSettings, ...]:
+        """Sort the groups by name, so that rows, routes and draws do not depend on the order of the tables."""
+        return tuple(sorted(people, key=lambda group: group.name))
+
+    @model_validator(mode="after")
+    def _can_be_held(self) -> Self:
+        people = sum(group.count for group in self.people)
+        if people > MOST_PEOPLE:
+            raise wrong("people", f"{people:,} people in all groups; at most {MOST_PEOPLE:,} are allowed")
+        return self
+
+    @property
+    def source(self) -> Path:
+        """The case.toml it was read from; of a dictionary `DICTIONARY` in the folder that its paths are relative to."""
+        return self._origin.source
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths in the case are relative to."""
+        return self._origin.source.parent
+
+    def __repr__(self) -> str:
+        return f"<Case {self.title or self.source.name!r}: {len(self.people)} groups, {self.contact.model}>"
+
+    __str__ = __repr__
+
+    @property
+    def table(self) -> Mapping[str, Any]:
+        """The content of case.toml, with overrides applied."""
+        return self._origin.table
+
+    @property
+    def mesh(self) -> Path | None:
+        """The building's file; None if the case holds its plan."""
+        return self.folder / self.building.mesh if self.building.mesh is not None else None
+
+    @property
+    def plugin_files(self) -> tuple[Path, ...]:
+        """Resolved paths of the plugin files: those given in addition to the case, and those named in it."""
+        return (*self.loaded_files, *self.unloaded_files)
+
+    @property
+    def loaded_files(self) -> tuple[Path, ...]:
+        """The plugin files that have been executed."""
+        return self._origin.loaded_files
+
+    @property
+    def unloaded_files(self) -> tuple[Path, ...]:
+        """The plugin files named in the case that have not been executed; loading a case executes none of them."""
+        return self._origin.unloaded_files
+
+    @property
+    def unchecked(self) -> "tuple[Key, ...]":
+        """Keys that name plugins or parameters which may be provided by plugin files that are not executed yet."""
+        return self._origin.unchecked
+
+    @property
+    def registry(self) -> "Registry":
+        """The registry with which the case was checked."""
+        return self._origin.registry
+
+    def change(self, overrides: Mapping[str, Any] | Iterable[str]) -> "Case":
+        """Return a new checked case with some keys changed; see `evac.case.load_case`.
+
+        Raises
+        ------
+        ScenarioError
+            The changed case is not valid.
+        """
+        from evac.case.loading import case_from
+
+        return case_from(
+            self._origin.table, self.source, overrides, plugin_files=self.loaded_files, registry=self.registry
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all keys with their values as plain data, including known defaults of the plugins in use."""
+        table = self.model_dump(mode="json", exclude_none=True)
+        registry, model = self.registry, self.contact.model
+        if model in registry.contact_models:
+            table["contact"][model] = _filled(registry.contact_models[model], table["contact"].get(model, {}))
+        for kind in ("force", "behaviour", "recorder", "importer"):
+            section = table[f"{kind}s"]
+            for name, values in section.items():
+                if values is not False and (f"{kind}s", name) not in self.unchecked:
+                    section[name] = _filled(registry.get(kind, name), values)
+        return table
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the content of the file; the case is checked again with the plugins of the other process."""
+        from evac.case.loading import case_from
+
+        origin = self._origin
+        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.loaded_files)
+
+
+def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a plugin class: given values, and defaults for the others."""
+    return {name: given.get(name, parameter.default) for name, parameter in cls.declared().items()}

@@ -1,0 +1,360 @@
+"""Load case.toml and overrides as a checked `Case`; all faults are reported together."""
+
+import copy
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from evac.base.errors import PluginError, ScenarioError, escaped
+from evac.base.parameters import Configurable, did_you_mean
+from evac.case.case import DICTIONARY, Case, Origin
+from evac.case.content import faults, read_table, with_own_classes
+from evac.case.keys import is_multiple
+from evac.case.overrides import apply
+from evac.case.problems import Key, Problem, dotted, problems_of
+from evac.case.schema import MOST_STATES
+from evac.case.trust import named_files
+
+if TYPE_CHECKING:
+    from evac.contract.registry import Registry
+
+#: Greatest number of problems in one error, and of characters of each.
+MOST_SHOWN, LONGEST_SHOWN = 50, 1_000
+
+
+def load_case(
+    source: str | Path | Mapping[str, Any],
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    plugin_files: Iterable[str | Path] = (),
+    registry: "Registry | None" = None,
+) -> Case:
+    """Read and check a case. The file is parsed as data; no code that it contains or names is executed.
+
+    Plugin files named in the case are executed when the case is run (`evac.case.trust.run_plugin_files`). Names
+    that they may provide are checked then; until then `Case.unchecked` lists them.
+
+    Parameters
+    ----------
+    source : str, Path or mapping
+        A case.toml, a folder that holds one, the name of a shipped case, or the content of a case.toml as a
+        dictionary; paths in a dictionary are relative to the current folder. In a dictionary, the building, or its
+        key ``plan``, may be an `evac.Plan`.
+    overrides : mapping, or iterable of str
+        Keys to change: ``{"people.class_1.number": 5}`` or ``["people.class_1.number=5"]``. Items of a list
+        are selected by index or by name.
+    plugin_files : iterable of path
+        Plugin files in addition to those named in the case. They are executed here.
+    registry : Registry
+        Registry with which the case is checked; created if not given. Plugin files are added to it.
+
+    Raises
+    ------
+    ScenarioError
+        One line for each fault: file, dotted key, what is wrong, how to fix it.
+    PluginError
+        A plugin file cannot be loaded.
+
+    Examples
+    --------
+    >>> case = load_case("classroom", ["contact.model=dem", "simulation.seed=7"])  # doctest: +SKIP
+    """
+    if registry is None:
+        from evac.contract.registry import Registry
+
+        registry = Registry()
+    files = _added(plugin_files, registry)
+    if isinstance(source, Mapping):
+        return case_from(source, Path.cwd() / DICTIONARY, overrides, plugin_files=files, registry=registry)
+    path = _found(source, registry)
+    if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
+        raise ScenarioError(
+            f"{path}: a building file, not a case; name it in a case.toml as building.mesh, or create a case from it "
+            f"with: evac import {source} --out FOLDER"
+        )
+    return case_from(read_table(path), path, overrides, plugin_files=files, registry=registry)
+
+
+def as_case(case: Case | str | Path | Mapping[str, Any]) -> Case:
+    """Return `case` if it is a `Case`, else load it with `load_case`."""
+    return case if isinstance(case, Case) else load_case(case)
+
+
+def case_from(
+    table: Mapping[str, Any],
+    source: Path,
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    plugin_files: Iterable[str | Path] = (),
+    registry: "Registry | None" = None,
+) -> Case:
+    """Check the content of a case.toml; paths in it are relative to the folder of `source`.
+
+    Raises the errors of `load_case`.
+    """
+    if registry is None:
+        from evac.contract.registry import Registry
+
+        registry = Registry()
+    table = _with_plan(dict(table))
+    _refuse(faults(table), table, source, [])
+    content: dict[str, Any] = copy.deepcopy(table)
+    overridden, problems = apply(content, overrides)
+    _refuse(faults(content), content, source, overridden)
+    content = with_own_classes(content)
+    loaded = _added(plugin_files, registry)
+    named, missing = named_files(content, source.parent)
+    unloaded = tuple(path for path in named if path not in loaded)
+    problems += missing
+    filled, unknown = _with_presets(content)
+    problems += unknown
+    case: Case | None = None
+    try:
+        case = Case.model_validate(filled)
+    except ValidationError as error:
+        problems += _without_repeats(problems_of(error), content)
+    of_plugins = _plugin_problems(content, registry)
+    said = {problem.key for problem in of_plugins}
+    unchecked = tuple(problem.key for problem in of_plugins if unloaded and problem.is_unknown_name)
+    problems = [problem for problem in problems if problem.key not in said]
+    problems += [problem for problem in of_plugins if problem.key not in unchecked]
+    problems += _scene_problems(content, case, source.parent)
+    _refuse(problems, content, source, overridden)
+    assert case is not None
+    case._origin = Origin(source, content, loaded, unloaded, unchecked, registry)
+    return case
+
+
+def _refuse(problems: list[Problem], content: Mapping[str, Any], source: Path, overridden: list[Key]) -> None:
+    """Raise one error with all problems, if there are any."""
+    if problems:
+        lines = [_line(problem, content, source, overridden) for problem in problems[:MOST_SHOWN]]
+        if len(problems) > MOST_SHOWN:
+            lines.append(f"{source}: and {len(problems) - MOST_SHOWN:,} more")
+        raise ScenarioError("\n".join(lines))
+
+
+def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
+    """Replace an `evac.Plan`, given as the building or as its key ``plan``, by the table that a file would contain."""
+    building = content.get("building")
+    plan = building.get("plan") if isinstance(building, dict) else building
+    if plan is None or isinstance(plan, dict | str):
+        return content
+    from evac.building.plan.plan import Plan
+    from evac.building.plan.plantable import table_of
+
+    if isinstance(plan, Plan):
+        content["building"] = {**(building if isinstance(building, dict) else {}), "plan": table_of(plan)}
+    return content
+
+
+def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+    """Return the content with the keys of presets inserted into the groups, and problems for unknown presets."""
+    presets, groups = content.get("presets", {}), content.get("people")
+    if not isinstance(presets, dict) or not isinstance(groups, list):
+        return content, []
+    filled: list[Any] = []
+    problems: list[Problem] = []
+    for index, group in enumerate(groups):
+        name = group.get("preset") if isinstance(group, dict) else None
+        preset = presets.get(name) if isinstance(name, str) else None
+        filled.append({**preset, **group} if isinstance(preset, dict) else group)
+        if isinstance(name, str) and name not in presets:
+            hint = did_you_mean(name, list(presets))
+            problems.append(Problem(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
+    return {**content, "people": filled}, problems
+
+
+def _without_repeats(problems: list[Problem], content: dict[str, Any]) -> list[Problem]:
+    """Remove problems of groups that repeat a problem of their preset."""
+    of_presets = {problem.key[1:3] for problem in problems if problem.key[0] == "presets"}
+
+    def is_repeat(key: Key) -> bool:
+        if key[0] != "people" or len(key) < 3:
+            return False
+        group = content["people"][key[1]]
+        return key[2] not in group and (group.get("preset"), key[2]) in of_presets
+
+    return [problem for problem in problems if not is_repeat(problem.key)]
+
+
+def _found(source: str | Path, registry: "Registry") -> Path:
+    """Return the path of the case.toml that `source` names."""
+    path = Path(source)
+    if path.is_dir():
+        if not (path / "case.toml").is_file():
+            raise ScenarioError(f"{path}: the folder contains no case.toml; give a folder that does")
+        return (path / "case.toml").resolve()
+    if path.is_file():
+        return path.resolve()
+    if str(source) in registry.cases:
+        return (registry.cases[str(source)] / "case.toml").resolve()
+    raise ScenarioError(
+        f"{source}: no such file, folder or shipped case; {did_you_mean(str(source), list(registry.cases))}"
+    )
+
+
+def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...]:
+    """Register plugin files and return their paths, resolved."""
+    paths = tuple(Path(file).resolve() for file in files)
+    for path in paths:
+        registry.add_file(path)
+    return paths
+
+
+def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Problem]:
+    """Check the tables of plugins against the parameters that their classes declare."""
+    problems: list[Problem] = []
+    contact = content.get("contact")
+    if contact is None or (isinstance(contact, dict) and "model" not in contact):
+        key: Key = ("contact",) if contact is None else ("contact", "model")
+        names = ", ".join(sorted(registry.contact_models))
+        how = "add the table [contact] with" if contact is None else "write"
+        problems.append(Problem(key, f'missing; {how} model = "NAME", where NAME is one of {names}'))
+    if isinstance(contact, dict):
+        model = contact.get("model")
+        if isinstance(model, str) and model not in registry.contact_models:
+            hint = _known_or_plugin(model, registry.contact_models)
+            problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}", True))
+        tables = {name: table for name, table in contact.items() if name != "model"}
+        problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
+        problems += _solver_problems(tables, registry)
+    for section, classes, word in (
+        ("forces", registry.forces, "force"),
+        ("behaviours", registry.behaviours, "behaviour"),
+        ("recorders", registry.recorders, "recorder"),
+        ("importers", registry.importers, "importer"),
+    ):
+        if isinstance(content.get(section), dict):
+            problems += _table_problems((section,), content[section], classes, word)
+    for key, table in _tables_of_people(content):
+        if isinstance(table.get("behaviours"), dict):
+            problems += _group_problems((*key, "behaviours"), table["behaviours"], content, registry)
+    return problems
+
+
+def _known_or_plugin(name: str, known: Iterable[str]) -> str:
+    """Return a hint for an unknown name that a plugin could provide."""
+    hint = did_you_mean(name, list(known))
+    is_close = hint.endswith("?")
+    return hint if is_close else f"{hint}; or name the file of its plugin with --plugin FILE or [plugins] files"
+
+
+def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]]]:
+    """Return the tables of groups and presets, each with its key."""
+    groups, presets = content.get("people"), content.get("presets")
+    found: list[tuple[Key, Any]] = []
+    if isinstance(groups, list):
+        found += [(("people", index), group) for index, group in enumerate(groups)]
+    if isinstance(presets, dict):
+        found += [(("presets", name), preset) for name, preset in presets.items()]
+    return [(key, table) for key, table in found if isinstance(table, dict)]
+
+
+def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Problem]:
+    """Check that the solvers named in tables of contact models are registered."""
+    from evac.physics.contact.model import SolvedContactModel
+
+    problems: list[Problem] = []
+    for name, table in tables.items():
+        cls = registry.contact_models.get(name)
+        if cls is not None and issubclass(cls, SolvedContactModel) and isinstance(table, dict):
+            solver = table.get("solver")
+            if isinstance(solver, str) and solver not in registry.solvers:
+                hint = _known_or_plugin(solver, registry.solvers)
+                problems.append(Problem(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}", True))
+    return problems
+
+
+def _table_problems(
+    key: Key, tables: dict[str, Any], classes: Mapping[str, type[Configurable]], word: str, beside: tuple[str, ...] = ()
+) -> list[Problem]:
+    """Check tables named by plugins; `beside` are the other keys of the section."""
+    problems: list[Problem] = []
+    for name, table in tables.items():
+        if name not in classes:
+            what = word if isinstance(table, dict) or not beside else "key"
+            names = [*classes, *beside]
+            hint = _known_or_plugin(name, names) if what == word else did_you_mean(name, names)
+            problems.append(Problem((*key, name), f"unknown {what}; {hint}", is_unknown_name=what == word))
+        elif isinstance(table, dict):
+            declared = classes[name].declared()
+            for parameter, value in table.items():
+                problems += _parameter_problems((*key, name, parameter), value, classes[name], list(declared))
+    return problems
+
+
+def _parameter_problems(key: Key, value: Any, cls: type[Configurable], allowed: list[str]) -> list[Problem]:
+    """Check one parameter of a plugin, or one setting of a group for it."""
+    parameter = str(key[-1])
+    if parameter not in allowed:
+        return [Problem(key, f"{cls.name!r} has no such parameter; {did_you_mean(parameter, allowed)}")]
+    declared = cls.declared()
+    if parameter in declared:
+        try:
+            declared[parameter].check("", value)
+        except PluginError as error:
+            return [Problem(key, str(error).removeprefix(": "))]
+    return []
+
+
+def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any], registry: "Registry") -> list[Problem]:
+    """Check the settings of a group for behaviours: each must be registered and in the case, and accept these keys."""
+    problems: list[Problem] = []
+    section = content.get("behaviours", {})
+    for name, table in settings.items():
+        if name not in registry.behaviours:
+            hint = _known_or_plugin(name, registry.behaviours)
+            problems.append(Problem((*key, name), f"unknown behaviour; {hint}", True))
+        elif isinstance(section, dict) and name not in section:
+            problems.append(Problem((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))
+        elif isinstance(table, dict):
+            cls = registry.behaviours[name]
+            for parameter, value in table.items():
+                problems += _parameter_problems((*key, name, parameter), value, cls, list(cls.group_keys))
+    return problems
+
+
+def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) -> list[Problem]:
+    """Check conditions that involve more than one section."""
+    problems: list[Problem] = []
+    groups = content.get("people")
+    names = [group.get("name") for group in groups if isinstance(group, dict)] if isinstance(groups, list) else []
+    seen: set[str] = set()
+    for index, name in enumerate(names):
+        if isinstance(name, str) and name in seen:
+            problems.append(Problem(("people", index, "name"), f"{name!r} names two groups; rename one"))
+        seen |= {name} if isinstance(name, str) else set()
+    building = content.get("building")
+    mesh = building.get("mesh") if isinstance(building, dict) else None
+    if isinstance(mesh, str) and mesh and not (folder / mesh).exists():
+        problems.append(Problem(("building", "mesh"), f"no such file {folder / mesh}; check the path"))
+    if case is not None and not is_multiple(case.output.every, case.simulation.tick):
+        every, tick = case.output.every, case.simulation.tick
+        below = max(1, int(every / tick))
+        problems.append(
+            Problem(
+                ("output", "every"),
+                f"{every:g} s is not a multiple of simulation.tick {tick:g} s; "
+                f"use {below * tick:.6g} or {(below + 1) * tick:.6g}",
+            )
+        )
+    if case is not None and case.simulation.duration > MOST_STATES * case.output.every:
+        problems.append(
+            Problem(
+                ("output", "every"),
+                f"{case.output.every:g} s gives {case.simulation.duration / case.output.every:.2g} states in a run of "
+                f"{case.simulation.duration:g} s, more than {MOST_STATES:,}; record less often, or shorten the run",
+            )
+        )
+    return problems
+
+
+def _line(problem: Problem, content: Mapping[str, Any], source: Path, overridden: list[Key]) -> str:
+    """Return one line of the error: file, dotted key, fault, and whether the key was set by an override."""
+    by_override = any(all(a == b for a, b in zip(problem.key, key, strict=False)) for key in overridden)
+    note = " (set by an override)" if by_override else ""
+    text = problem.text
+    if len(text) > LONGEST_SHOWN:  # it contains a long value
+        text = f"{text[: LONGEST_SHOWN // 2]} ... {text[-LONGEST_SHOWN // 2 :]}"
+    return escaped(f"{source}: {dotted(problem.key, content)}: {text}{note}")

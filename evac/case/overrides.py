@@ -1,0 +1,112 @@
+"""Overrides: changes of single keys of a case, such as `people.class_1.number=5`."""
+
+import copy
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from evac.base.parameters import did_you_mean
+from evac.case.content import faults, parse
+from evac.case.problems import Key, Problem, dotted
+
+
+def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str, Any]], list[Problem]]:
+    """Read overrides given as a mapping, or as strings ``dotted.key=value``.
+
+    A value is read as TOML; if it is not valid TOML, it is taken as a string, unless it begins like a quoted string,
+    an array or a table.
+    """
+    if isinstance(overrides, Mapping):
+        return list(overrides.items()), []
+    pairs: list[tuple[str, Any]] = []
+    problems: list[Problem] = []
+    for text in [overrides] if isinstance(overrides, str) else overrides:
+        key, sign, word = (part.strip() for part in text.partition("="))
+        if not (key and sign and word):
+            problems.append(Problem((text,), "write the override as dotted.key=value"))
+            continue
+        try:
+            pairs.append((key, value_of(word)))
+        except ValueError as error:
+            hint = "; text in a list needs quotes, as in '[\"door\"]'" if word[0] == "[" else ""
+            problems.append(Problem((key,), f"{word} is not valid TOML: {error}{hint}"))
+    return pairs, problems
+
+
+def value_of(word: str) -> Any:
+    """Return the value of a word read as TOML, or the word itself.
+
+    Raises
+    ------
+    ValueError
+        The word begins like a quoted string, an array or a table, and is not valid TOML.
+    """
+    try:
+        return parse(f"value = {word}")["value"]
+    except ValueError:
+        if word[0] in "\"'[{":
+            raise
+        return word
+
+
+def split_values(text: str) -> list[str]:
+    """Split a text at commas, except commas within quotes, brackets and braces."""
+    words, depth, quote = [""], 0, ""
+    for sign in text:
+        if sign == "," and not depth and not quote:
+            words.append("")
+            continue
+        if quote:
+            quote = "" if sign == quote else quote
+        elif sign in "\"'":
+            quote = sign
+        else:
+            depth += (sign in "[{") - (sign in "]}")
+        words[-1] += sign
+    return [word.strip() for word in words]
+
+
+def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[Key], list[Problem]]:
+    """Change `table` in place; return the keys that were set, and the problems."""
+    pairs, problems = parsed(overrides)
+    keys: list[Key] = []
+    for name, value in pairs:
+        wrong = faults({"value": value})  # before it is copied
+        found = Problem((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
+        if isinstance(found, Problem):
+            problems.append(found)
+        else:
+            keys.append(found)
+    return keys, problems
+
+
+def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
+    """Set one key; missing tables are created, items of lists must exist."""
+    here: Any = table
+    key: Key = ()
+    for depth, part in enumerate(parts):
+        is_last = depth == len(parts) - 1
+        step: str | int = part
+        if isinstance(here, list):
+            index = _index(here, part)
+            if index is None:
+                names = [str(item["name"]) for item in here if isinstance(item, dict) and "name" in item]
+                return Problem((*key, part), f"no item has this name or number; {did_you_mean(part, names)}")
+            step = index
+        elif not isinstance(here, dict):
+            hint = f"set {dotted(key, table)} as a whole"
+            return Problem((*key, part), f"{dotted(key, table)} is {here!r}, not a table; {hint}")
+        key = (*key, step)
+        if is_last:
+            here[step] = copy.deepcopy(value)  # a later override may change it
+        else:
+            here = here.setdefault(step, {}) if isinstance(here, dict) else here[step]
+    return key
+
+
+def _index(items: list[Any], part: str) -> int | None:
+    """Return the index of an item of a list, given by number or by name; None if there is none."""
+    if part.isdecimal():
+        return int(part) if int(part) < len(items) else None
+    return next(
+        (index for index, item in enumerate(items) if isinstance(item, dict) and item.get("name") == part), None
+    )

@@ -1,0 +1,118 @@
+"""The reference of case.toml as Markdown, generated from the schema."""
+
+import types
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from evac.base.distributions import KINDS, Distribution
+from evac.case.case import Case
+from evac.case.keys import Factor, Section
+from evac.case.problems import section_of
+from evac.case.schema import GroupSettings, PeopleSettings
+
+#: Names of the types of single values.
+#: Meaning of the numbers of a distribution where it is often mistaken.
+NOTES = {
+    "lognormal": (
+        " of the natural logarithm of the value, not of the value itself: the median is exp(mu), and the mean is "
+        "exp(mu + sigma² / 2). Or mean and standard deviation of the value: "
+        "`{ lognormal = { mean = 60.0, deviation = 20.0 } }`"
+    )
+}
+
+WORDS: dict[Any, str] = {
+    float: "number",
+    int: "whole number",
+    bool: "true or false",
+    str: "text",
+    Distribution: "number or distribution",
+    Factor: "number or distribution",
+}
+
+
+def reference() -> str:
+    """Return every key of case.toml with its type, unit, default and meaning, as Markdown tables by section."""
+    return "\n\n".join([_section(Case, "", "At the top of the file"), *_sections(Case, ""), _distributions()]) + "\n"
+
+
+def _sections(section: type[Section], path: str) -> list[str]:
+    """Return the tables of all sections within a section."""
+    parts = []
+    for name, field in section.model_fields.items():
+        inner, kind = section_of(field.annotation), get_origin(field.annotation)
+        if inner is not None:
+            place = f"{path}{name}"
+            title = f"`[[{place}]]`" if kind is tuple else f"`[{place}.NAME]`" if kind is dict else f"`[{place}]`"
+            parts += [_section(inner, place, title), *_sections(inner, f"{place}.")]
+    return parts
+
+
+def _section(section: type[Section], path: str, title: str) -> str:
+    fields = {name: field for name, field in section.model_fields.items() if section_of(field.annotation) is None}
+    if section is GroupSettings:
+        fields = {name: field for name, field in fields.items() if name not in PeopleSettings.model_fields}
+    rows = [_row(name, field) for name, field in fields.items()]
+    if section is GroupSettings:
+        rows.append("| `radius`, ... |  |  |  | every key of `[presets.NAME]` below |")
+    if path == "contact":
+        rows.append("| `NAME` | table |  | none | parameters of contact model NAME, in use or not |")
+    head = "| key | type | unit | default | meaning |\n|---|---|---|---|---|"
+    return f"### {title}\n\n" + "\n".join([head, *rows])
+
+
+def _row(name: str, field: FieldInfo) -> str:
+    extra = field.json_schema_extra
+    unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+    doc = (field.description or "").replace("|", "\\|")
+    return f"| `{name}` | {_type(field.annotation)} | {unit} | {_default(field)} | {doc} |"
+
+
+def _type(annotation: Any) -> str:
+    """Return the name of a type for users."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type(arguments[0])
+    if origin is Literal:
+        return " or ".join(f"`{as_toml(word)}`" for word in arguments)
+    if origin in (Union, types.UnionType):
+        words = [_type(argument) for argument in arguments if argument is not type(None)]
+        return " or ".join(dict.fromkeys(words))
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return f"list of {_type(arguments[0])}"
+    if origin is tuple:
+        return f"[{', '.join(_type(argument) for argument in arguments)}]"
+    if origin is dict:
+        return "table"
+    return WORDS[annotation]
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.default
+    if isinstance(value, Distribution):
+        value = value.to_value()
+    return "none" if value is None else f"`{as_toml(value)}`"
+
+
+def as_toml(value: Any) -> str:
+    """Return a plain value in TOML."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(as_toml(item) for item in value)}]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {as_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
+    return repr(value)
+
+
+def _distributions() -> str:
+    rows = [f"| `{name}` | {', '.join(numbers)}{NOTES.get(name, '')} |" for name, numbers in KINDS.items()]
+    return (
+        "### Distributions\n\nA number, or a table with exactly one of these, as `{ uniform = [0.2, 0.25] }`. "
+        "`minimum` and `maximum` may be added: what lies outside is drawn again. The values of `list` are taken "
+        "in order, and there must be one for each person.\n\n| name | numbers |\n|---|---|\n" + "\n".join(rows)
+    )

@@ -1,0 +1,363 @@
+"""The sections of case.toml: every key with its type, unit, range, default and meaning."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import ConfigDict, Field, model_validator
+
+from evac.base.defaults import (
+    COMFORT,
+    FLAT_ANGLE,
+    HEADROOM,
+    MOST_SPEED,
+    ORDER,
+    SCALE,
+    SPACING,
+    UP,
+    WALKABLE_ANGLE,
+    WELD,
+)
+from evac.base.distributions import Distribution
+from evac.case.keys import (
+    Coordinate,
+    Factor,
+    Mass,
+    Name,
+    Point,
+    Radius,
+    Real,
+    Section,
+    Speed,
+    StairSpeed,
+    Switch,
+    Tau,
+    Whole,
+    is_multiple,
+    key,
+    wrong,
+)
+from evac.directions.routes import Strategy
+
+#: Greatest number of steps in a tick, during which even an interrupt is not noticed.
+MOST_STEPS = 100_000
+
+#: Greatest number of people in a group, and in a case.
+MOST_PEOPLE = 1_000_000
+
+#: Greatest number of groups, of exits, of areas and of obstacles.
+MOST_ITEMS = 10_000
+
+#: Greatest simulated time of a run [s], four months, and number of states that it records.
+LONGEST_RUN = 1e7
+MOST_STATES = 10_000_000
+
+
+Velocity = tuple[
+    Annotated[Real, Field(ge=-MOST_SPEED, le=MOST_SPEED)], Annotated[Real, Field(ge=-MOST_SPEED, le=MOST_SPEED)]
+]
+
+
+def _check_level(what: str, level: str | None, z: float | None) -> None:
+    """Check that a level is given either by name or by height."""
+    if (z is None) == (level is None):
+        raise wrong("level", f"give {what} by name, or its height z{', not both' if z is not None else ''}")
+
+
+class Placed(Section):
+    """An item on one level."""
+
+    z: Coordinate | None = key("height of the level it is on; this or `level`", "m", None)
+    level: str | None = key("name of the level it is on; this or `z`", "", None)
+
+    @model_validator(mode="after")
+    def _on_one_level(self) -> Self:
+        _check_level("the level", self.level, self.z)
+        return self
+
+
+class ExitLine(Placed):
+    """`[[building.exits]]`: an exit given as a line, in addition to those of the file."""
+
+    name: Name = key("name of the exit")
+    segment: tuple[Point, Point] = key("its two ends [[x1, y1], [x2, y2]]", "m")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if self.segment[0] == self.segment[1]:
+            raise wrong("segment", f"its two ends are the same point {list(self.segment[0])}; draw it along the door")
+        return self
+
+
+class Outline(Placed):
+    """`[[building.areas]]`, `[[building.obstacles]]`: a polygon on a level."""
+
+    name: Name = key("name of the area or obstacle")
+    polygon: tuple[Point, ...] = key("its corners [[x, y], ...], at least three", "m", min_length=3)
+
+
+class BuildingSettings(Section):
+    """`[building]`: the file of the building, how it is read, and additions to it."""
+
+    mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
+    plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
+    weld: Real = key("vertices closer than this are merged", "m", WELD, ge=0, le=1)
+    flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
+    walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
+    scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, ge=1e-6, le=1e6)
+    up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", UP)
+    headroom: Real = key(
+        "surfaces on solid bodies, and near flights of treads, with less clear height above them are left out; 0: none",
+        "m",
+        HEADROOM,
+        ge=0,
+        le=10,
+    )
+    treads: Switch = key("whether stairs modelled as treads become inclined flights", "", True)
+    exits: tuple[ExitLine, ...] = key("exits in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
+
+    def options(self) -> dict[str, Any]:
+        """Return the keyword arguments of `evac.building.surface.build.build_building`."""
+        return self.model_dump(exclude={"mesh", "plan"}, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _given_one_way(self) -> Self:
+        if (self.mesh is None) == (self.plan is None):
+            raise wrong("mesh", "give either the file of the building (mesh) or its plan (plan)")
+        return self
+
+    @model_validator(mode="after")
+    def _angles_in_order(self) -> Self:
+        if self.flat_angle >= self.walkable_angle:
+            raise wrong(
+                "flat_angle", f"must be less than walkable_angle {self.walkable_angle:g}, got {self.flat_angle:g}"
+            )
+        return self
+
+
+class DirectionSettings(Section):
+    """`[directions]`: how travel times and directions are computed."""
+
+    spacing: Real = key("distance of the grid's nodes", "m", SPACING, ge=0.001, le=10)
+    clearance: Real | None = key(
+        "distance kept from walls where there is room; if not given, the greatest body radius, at most twice the mean",
+        "m",
+        None,
+        ge=0,
+        le=5,
+    )
+    stairs_up: Real | None = key(
+        "reference speed up stairs over that on the flat; if not given, the people's mean",
+        "",
+        None,
+        ge=0.001,
+        le=1000,
+    )
+    stairs_down: Real | None = key(
+        "reference speed down stairs over that on the flat; if not given, the people's mean",
+        "",
+        None,
+        ge=0.001,
+        le=1000,
+    )
+    comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", COMFORT, ge=1, le=1000)
+    order: Literal[1, 2] = key("order of the fast marching scheme", "", ORDER)
+
+
+class PeopleSettings(Section):
+    """`[presets.NAME]`: properties of people; each quantity is a number or a distribution."""
+
+    radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
+    mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
+    tau: Tau = key(
+        "relaxation time, within which a person approaches the desired velocity",
+        "s",
+        Distribution("uniform", (0.1, 0.5)),
+    )
+    speed: Speed = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
+    speed_up: StairSpeed = key(
+        "desired speed up stairs, along the slope; { factor = ... } multiplies the person's speed on the flat",
+        "m/s",
+        Distribution("uniform", (0.5, 1.0)),
+    )
+    speed_down: StairSpeed = key(
+        "desired speed down stairs, along the slope; { factor = ... } multiplies the person's speed on the flat",
+        "m/s",
+        Distribution("uniform", (0.5, 1.0)),
+    )
+    limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
+    exits: tuple[str, ...] = key(
+        "names of the exits that the group uses; empty: any. People who are pushed out by another exit are out as well",
+        "",
+        (),
+    )
+    strategy: Strategy = key("quantity that their route to an exit minimises", "", "fastest")
+    behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
+
+
+class GroupSettings(PeopleSettings):
+    """`[[people]]`: a group: properties, number and start positions of its people."""
+
+    name: Name = key("name of the group; groups are sorted by name, so that the order of the tables has no influence")
+    preset: str | None = key("name of a preset, whose values are used for keys that this table does not have", "", None)
+    number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
+    area: str | None = key(
+        "area of the building in which they start at random places; this, `level` or `positions`", "", None
+    )
+    positions: tuple[Point, ...] | None = key(
+        "start position of each person [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
+    )
+    velocity: tuple[Velocity, ...] | None = key(
+        "initial velocity of each person, with `positions` only; if not given, zero", "m/s", None
+    )
+    z: Coordinate | None = key("height of the level of `positions`; this or `level`", "m", None)
+    level: str | None = key(
+        "name of the level of `positions`; without positions, name of the level on which they start at random places",
+        "",
+        None,
+    )
+
+    @property
+    def count(self) -> int:
+        """Number of people in the group."""
+        return len(self.positions) if self.positions is not None else self.number or 0
+
+    @model_validator(mode="after")
+    def _placed_one_way(self) -> Self:
+        if self.area is not None and self.positions is not None:
+            raise wrong("area", "give either area or positions, not both; remove one")
+        if self.area is None and self.positions is None and self.level is None:
+            raise wrong("area", "give the start of the people: area and number, level and number, or positions")
+        if self.positions is None:
+            self._check_place()
+        else:
+            self._check_positions(len(self.positions))
+        for quantity in ("radius", "mass", "tau", "speed", "speed_up", "speed_down"):
+            given = getattr(self, quantity)
+            values = given.factor if isinstance(given, Factor) else given
+            if values.kind == "list" and len(values.numbers) != self.count:
+                raise wrong(quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person")
+        return self
+
+    def _check_place(self) -> None:
+        place = "area" if self.area is not None else "level"
+        if self.number is None:
+            raise wrong("number", f"missing; give the number of people who start in the {place}")
+        for other in ("velocity", "z", *(("level",) if place == "area" else ())):
+            if getattr(self, other) is not None:
+                raise wrong(other, f"can be used only with positions, not with {place} and number; remove it")
+
+    def _check_positions(self, count: int) -> None:
+        if self.number not in (None, count):
+            raise wrong("number", f"{self.number} people but {count} positions; remove number or correct it")
+        _check_level("the level of the positions", self.level, self.z)
+        if self.velocity is not None and len(self.velocity) != count:
+            raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")
+
+
+class ContactSettings(Section):
+    """`[contact]`: the model in use, and in `[contact.NAME]` the parameters of any model."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+    __pydantic_extra__: dict[str, dict[str, Any]] = Field(init=False)
+
+    model: str = key("name of the contact model in use; `evac plugins` lists them")
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """Parameters of each model that has a table of its own."""
+        return self.__pydantic_extra__ or {}
+
+
+class SimulationSettings(Section):
+    """`[simulation]`: time, seed and scheme."""
+
+    step: Real = key("time step h of the physics", "s", 0.01, ge=1e-9, le=10)
+    tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, ge=1e-9, le=3600)
+    duration: Real = key(
+        "greatest simulated time, after which the run ends; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
+    )
+    seed: Whole = key("seed of all random numbers", "", 1, ge=0, le=2**63 - 1)
+    population_seed: Whole | None = key(
+        "seed of the properties of people (radius, mass, tau, speeds): runs with different `seed` then place the same "
+        "people elsewhere; if not given, `seed`",
+        "",
+        None,
+        ge=0,
+        le=2**63 - 1,
+    )
+    driving: Literal["exponential", "explicit"] = key(
+        "update of the driving force (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
+    )
+    no_progress: Annotated[float, Field(strict=True)] = key(
+        "the run ends when nobody has left or come nearer to an exit for this time; inf: never", "s", 60.0, gt=0
+    )
+
+    @property
+    def is_explicit(self) -> bool:
+        """Whether the drive is updated by explicit Euler."""
+        return self.driving == "explicit"
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Number of steps from one decision of the behaviours to the next."""
+        return round(self.tick / self.step)
+
+    @property
+    def last_step(self) -> int:
+        """Number of steps in the whole duration."""
+        return round(self.duration / self.step)
+
+    @model_validator(mode="after")
+    def _tick_of_steps(self) -> Self:
+        if not is_multiple(self.tick, self.step):
+            below = max(1, int(self.tick / self.step))
+            raise wrong(
+                "tick",
+                f"{self.tick:g} s is not a multiple of simulation.step {self.step:g} s; use "
+                f"tick = {below * self.step:.6g} or {(below + 1) * self.step:.6g}, "
+                f"or step = {self.tick / (below + 1):.6g} or {self.tick / below:.6g}",
+            )
+        if self.tick > MOST_STEPS * self.step:
+            raise wrong(
+                "step",
+                f"{self.step:g} s gives {self.tick / self.step:.3g} steps in a tick of {self.tick:g} s, more than "
+                f"{MOST_STEPS:,}; use a longer step or a shorter tick",
+            )
+        if self.last_step < 1:
+            raise wrong(
+                "duration",
+                f"{self.duration:g} s is less than half of simulation.step {self.step:g} s, so that no step is made; "
+                "use a longer duration",
+            )
+        return self
+
+
+class OutputSettings(Section):
+    """`[output]`: files in the result folder in addition to summary.json."""
+
+    every: Real = key(
+        "time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0, le=LONGEST_RUN
+    )
+    tables: Switch = key("whether egress.csv and people.csv are written", "", True)
+    picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
+    replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
+    trajectory: Switch = key(
+        "whether everybody's motion is recorded in trajectory.evac, from which other outputs can be made later",
+        "",
+        True,
+    )
+    animation: Switch = key("whether the run can be played in ParaView (VTK files); needs `trajectory`", "", False)
+
+    @model_validator(mode="after")
+    def _animation_of_trajectory(self) -> Self:
+        if self.animation and not self.trajectory:
+            raise wrong("animation", "needs the trajectory; set output.trajectory = true, or animation = false")
+        return self
+
+
+class PluginSettings(Section):
+    """`[plugins]`: plugin files in addition to the installed plugins."""
+
+    files: tuple[str, ...] = key("Python files, relative to case.toml", "", ())

@@ -1,0 +1,134 @@
+"""Plugin files named in a case: they are code, executed only when the case is run and only from inside its folder."""
+
+import copy
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evac.base.errors import ScenarioError, text_of
+from evac.case.problems import Key, Problem
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+
+
+#: How a case uses what a plugin provides, by kind; other kinds need no table.
+TABLES = {
+    "contact_model": '[contact] model = "{}"',
+    "solver": 'solver = "{}" in the table of the contact model',
+    "force": "[forces.{}]",
+    "behaviour": "[behaviours.{}]",
+}
+
+
+def named_files(content: Mapping[str, Any], folder: Path) -> tuple[tuple[Path, ...], list[Problem]]:
+    """Return the plugin files named in a case, and problems for those that do not exist; none is opened."""
+    section = content.get("plugins")
+    names = section.get("files") if isinstance(section, dict) else None
+    paths: list[Path] = []
+    problems: list[Problem] = []
+    for index, name in enumerate(names if isinstance(names, list) else []):
+        if isinstance(name, str) and os.path.isfile(folder / name):  # which is also False if the name is too long
+            paths.append((folder / name).resolve())
+        elif isinstance(name, str):
+            text = f"no such file {text_of(folder / name)}; check the path"
+            problems.append(Problem(("plugins", "files", index), text))
+    return tuple(dict.fromkeys(paths)), problems
+
+
+def is_inside(path: Path, folder: Path) -> bool:
+    """Return whether a file lies in a folder or below it, with symbolic links resolved."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
+def run_plugin_files(case: "Case", announce: Callable[[Path], None] | None = None) -> "Case":
+    """Execute the plugin files of a case, and return the case with all its names checked.
+
+    Plugin files named in a case are code by the author of the case. They are executed only by this function, and only
+    if they are inside the case's folder, so that a case cannot execute other files of the computer. Files given in
+    addition to the case (``--plugin``, ``plugin_files``) have been executed when it was loaded.
+
+    Parameters
+    ----------
+    case : Case
+    announce : callable, optional
+        Called with the path of each file before it is executed.
+
+    Returns
+    -------
+    Case
+        The same object if there is no file to execute.
+
+    Raises
+    ------
+    ScenarioError
+        A file lies outside of the folder, in which case none is executed; or a name is unknown.
+    PluginError
+        A plugin file cannot be loaded.
+    """
+    if not case.unloaded_files:
+        return case
+    outside = [path for path in case.unloaded_files if not is_inside(path, case.folder)]
+    if outside:
+        raise ScenarioError(
+            f"{case.source}: plugins.files: {outside[0]} is outside of the case's folder and is not executed; if you "
+            f"trust it, give it with --plugin {outside[0]}, from Python with plugin_files"
+        )
+    from evac.case.loading import case_from
+
+    for path in case.unloaded_files:
+        if announce is not None:
+            announce(path)
+        case.registry.add_file(path)
+    files = (*case.loaded_files, *case.unloaded_files)
+    return case_from(case._origin.table, case.source, plugin_files=files, registry=case.registry)
+
+
+def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
+    """Return the loaded plugin files that provide models or behaviours none of which the case uses.
+
+    Files that also provide something that needs no table in a case, such as importers and hooks, are not among them.
+
+    Parameters
+    ----------
+    case : Case
+
+    Returns
+    -------
+    list of (Path, list of str)
+        Each file, and the tables or keys with which a case uses what it provides.
+    """
+    models = case.contact.tables.values()
+    used = {("contact_model", case.contact.model), *(("solver", table.get("solver")) for table in models)}
+    used |= {("force", name) for name, table in case.forces.items() if table is not False}
+    used |= {("behaviour", name) for name, table in case.behaviours.items() if table is not False}
+    found = []
+    for path in case.loaded_files:
+        provided = case.registry.provided_by(path)
+        if provided and all(kind in TABLES and (kind, name) not in used for kind, name in provided):
+            found.append((path, [TABLES[kind].format(name) for kind, name in provided]))
+    return found
+
+
+def without_unknown(case: "Case") -> "Case":
+    """Return a case without its plugin files and without all keys that may need them.
+
+    Raises
+    ------
+    ScenarioError
+        The contact model needs the plugin files, and a case needs a contact model.
+    """
+    from evac.case.loading import case_from
+
+    content = copy.deepcopy(dict(case._origin.table))
+    content.pop("plugins", None)
+    for key in case.unchecked:
+        _remove(content, key)
+    return case_from(content, case.source, plugin_files=case.loaded_files, registry=case.registry)
+
+
+def _remove(content: Any, key: Key) -> None:
+    for step in key[:-1]:
+        content = content[step]
+    content.pop(key[-1], None)

@@ -1,0 +1,1 @@
+"""What plugins rely on: the hooks, the registry, and what is required of plugin classes."""

@@ -1,0 +1,402 @@
+"""The registry: finds plugins, checks them against the contract, and lists what they provide by name."""
+
+import hashlib
+import importlib
+import importlib.metadata
+import importlib.util
+import inspect
+import sys
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import pluggy
+
+from evac.base.errors import BuildingError, PluginError, fault, plugin_code, text_of
+from evac.base.parameters import Configurable, did_you_mean
+from evac.contract import hooks
+from evac.contract.requirements import check_answer, check_class, check_module, kind_of
+
+if TYPE_CHECKING:
+    from evac.building.importer import Importer
+
+#: Modules of the built-in importers, sufficient to read a building without a case.
+BUILTIN_IMPORTERS = (
+    "evac_plugins.import_dxf",
+    "evac_plugins.import_geojson",
+    "evac_plugins.import_ifc",
+    "evac_plugins.import_meshio",
+    "evac_plugins.import_obj",
+    "evac_plugins.import_off",
+    "evac_plugins.import_plan",
+    "evac_plugins.import_ply",
+    "evac_plugins.import_wkt",
+)
+
+#: Modules of the built-in exporters, sufficient to export a recorded run.
+BUILTIN_EXPORTERS = (
+    "evac_plugins.export_csv",
+    "evac_plugins.export_geojson",
+    "evac_plugins.export_jupedsim",
+    "evac_plugins.export_parquet",
+    "evac_plugins.export_vtk",
+)
+
+#: Modules of all built-in plugins; loaded by `Registry`, never imported by the core.
+BUILTIN_PLUGINS = (
+    "evac_plugins.contact_dem",
+    "evac_plugins.contact_nsm1",
+    "evac_plugins.contact_nsm2",
+    "evac_plugins.solver_sweeps",
+    "evac_plugins.solver_gradient",
+    "evac_plugins.solver_conjugate",
+    "evac_plugins.force_social",
+    "evac_plugins.behaviour_response_time",
+    "evac_plugins.behaviour_teacher_following",
+    "evac_plugins.behaviour_route_choice",
+    "evac_plugins.behaviour_headway",
+    "evac_plugins.recorder_trajectory",
+    "evac_plugins.recorder_replay",
+    *BUILTIN_IMPORTERS,
+    *BUILTIN_EXPORTERS,
+    "evac_plugins.cases",
+)
+
+#: Kinds of plugins, and the hook that returns each.
+KINDS = {
+    "contact_model": "evac_contact_models",
+    "solver": "evac_solvers",
+    "force": "evac_forces",
+    "behaviour": "evac_behaviours",
+    "recorder": "evac_recorders",
+    "importer": "evac_importers",
+    "exporter": "evac_exporters",
+    "case": "evac_building_cases",
+}
+
+#: Hooks that return plugins; the other hooks are called in every run.
+HOOKS = frozenset(KINDS.values())
+
+#: Prefix of the names of modules made from plugin files.
+FILE_PREFIX = "evac_plugin_"
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """The origin of a plugin.
+
+    Attributes
+    ----------
+    plugin : str
+        Name of its module, path of its file, or module and name of its class.
+    source : str
+        ``"built-in"``, ``"distribution"``, ``"file"`` or ``"class"``.
+    origin : str
+        The distribution's name, the file's path, or the class's module.
+    version : str
+        Version of the distribution; digest of the file's text; empty for a class.
+    """
+
+    plugin: str
+    source: str
+    origin: str
+    version: str
+
+
+class Registry:
+    """All registered contact models, solvers, forces, behaviours, recorders, importers, exporters and shipped cases.
+
+    Parameters
+    ----------
+    plugin_files : iterable of path
+        Python files to register after the built-in plugins and the installed ones.
+    builtins : sequence of str
+        Modules to register first.
+
+    Attributes
+    ----------
+    hook
+        pluggy's caller of the hooks in `evac.contract.hooks`.
+    contact_models, solvers, forces, behaviours, recorders, importers, exporters : dict of str to class
+        Classes by name; do not modify.
+    cases : dict of str to Path
+        Folder of each shipped case.
+    provenance : list of Provenance
+        One for each plugin, in the order they were registered.
+
+    Raises
+    ------
+    PluginError
+        A plugin cannot be loaded, breaks the contract, or claims a name that is taken.
+    """
+
+    def __init__(self, plugin_files: Iterable[str | Path] = (), *, builtins: Sequence[str] = BUILTIN_PLUGINS) -> None:
+        self._manager = pluggy.PluginManager("evac")
+        self._manager.add_hookspecs(hooks)
+        self.hook = self._manager.hook
+        self.provenance: list[Provenance] = []
+        self._tables: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
+        self.contact_models: dict[str, type[Any]] = self._tables["contact_model"]
+        self.solvers: dict[str, type[Any]] = self._tables["solver"]
+        self.forces: dict[str, type[Any]] = self._tables["force"]
+        self.behaviours: dict[str, type[Any]] = self._tables["behaviour"]
+        self.recorders: dict[str, type[Any]] = self._tables["recorder"]
+        self.importers: dict[str, type[Any]] = self._tables["importer"]
+        self.exporters: dict[str, type[Any]] = self._tables["exporter"]
+        self.cases: dict[str, Path] = self._tables["case"]
+        self._owners: dict[tuple[str, str], str] = {}
+        version = importlib.metadata.version("evac")
+        for name in builtins:
+            with plugin_code(f"built-in plugin {name} cannot be loaded", None):
+                module = importlib.import_module(name)
+            self._register(module, Provenance(name, "built-in", "evac", version))
+        for entry in sorted(importlib.metadata.entry_points(group="evac"), key=lambda entry: entry.name):
+            origin = entry.dist.name if entry.dist else "unknown"
+            with plugin_code(f"plugin {entry.value} of distribution {origin} cannot be loaded", None):
+                module = entry.load()
+            self._register(
+                module, Provenance(entry.value, "distribution", origin, entry.dist.version if entry.dist else "")
+            )
+        for path in plugin_files:
+            self.add_file(path)
+
+    def get(self, kind: str, name: str) -> Any:
+        """Return what is registered as `name`.
+
+        Parameters
+        ----------
+        kind : str
+            ``"contact_model"``, ``"solver"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"``,
+            ``"exporter"`` or ``"case"``.
+
+        Raises
+        ------
+        PluginError
+            Nothing of that name is registered; the message names the closest one.
+        """
+        table = self._tables[kind]
+        if name not in table:
+            raise PluginError(f"unknown {kind.replace('_', ' ')} {name!r}; {did_you_mean(name, list(table))}")
+        return table[name]
+
+    def add_file(self, path: str | Path) -> None:
+        """Register the plugin in a Python file; a file registered before is left alone.
+
+        Raises
+        ------
+        PluginError
+            The file cannot be loaded, breaks the contract, or claims a name that is taken.
+        """
+        try:
+            path = Path(path).resolve()
+            text = path.read_bytes()
+        except (OSError, ValueError) as error:  # such as a path that is too long, or with a null character
+            reason = getattr(error, "strerror", None) or error
+            raise PluginError(f"plugin file {text_of(path)}: {reason}; check the path") from None
+        provenance = Provenance(str(path), "file", str(path), hashlib.sha256(text).hexdigest()[:16])
+        if provenance not in self.provenance:
+            with plugin_code(f"plugin file {path} cannot be loaded", path):
+                module = _module_of(path, text)
+            self._register(module, provenance)
+
+    def add_class(self, cls: type[Any]) -> None:
+        """Register one class of a plugin without a hook that returns it; one registered before is left alone.
+
+        Raises
+        ------
+        PluginError
+            As `check_class`, or the name is taken.
+        """
+        kind = check_class(cls, cls.__module__)
+        if self._tables[kind].get(cls.name) is not cls:
+            plugin = f"{cls.__module__}.{cls.__qualname__}"
+            self._enter(kind, cls, plugin, cls)
+            self.provenance.append(Provenance(plugin, "class", cls.__module__, ""))
+
+    def names_of_classes(self) -> list[str]:
+        """Return module and name of each plugin that was registered with `add_class`."""
+        return [one.plugin for one in self.provenance if one.source == "class"]
+
+    def files(self) -> tuple[Path, ...]:
+        """Return the plugin files, in the order they were registered."""
+        return tuple(Path(one.origin) for one in self.provenance if one.source == "file")
+
+    def importer_for(self, path: Path, without: Collection[str] = ()) -> "type[Importer]":
+        """Return the importer of a file by the ending of its name; of several, the one registered last.
+
+        Parameters
+        ----------
+        path : Path
+        without : collection of str
+            Names of importers that are switched off.
+
+        Raises
+        ------
+        BuildingError
+            No importer reads such files; the message lists the known endings.
+        """
+        used: list[type[Importer]] = [cls for name, cls in self.importers.items() if name not in without]
+        for cls in reversed(used):
+            if path.name.lower().endswith(cls.suffixes):
+                return cls
+        known = sorted({suffix for cls in used for suffix in cls.suffixes})
+        raise BuildingError(
+            f"{path}: no importer reads files ending in {path.suffix.lower()!r}; use one of {', '.join(known)}, or a "
+            "plugin with an importer"
+        )
+
+    def calls(self, hook: str, **given: Any) -> list[tuple[str, "partial[Any]"]]:
+        """Return a call of a hook for each plugin that has it, so that the caller can handle failures one by one.
+
+        Parameters
+        ----------
+        hook : str
+            Name of the hook.
+        **given
+            All arguments of the hook.
+
+        Returns
+        -------
+        list of (str, partial)
+            Name of the plugin, and its function with its arguments bound; in the order of registration.
+        """
+        found = getattr(self.hook, hook).get_hookimpls()
+        return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
+
+    def call_all(self, hook: str, **given: Any) -> None:
+        """Call a hook of every plugin that has it, the last registered first.
+
+        Parameters
+        ----------
+        hook, **given
+            As for `calls`.
+
+        Raises
+        ------
+        PluginError
+            A plugin fails; names it.
+        """
+        for plugin, call in reversed(self.calls(hook, **given)):
+            with plugin_code(f"{plugin}: {hook}", call.func):
+                call()
+
+    def providers(self, used: Iterable[Configurable]) -> list[str]:
+        """Return name and version of the plugins that provide some objects, and of those with hooks in every run.
+
+        Parameters
+        ----------
+        used : iterable of Configurable
+            Contact model, forces, behaviours, recorders and importer in use.
+        """
+        owners = {self._owners[kind_of(type(one)), one.name] for one in used}
+        always = {hook for hook in vars(hooks) if hook.startswith("evac_")} - HOOKS
+        for hook in always:
+            owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
+        return [f"{entry.plugin} {entry.version}" for entry in self.provenance if entry.plugin in owners]
+
+    def provided_by(self, path: Path) -> list[tuple[str, str]]:
+        """Return kind and name of all that a plugin file (resolved) provides; nothing if it has hooks of every run."""
+        module = self._manager.get_plugin(str(path))
+        if any(hasattr(module, hook) for hook in vars(hooks) if hook.startswith("evac_") and hook not in HOOKS):
+            return []
+        return [key for key, owner in self._owners.items() if owner == str(path)]
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Return one dict per plugin: plugin, source, origin, version, and what it provides with its parameters."""
+        return [
+            {
+                "plugin": provenance.plugin,
+                "source": provenance.source,
+                "origin": provenance.origin,
+                "version": provenance.version,
+                "provides": [
+                    _description(kind, name, self._tables[kind][name])
+                    for (kind, name), owner in self._owners.items()
+                    if owner == provenance.plugin
+                ],
+            }
+            for provenance in self.provenance
+        ]
+
+    def _register(self, module: ModuleType, provenance: Provenance) -> None:
+        """Check `module` against the contract, register it and enter what it provides in the tables."""
+        plugin = provenance.plugin
+        check_module(self._manager, module, plugin)
+        try:
+            self._manager.register(module, name=plugin)
+            self._manager.check_pending()
+        except (pluggy.PluginValidationError, ValueError) as error:
+            remedy = "see evac.contract.hooks for the hooks and their arguments"
+            raise fault(f"plugin {plugin}", text_of(error), remedy, module) from error
+        self.provenance.append(provenance)
+        for kind, hook in KINDS.items():
+            if not hasattr(module, hook):
+                continue
+            function = getattr(module, hook)
+            with plugin_code(f"plugin {plugin}: {hook}()", function):
+                answer = function()
+            check_answer(kind, answer, function, plugin)
+            for item in answer:
+                self._enter(kind, item, plugin, function)
+
+    def _enter(self, kind: str, item: Any, plugin: str, origin: Any) -> None:
+        """Enter one class or folder in its table, checked; `origin` is the code that returned it."""
+        word = kind.replace("_", " ")
+        if kind == "case":
+            item = Path(item)
+            if not (item / "case.toml").is_file():
+                raise fault(f"plugin {plugin}", f"{item}, the folder of a case, has no case.toml", "add it", origin)
+            name = item.name
+        else:
+            check_class(item, plugin)
+            name = item.name
+        if (kind, name) in self._owners:
+            where = origin if kind == "case" else item
+            taken = f"{word} {name!r} is provided by {self._owners[kind, name]} already"
+            raise fault(f"plugin {plugin}", taken, "choose another name, or remove one of the plugins", where)
+        self._owners[kind, name] = plugin
+        self._tables[kind][name] = item
+
+
+def _module_of(path: Path, text: bytes) -> ModuleType:
+    """Import a file under a unique name, which stays in `sys.modules` because numba's cache requires it."""
+    digest = hashlib.sha256(str(path).encode() + text).hexdigest()[:16]
+    name = f"{FILE_PREFIX}{path.stem}_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"plugin file {path}: not a Python file; use a file whose name ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def is_plugin_file(path: str) -> bool:
+    """Return whether a plugin has been imported from that file."""
+    modules = list(sys.modules.items())
+    return any(getattr(module, "__file__", None) == path for name, module in modules if name.startswith(FILE_PREFIX))
+
+
+def _description(kind: str, name: str, item: Any) -> dict[str, Any]:
+    """Return kind, name, first line of the docstring and parameters of a registered class or case."""
+    if kind == "case":
+        return {"kind": kind, "name": name, "doc": str(item), "parameters": {}}
+    parameters = {
+        key: {"default": value.default, "unit": value.unit, "range": value.range, "doc": value.doc}
+        for key, value in item.declared().items()
+    }
+    return {
+        "kind": kind,
+        "name": name,
+        "doc": (inspect.getdoc(item) or "").partition("\n")[0],
+        "parameters": parameters,
+    }

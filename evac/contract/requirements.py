@@ -1,0 +1,236 @@
+"""The plugin contract: requirements that a module and a class must meet to be registered."""
+
+import inspect
+import reprlib
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
+
+import pluggy
+
+from evac.base.errors import PluginError, fault
+from evac.base.parameters import Parameter, did_you_mean
+from evac.contract import hooks
+
+#: Module and name of the base class of each kind.
+BASES = {
+    "contact_model": ("evac.physics.contact.model", "ContactModel"),
+    "solver": ("evac.physics.contact.solver", "Solver"),
+    "force": ("evac.physics.force", "Force"),
+    "behaviour": ("evac.people.behaviour", "Behaviour"),
+    "recorder": ("evac.trajectory.recorder", "Recorder"),
+    "importer": ("evac.building.importer", "Importer"),
+    "exporter": ("evac.export.exporter", "Exporter"),
+}
+
+#: Names that would hide a key of their section.
+RESERVED = {("contact_model", "model")}
+
+
+def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str) -> None:
+    """Check that a module has hooks, all of them valid, and was written for this version of the interface.
+
+    Parameters
+    ----------
+    manager : pluggy.PluginManager
+    module : module
+    plugin : str
+        Name of the plugin, for the message.
+
+    Raises
+    ------
+    PluginError
+        It does not; names the plugin and what to change.
+    """
+    what = f"plugin {plugin}"
+    known = [name for name in vars(hooks) if name.startswith("evac_")]
+    marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
+    unmarked = [name for name in known if name not in marked and inspect.isfunction(getattr(module, name, None))]
+    if not marked and not unmarked:
+        raise fault(what, "defines no hook", f"define at least one of {', '.join(known)}", module)
+    check_interface(module, plugin)
+    if unmarked:
+        function = getattr(module, unmarked[0])
+        raise fault(what, f"{unmarked[0]} is not marked as a hook", "decorate it with @hookimpl", function)
+    for name, options in marked.items():
+        function = getattr(module, name)
+        if name not in known:
+            raise fault(what, f"there is no hook {name!r}", did_you_mean(name, known), function)
+        if options.get("wrapper") or options.get("hookwrapper"):
+            raise fault(what, f"{name} is a hook wrapper", "make it an ordinary hook", function)
+
+
+def check_interface(module: ModuleType, plugin: str) -> None:
+    """Check that a module states the version of the plugin interface, and that it is this one.
+
+    Parameters
+    ----------
+    module : module
+        A module with hooks.
+    plugin : str
+        Name of the plugin, for the message.
+
+    Raises
+    ------
+    PluginError
+        The version is missing, invalid or another one; names the plugin, both versions, and what to change.
+    """
+    stated, own = getattr(module, "evac_interface", None), hooks.INTERFACE
+    if stated == own and isinstance(stated, int):
+        return
+    adapt = (
+        "see docs/plugins.md, section 'Interface versions', for what changed, adapt the plugin, and then write"
+        f" `evac_interface = {own}` in the module"
+    )
+    versions = f"was written for version {stated} of the plugin interface, this evac has version {own}"
+    if stated is None:
+        wrong, remedy = "does not state for which version of the plugin interface it was written", adapt
+    elif not isinstance(stated, int):
+        wrong, remedy = f"evac_interface is {stated!r}, not a whole number", f"write `evac_interface = {own}`"
+    elif stated > own:
+        wrong, remedy = versions, "install a later evac, or an earlier release of the plugin"
+    else:
+        wrong, remedy = versions, adapt
+    raise fault(f"plugin {plugin}", wrong, remedy, module, "evac_interface")
+
+
+def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
+    """Check that a hook returns a list, of classes of a kind or, for the kind ``"case"``, of folders.
+
+    Parameters
+    ----------
+    kind : str
+    answer : object
+    hook : function
+    plugin : str
+        Name of the plugin, for the message.
+
+    Raises
+    ------
+    PluginError
+        It does not; names the hook and what it returns.
+    """
+    what, returns = f"plugin {plugin}", f"{hook.__name__}() returns"
+    if isinstance(answer, str | bytes) or not isinstance(answer, Sequence):
+        found = reprlib.repr(getattr(answer, "__name__", answer))
+        raise fault(what, f"{returns} {found}", "return a list, such as [MyClass]", hook)
+    for item in answer if kind != "case" else ():
+        base = f"evac.{BASES[kind][1]}"
+        if not isinstance(item, type):
+            found = f"an object of class {type(item).__name__}"
+            raise fault(what, f"{returns} {found}", f"return the class itself, which must derive from {base}", hook)
+        if not is_a(kind, item):
+            raise fault(what, f"{returns} {item.__name__}", f"derive it from {base}", hook)
+
+
+def check_class(cls: Any, plugin: str) -> str:
+    """Check that a class is a complete plugin class with a valid name, and return its kind.
+
+    Parameters
+    ----------
+    cls : type
+    plugin : str
+        Name of the plugin, for the message.
+
+    Returns
+    -------
+    str
+        The kind, a key of `BASES`.
+
+    Raises
+    ------
+    PluginError
+        It is not; names the class, what is wrong, and where.
+    """
+    kind = kind_of(cls)
+    if not kind:
+        bases = ", ".join(base for _, base in BASES.values())
+        raise fault(f"plugin {plugin}", f"{cls!r} is not a plugin", f"derive it from one of {bases}", cls)
+    _check_name(kind, cls, plugin)
+    for key, parameter in cls.declared().items():
+        _check_parameter(cls, key, parameter, plugin)
+    _check_methods(kind, cls, plugin)
+    _check_suffixes(kind, cls, plugin)
+    return kind
+
+
+def _check_name(kind: str, cls: Any, plugin: str) -> None:
+    name = getattr(cls, "name", "")
+    what = f"{cls.__name__}.name is {name!r}"
+    if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
+        raise fault(f"plugin {plugin}", what, "write one word in lower case, such as 'my_plugin'", cls, "name")
+    if (kind, name) in RESERVED:
+        raise fault(f"plugin {plugin}", f"{what}, a key of its section", "choose another name", cls, "name")
+
+
+def _check_methods(kind: str, cls: Any, plugin: str) -> None:
+    """Check that a class defines what its kind needs, and that its methods take the arguments that evac gives them."""
+    what, name = f"plugin {plugin}", BASES[kind][1]
+    base = next(one for one in cls.__mro__ if (one.__module__, one.__qualname__) == BASES[kind])
+    if missing := sorted(getattr(cls, "__abstractmethods__", ())):
+        raise fault(what, f"{cls.__name__} has no {missing[0]}(), which every {name} needs", "add it", cls)
+    if kind == "behaviour" and all(getattr(cls, one) is getattr(base, one) for one in ("act", "prepare", "routes")):
+        raise fault(what, f"{cls.__name__} has no effect", "define act(self, crowd, time) or prepare(self, scene)", cls)
+    for key, method in vars(base).items():
+        found = getattr(cls, key)
+        if key.startswith("_") or not inspect.isfunction(method) or found is method:
+            continue
+        given = list(inspect.signature(method).parameters)
+        call = f"{key}({', '.join(given)})"
+        try:
+            own = inspect.signature(found)
+            own.bind(*given)
+        except (TypeError, ValueError):
+            shown = f"{key}{own}" if callable(found) else f"{key}, which is not a method"
+            raise fault(
+                what, f"{cls.__name__} defines {shown}", f"define {call}", found if callable(found) else cls, key
+            ) from None
+
+
+def _check_parameter(cls: Any, key: str, parameter: Parameter, plugin: str) -> None:
+    """Check the name and the default of a declared parameter."""
+    what, remedy = f"plugin {plugin}", "change its default or its range"
+    if any(callable(vars(base).get(key)) for base in cls.__mro__):
+        wrong = f"the parameter {key} of {cls.__name__} has the name of a method"
+        raise fault(what, wrong, "rename the parameter", cls, key)
+    bounds = (parameter.minimum, parameter.above, parameter.maximum)
+    is_number = isinstance(parameter.default, (int, float)) or parameter.distribution
+    if any(bound is not None for bound in bounds) and not is_number:
+        wrong = (
+            f"the parameter {key} of {cls.__name__} has bounds, but its default {parameter.default!r} is not a number"
+        )
+        raise fault(what, wrong, "remove the bounds", cls, key)
+    if parameter.distribution:
+        return  # is checked when it is used, since distributions are slow to import
+    try:
+        parameter.check(f"the default of {cls.name}.{key}", parameter.default)
+    except PluginError as error:
+        raise fault(what, str(error), remedy, cls, key) from None
+
+
+def _check_suffixes(kind: str, cls: Any, plugin: str) -> None:
+    if kind == "importer" and not _are_suffixes(getattr(cls, "suffixes", None)):
+        wrong = f"{cls.__name__}.suffixes is {getattr(cls, 'suffixes', None)!r}"
+        remedy = "write a tuple of endings in lower case, such as ('.obj',)"
+        raise fault(f"plugin {plugin}", wrong, remedy, cls, "suffixes")
+    if kind == "exporter" and getattr(cls, "suffix", None) != "" and not _are_suffixes((cls.suffix,)):
+        wrong, remedy = f"{cls.__name__}.suffix is {cls.suffix!r}", "write an ending in lower case, such as '.csv'"
+        raise fault(f"plugin {plugin}", wrong, f"{remedy}, or none for a folder", cls, "suffix")
+
+
+def _are_suffixes(value: Any) -> bool:
+    return (
+        isinstance(value, tuple)
+        and len(value) > 0
+        and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in value)
+    )
+
+
+def kind_of(cls: Any) -> str:
+    """Return the kind of a plugin class, or an empty string if it has none."""
+    return next((kind for kind in BASES if is_a(kind, cls)), "")
+
+
+def is_a(kind: str, item: Any) -> bool:
+    """Return whether an object is a plugin class of a kind, without importing the base class."""
+    return isinstance(item, type) and any((base.__module__, base.__qualname__) == BASES[kind] for base in item.__mro__)

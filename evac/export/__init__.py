@@ -1,0 +1,1 @@
+"""Export of recorded runs to formats of other programs."""

@@ -1,0 +1,184 @@
+"""VTK animation of a trajectory: a .vtp file for each frame, the building in named blocks, a .pvd file for both."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.errors import ResultError
+from evac.building.model.building import Building
+from evac.building.model.elevation import elevation
+from evac.export.exporter import file_stems
+from evac.export.polydata import PolyData, write_polydata
+from evac.folder.files import (
+    ANIMATION_NAME,
+    BUILDING_FOLDER,
+    BUILDING_NAME,
+    FRAMES,
+    FRAMES_FOLDER,
+    frame_name,
+    replacing,
+    writing,
+)
+from evac.trajectory.trajectory import Frame, Trajectory
+
+#: Values of the building's cell array ``kind``.
+KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", "closed portal", "area")
+
+
+def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
+    """Write ``animation.pvd``, ``building.vtm`` with ``building/``, and ``frames/frame_00000.vtp``, ... to `folder`.
+
+    Each frame has one point per person inside, at the height of the floor, with the point arrays person, group
+    (index in the field array ``group_names``, -1 for none), level (index in ``level_names``), speed and velocity
+    [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m] and radius [m]. In the .pvd, people
+    are part 0 and the building part 1 of every time [s]. The building is a tree of blocks, see `building_blocks`.
+
+    Returns
+    -------
+    path : Path
+        The .pvd file.
+
+    Raises
+    ------
+    ResultError
+        The trajectory has no frame, or a file cannot be written.
+    """
+    if not len(trajectory):
+        raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")
+    with writing("the VTK animation", folder):
+        for name in (FRAMES_FOLDER, BUILDING_FOLDER):
+            if (folder / name).is_symlink():
+                raise NotADirectoryError(f"{folder / name} is a link")
+            (folder / name).mkdir(parents=True, exist_ok=True)
+        _remove_earlier(folder)
+        _write_building(trajectory.building, folder)
+        for k in range(len(trajectory)):
+            write_polydata(people_polydata(trajectory, trajectory[k]), folder / frame_name(k))
+        path = folder / ANIMATION_NAME
+        with replacing(path, "the VTK animation") as new:
+            new.write_text(_pvd(trajectory.time), encoding="utf-8")
+    return path
+
+
+def _remove_earlier(folder: Path) -> None:
+    """Remove the frames that an earlier animation in the folder lists."""
+    path = folder / ANIMATION_NAME
+    listed = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    for frame in folder.glob(FRAMES):
+        if f'"{FRAMES_FOLDER}/{frame.name}"' in listed:
+            frame.unlink()
+
+
+def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
+    """Return the people of one frame as points with data arrays."""
+    person = frame["person"]
+    return PolyData(
+        points=np.column_stack([frame["position"], frame["z"]]),
+        vertices=np.arange(len(person))[:, None],
+        point_arrays={
+            "person": person,
+            "group": trajectory.group[person],
+            "level": frame["level"],
+            "speed": frame["speed"].astype(np.float32),
+            "velocity": frame["velocity"].astype(np.float32),
+            "contact_force": frame["contact_force"].astype(np.float32),
+            "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
+            "radius": trajectory.radius[person].astype(np.float32),
+        },
+        texts={"group_names": trajectory.groups},
+        shown="speed",
+    )
+
+
+def building_blocks(building: Building) -> Iterator[tuple[str, str, PolyData]]:
+    """Yield the parts of a building: block, name and cells of each.
+
+    The blocks are ``levels`` (triangles), ``walls`` (lines, by level), ``exits``, ``portals`` and ``areas``. Every
+    part has the cell arrays ``level`` (index in the field array ``level_names``) and ``kind`` (in ``kind_names``).
+    """
+    for level in building.levels:
+        yield "levels", level.name, _part(building, level.kind, level.index, building.vertices, level.triangles)
+    for level in building.levels:
+        walls = building.walls[building.wall_level == level.index]
+        if len(walls):
+            yield "walls", level.name, _line_part(building, "wall", level.index, walls)
+    for exit_ in building.exits:
+        kind = "exit" if building.is_open(exit_) else "closed exit"
+        yield "exits", exit_.name, _line_part(building, kind, exit_.level, exit_.segments)
+    for portal in building.portals:
+        kind = "portal" if building.is_open(portal) else "closed portal"
+        yield "portals", portal.name, _line_part(building, kind, portal.levels[0], portal.segments)
+    for area in building.areas:
+        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(area.polygon))
+        corners = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
+        z = elevation(building, np.full(len(corners), area.level), corners)
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+        yield "areas", area.name, _part(building, "area", area.level, np.column_stack([corners, z]), triangles)
+
+
+def _line_part(building: Building, kind: str, level: int, segments: NDArray[np.float64]) -> PolyData:
+    """Return plan segments (s, 4) on their level as lines."""
+    ends = segments_in_space(building, segments, np.full(len(segments), level)).reshape(-1, 3)
+    return _part(building, kind, level, ends, np.arange(len(ends)).reshape(-1, 2))
+
+
+def _part(
+    building: Building, kind: str, level: int, points: NDArray[np.float64], cells: NDArray[np.integer]
+) -> PolyData:
+    """Return cells of one kind on one level, without unused points."""
+    used, corners = np.unique(cells, return_inverse=True)
+    corners = corners.reshape(cells.shape)
+    count = len(cells)
+    return PolyData(
+        points=points[used],
+        **{"lines" if cells.shape[1] == 2 else "polygons": corners},
+        cell_arrays={
+            "level": np.full(count, level, np.int32),
+            "kind": np.full(count, KINDS.index(kind), np.int32),
+        },
+        texts={"level_names": [item.name for item in building.levels], "kind_names": KINDS},
+    )
+
+
+def _write_building(building: Building, folder: Path) -> None:
+    """Write each part of a building to its own file, and the file that lists them in blocks."""
+    parts = list(building_blocks(building))
+    files = [f"{BUILDING_FOLDER}/{stem}.vtp" for stem in file_stems(f"{block} {name}" for block, name, _ in parts)]
+    blocks: dict[str, list[str]] = {}
+    for (block, name, data), file in zip(parts, files, strict=True):
+        write_polydata(data, folder / file)
+        entries = blocks.setdefault(block, [])
+        entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
+    tree = "".join(
+        f'    <Block index="{index}" name="{block}">\n{"".join(entries)}    </Block>\n'
+        for index, (block, entries) in enumerate(blocks.items())
+    )
+    with replacing(folder / BUILDING_NAME, "the building") as new:
+        new.write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
+            f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
+            encoding="utf-8",
+        )
+
+
+def segments_in_space(
+    building: Building, segments: NDArray[np.float64], level: NDArray[np.integer]
+) -> NDArray[np.float64]:
+    """Return the two ends of plan `segments` (s, 4) on their `level` (s,) as points (s, 2, 3) [m]."""
+    ends = segments.reshape(-1, 2)
+    z = elevation(building, np.repeat(level, 2).astype(np.int32), ends)
+    return np.column_stack([ends, z]).reshape(-1, 2, 3)
+
+
+def _pvd(times: NDArray[np.float64]) -> str:
+    entry = '    <DataSet timestep="{}" part="{}" name="{}" file="{}"/>'
+    lines = []
+    for k, time in enumerate(times.tolist()):
+        lines.append(entry.format(repr(time), 0, "people", frame_name(k)))
+        lines.append(entry.format(repr(time), 1, "building", BUILDING_NAME))
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+    return head + "  <Collection>\n" + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n"

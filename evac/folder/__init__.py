@@ -1,0 +1,1 @@
+"""Result folders: ownership, the names of files, checkpoint files."""

@@ -1,0 +1,225 @@
+"""The files of a result folder: their names, and the error if one cannot be written."""
+
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from evac.base.errors import ResultError
+from evac.folder.manifest import MANIFEST_NAME, TEMPORARY, note_written
+
+TRAJECTORY_NAME = "trajectory.evac"
+
+#: First bytes of a trajectory, of the present format and of an earlier one that can still be read.
+TRAJECTORY_STARTS = (b"EVACTRJ2", b"EVACTRJ1")
+SUMMARY_NAME = "summary.json"
+EGRESS_NAME = "egress.csv"
+EGRESS_PICTURE_NAME = "egress.png"
+PEOPLE_NAME = "people.csv"
+RUNS_NAME = "runs.csv"
+RUNS_STREAM_NAME = "runs.arrows"
+RUNS_PARQUET_NAME = "runs.parquet"
+RUNS_DIGEST_NAME = "runs.digest"
+STATISTICS_NAME = "statistics.csv"
+CONVERGENCE_NAME = "convergence.csv"
+SWEEP_PICTURE_NAME = "statistics.png"
+STUDY_NAME = "study.json"
+CHECKPOINT_NAME = "checkpoint.evac"
+REPLAY_NAME = "replay.html"
+MEDIAN_REPLAY_NAME = "replay-median.html"
+WORST_REPLAY_NAME = "replay-worst.html"
+ANIMATION_NAME = "animation.pvd"
+BUILDING_NAME = "building.vtm"
+BUILDING_FOLDER = "building"
+FRAMES_FOLDER = "frames"
+
+#: Pattern of the files of single frames, see `frame_name`.
+FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
+
+#: Pattern of the files of the parts of a building.
+BUILDING_PARTS = f"{BUILDING_FOLDER}/*.vtp"
+
+#: Default folder of `evac export`, and the patterns of the files in it.
+EXPORT_FOLDER = "export"
+EXPORTS = (f"{EXPORT_FOLDER}/*.*", f"{EXPORT_FOLDER}/*/*.*")
+
+#: Pattern of the pictures of maps, see `map_name`.
+MAPS = "map_*.png"
+
+#: Default files of `evac render`.
+PICTURE_NAME = "picture.png"
+FILM_NAME = "film.gif"
+
+#: The report of `evac report`.
+REPORT_NAME = "report.html"
+
+#: Key of a summary that lists the files of plugins, relative to the folder.
+PLUGIN_FILES = "plugin_files"
+
+#: Files that evac writes to a result folder; the summary lists those of plugins.
+WRITTEN = (
+    EGRESS_NAME,
+    EGRESS_PICTURE_NAME,
+    PEOPLE_NAME,
+    RUNS_NAME,
+    RUNS_STREAM_NAME,
+    RUNS_PARQUET_NAME,
+    RUNS_DIGEST_NAME,
+    f"{RUNS_DIGEST_NAME}.new",
+    "runs.new",
+    STATISTICS_NAME,
+    CONVERGENCE_NAME,
+    SWEEP_PICTURE_NAME,
+    REPLAY_NAME,
+    MEDIAN_REPLAY_NAME,
+    WORST_REPLAY_NAME,
+    ANIMATION_NAME,
+    BUILDING_NAME,
+    BUILDING_PARTS,
+    FRAMES,
+    MAPS,
+    *EXPORTS,
+    PICTURE_NAME,
+    FILM_NAME,
+    STUDY_NAME,
+    f"{STUDY_NAME}.new",
+    REPORT_NAME,
+    f"{TEMPORARY}*",
+    CHECKPOINT_NAME,
+    MANIFEST_NAME,
+    SUMMARY_NAME,  # these two are removed last, since they identify a result folder
+    TRAJECTORY_NAME,
+)
+
+
+def frame_name(k: int) -> str:
+    """Return the path of frame `k` of the VTK animation, relative to the result folder."""
+    return FRAMES.replace("*", f"{k:05d}")
+
+
+def map_name(quantity: str) -> str:
+    """Return the path of the map of a quantity, relative to the result folder."""
+    return MAPS.replace("*", quantity)
+
+
+def sync_file(path: Path) -> None:
+    """Flush the content of a file to the disk."""
+    _sync(path, os.O_RDWR)
+
+
+def sync_folder(folder: Path) -> None:
+    """Flush the entries of a folder to the disk, if the system supports it."""
+    if os.name != "nt":
+        _sync(folder, os.O_RDONLY)
+
+
+@contextmanager
+def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
+    """Give a temporary path to write to; the file then replaces `path` as a whole, when it is on the disk.
+
+    A link at `path` is replaced, not followed. If the code within fails, the file at `path` stays as it was.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        Description of the content, for messages.
+    is_synced : bool
+        False for files that can be written again, such as the many frames of an animation: they are not flushed.
+
+    Yields
+    ------
+    Path
+        An empty file in the same folder, with the same ending.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written.
+    """
+    with writing(what, path):
+        if path.is_dir() and not path.is_symlink():
+            raise IsADirectoryError(errno.EISDIR, "is a folder")
+        note_written([path])
+        handle, name = tempfile.mkstemp(path.suffix, TEMPORARY, path.parent)
+        os.close(handle)
+        new = Path(name)
+        try:
+            yield new
+            if is_synced:
+                sync_file(new)
+            new.chmod(0o666 & ~_umask())
+            os.replace(new, path)
+        finally:
+            new.unlink(missing_ok=True)
+        if is_synced:
+            sync_folder(path.parent)
+
+
+def move_into(source: Path, target: Path) -> None:
+    """Move the files of a folder to another one, in which they replace those of the same names; links are replaced.
+
+    Raises
+    ------
+    OSError
+        A file cannot be moved, or a folder in `target` that a file belongs in is a link.
+    """
+    for path in sorted(source.rglob("*")):
+        new = target / path.relative_to(source)
+        if path.is_dir():
+            if new.is_symlink():
+                raise NotADirectoryError(errno.ENOTDIR, "is a link", str(new))
+            new.mkdir(exist_ok=True)
+        else:
+            note_written([new])
+            os.replace(path, new)
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def _sync(path: Path, mode: int) -> None:
+    descriptor = os.open(path, mode)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def writing(what: str, place: Path) -> Iterator[None]:
+    """Convert an OSError to a ResultError that names what cannot be written and where.
+
+    Parameters
+    ----------
+    what : str
+        Description of the content, such as ``"the results"``.
+    place : Path
+        File or folder.
+
+    Raises
+    ------
+    ResultError
+        The code within the context raises an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        remedy = "correct this, or write to another place"
+        if error.errno == errno.EBADF:
+            remedy = "a plugin has closed a file that it has not opened, correct or remove the plugin"
+        raise ResultError(f"{place}: cannot write {what}: {error}; {remedy}") from error
+
+
+def is_trajectory(path: Path) -> bool:
+    """Return whether a file starts like a trajectory of evac; False if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(TRAJECTORY_STARTS[0])) in TRAJECTORY_STARTS
+    except OSError:
+        return False

@@ -1,1 +1,0 @@
-"""Output: recorders, the trajectory file, results, VTK files and pictures."""

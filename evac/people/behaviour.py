@@ -1,0 +1,283 @@
+"""Behaviours: what people decide at the tick. The base class of behaviour plugins."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.errors import fault, plugin_code
+from evac.base.parameters import Configurable, did_you_mean
+from evac.physics.state import Crowd
+
+if TYPE_CHECKING:
+    from evac.building.model.building import Building
+    from evac.directions.fields import Fields
+    from evac.directions.routes import Route
+    from evac.people.outside import Outside
+    from evac.physics.state import World
+    from evac.simulation.scene import Scene
+
+
+_LEGAL = {
+    "speed_factor": "finite and not negative",
+    "extra_direction": "finite",
+    "start_time": "a number, inf for never",
+}
+
+#: Remedy for a behaviour that has written to an array that it does not declare in `writes`.
+DECLARE = "add the array to `writes`"
+
+#: What behaviours may write.
+WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
+
+Arrays = TypeVar("Arrays", "Crowd", "Outside")
+
+
+class Behaviour(Configurable):
+    """Acts on whole arrays at every tick; owns its private state.
+
+    Attributes
+    ----------
+    reads, writes : tuple of str
+        Names of `Crowd` arrays. The crowd passed to the behaviour is read-only except for the arrays in ``writes``,
+        which may contain start_time, route, speed_factor and extra_direction.
+    """
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    writes: ClassVar[tuple[str, ...]] = ()
+
+    #: Whether it acts after all other behaviours, because it uses what they write, whatever the order in the case.
+    acts_last: ClassVar[bool] = False
+
+    #: Whether people slow down behind others before bodies touch. Only then `BehaviourScene.outside` exists: the
+    #: people who have left, whom the behaviour sees as those ahead, and whose speed factors it multiplies, too.
+    keeps_distance: ClassVar[bool] = False
+
+    #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
+    group_keys: ClassVar[tuple[str, ...]] = ()
+
+    def routes(self) -> tuple["Route", ...]:
+        """Return the routes that it may assign in addition to those of the groups; each needs a field.
+
+        Returns
+        -------
+        tuple of Route
+            They become rows of ``scene.fields.routes``.
+        """
+        return ()
+
+    def prepare(self, scene: "BehaviourScene") -> None:
+        """Set up once, before the first step; may write the declared arrays.
+
+        Parameters
+        ----------
+        scene : BehaviourScene
+        """
+
+    def act(self, crowd: Crowd, time: float) -> None:
+        """Act at one tick: write the declared arrays in place, given the current state of everybody.
+
+        Parameters
+        ----------
+        crowd : Crowd
+            Arrays of all people, including those who are out (level -1); read-only except for ``writes``.
+        time : float
+            Time of the tick [s].
+        """
+
+    def is_needed(self, scene: "BehaviourScene") -> bool:
+        """Return False if the behaviour changes nothing in this scene and can be left out.
+
+        Parameters
+        ----------
+        scene : BehaviourScene
+            As `prepare` gets it.
+        """
+        return True
+
+    def acts_at_ticks(self) -> bool:
+        """Return False if `prepare` does all the work; called once, after `prepare`.
+
+        `act` is then called only at the tick after a change of the scene.
+        """
+        return True
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the private arrays that are needed to continue the run, by names of its own; they are copied."""
+        return {}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned."""
+
+
+class BehaviourScene:
+    """The part of a simulation that a behaviour can access.
+
+    Attributes
+    ----------
+    crowd : Crowd
+        Read-only except for the behaviour's ``writes``.
+    scene : Scene
+        The current building, fields and world, and the number of changes so far: its ``version``.
+    groups : tuple of Group
+        ``evac.people.population.Group``: name, rows (int32 array of people), settings (dict of the
+        group's keys for this behaviour).
+    generator : numpy.random.Generator
+        Generator of this behaviour alone, spawned from (seed, name).
+    tick : float [s]
+    """
+
+    def __init__(
+        self,
+        crowd: Crowd,
+        scene: "Scene",
+        groups: tuple[Any, ...],
+        generator: np.random.Generator,
+        tick: float,
+        outside: "Outside | None" = None,
+    ) -> None:
+        self.crowd = crowd
+        self.scene = scene
+        self.groups = groups
+        self.generator = generator
+        self.tick = tick
+        self._outside = outside
+
+    @property
+    def outside(self) -> "Outside":
+        """The people who have left, until 2 m behind their exit; read-only except for ``speed_factor``.
+
+        Raises
+        ------
+        AttributeError
+            The behaviour does not set ``keeps_distance``.
+        """
+        if self._outside is None:
+            raise AttributeError(
+                "scene.outside exists only for behaviours that keep distances; set keeps_distance = True"
+            )
+        return self._outside
+
+    @property
+    def building(self) -> "Building":
+        """The building with its current open and closed links."""
+        return self.scene.building
+
+    @property
+    def fields(self) -> "Fields":
+        """The current directions."""
+        return self.scene.fields
+
+    @property
+    def world(self) -> "World":
+        """Building and directions as kernels read them; it changes with the scene."""
+        return self.scene.world
+
+    @property
+    def version(self) -> int:
+        """Number of changes of the scene so far."""
+        return self.scene.version
+
+
+def check_declared(behaviour: Behaviour) -> None:
+    """Check that the arrays that a behaviour declares to read and write exist, and that behaviours may write them.
+
+    Parameters
+    ----------
+    behaviour : Behaviour
+
+    Raises
+    ------
+    PluginError
+        A declaration is wrong; names behaviour and array.
+    """
+    what = f"behaviour {behaviour.name!r}"
+    for word, allowed in (("reads", tuple(Crowd.kinds)), ("writes", WRITABLE)):
+        with plugin_code(f"{what}: {word}", behaviour):
+            declared = getattr(behaviour, word)
+        if not (isinstance(declared, tuple | list) and all(isinstance(array, str) for array in declared)):
+            remedy = f"write {word} = ('{allowed[0]}',), for example"
+            raise fault(what, f"{word} is {declared!r}, not a tuple of names", remedy, behaviour, word)
+        for array in declared:
+            if array not in allowed:
+                hint = did_you_mean(array, allowed)
+                raise fault(
+                    what, f"{word} contains {array!r}, which behaviours cannot {word[:-1]}", hint, behaviour, word
+                )
+
+
+class DeclaredCrowd(Crowd):
+    """A crowd of which only the arrays that a behaviour declares can be accessed, and only those written be changed."""
+
+    def __getattribute__(self, name: str) -> Any:
+        own = object.__getattribute__(self, "__dict__")
+        if name in Crowd.kinds and name not in own.get("_declared", (name,)):
+            raise AttributeError(f"crowd.{name} is not declared; add {name!r} to reads, or to writes if it is changed")
+        return super().__getattribute__(name)
+
+
+def crowd_for(behaviour: Behaviour, crowd: Crowd) -> Crowd:
+    """Return views of a crowd's arrays, restricted to those that a behaviour declares, read-only but for its writes.
+
+    Raises
+    ------
+    PluginError
+        As `check_declared`.
+    """
+    check_declared(behaviour)
+    declared = DeclaredCrowd(**_views(crowd, behaviour.writes).values())
+    declared.__dict__["_declared"] = frozenset((*behaviour.reads, *behaviour.writes))
+    return declared
+
+
+def outside_for(behaviour: Behaviour, outside: "Outside") -> "Outside | None":
+    """Return views of the arrays of people outside, read-only except for the speed factors; None if it sees nobody."""
+    return _views(outside, ("speed_factor",)) if behaviour.keeps_distance else None
+
+
+def _views(arrays: Arrays, writable: Sequence[str]) -> Arrays:
+    """Return views of the arrays of a struct, read-only except for those named."""
+    views = {name: array.view() for name, array in arrays.values().items()}
+    for name, view in views.items():
+        view.flags.writeable = name in writable
+    return type(arrays)(**views)
+
+
+def check_written(behaviour: Behaviour, crowd: Crowd, outside: "Outside | None", routes: int, time: float) -> None:
+    """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics.
+
+    Parameters
+    ----------
+    behaviour : Behaviour
+    crowd : Crowd
+    outside : Outside or None
+        The people outside, if there are behaviours that see them.
+    routes : int
+        Number of routes.
+    time : float [s]
+
+    Raises
+    ------
+    PluginError
+        A value is not valid for its array, or a route does not exist; names behaviour, time and person.
+    """
+    what, cls = f"t = {time:.3f} s: behaviour {behaviour.name!r}", type(behaviour)
+    method = cls.prepare if cls.act is Behaviour.act else cls.act
+    checked = {name: getattr(crowd, name) for name in sorted(set(behaviour.writes) & _LEGAL.keys())}
+    if outside is not None and behaviour.keeps_distance:
+        checked["outside.speed_factor"] = outside.speed_factor
+    for place, written in checked.items():
+        name = place.removeprefix("outside.")
+        is_lost = np.isnan(written) if name == "start_time" else ~np.isfinite(written)  # inf: never starts
+        if name == "speed_factor":
+            is_lost |= written < 0.0
+        if is_lost.any():
+            person = int(np.argwhere(is_lost)[0, 0])
+            wrong = f"wrote {written[person]} to {place} of person {person}"
+            raise fault(what, wrong, f"it must be {_LEGAL[name]}", method)
+    if "route" in behaviour.writes:
+        lost = np.flatnonzero((crowd.route < 0) | (crowd.route >= routes))
+        if len(lost):
+            wrong = f"wrote route {crowd.route[lost[0]]} for person {lost[0]}"
+            raise fault(what, wrong, f"it must be from 0 to {routes - 1}, see Behaviour.routes", method)

@@ -1,0 +1,156 @@
+"""People who have left: they walk straight on behind their exit, seen by behaviours that keep distances."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.saved import FINITE, taken
+from evac.building.model.building import FLAT, Building
+from evac.jit import Floats, Ints, Pairs, Struct
+from evac.physics.driver import FASTEST
+from evac.physics.state import Crowd
+
+#: Distance behind the line of an exit up to which people who have left are seen [m].
+REACH = 2.0
+
+#: Rounding error of unit vectors.
+ROUNDING = 1e-9
+
+
+class Outside(Struct):
+    """The people who have left and are at most `REACH` behind the line of their exit; row p is person p of the crowd.
+
+    They walk along the outward normal of their exit on flat ground. Contact models and forces do not see them.
+
+    Attributes
+    ----------
+    level : (n,) int32, level of the exit through which a person has left; -1 for all others, whose other values
+        have no meaning
+    position, velocity : (n, 2) [m], [m/s], in plan
+    direction : (n, 2) outward unit normal of the exit where it was crossed
+    depth : (n,) distance behind the line of the exit [m]
+    speed_factor : (n,), set to 1 before each tick's behaviours; those that keep distances multiply it. The desired
+        speed is the flat speed of the person times this factor.
+    """
+
+    level: Ints
+    position: Pairs
+    velocity: Pairs
+    direction: Pairs
+    depth: Floats
+    speed_factor: Floats
+
+
+def make_outside(n: int) -> Outside:
+    """Return the arrays of `n` people, of whom nobody has left."""
+    return Outside(
+        level=np.full(n, -1, np.int32),
+        position=np.zeros((n, 2)),
+        velocity=np.zeros((n, 2)),
+        direction=np.zeros((n, 2)),
+        depth=np.zeros(n),
+        speed_factor=np.ones(n),
+    )
+
+
+class PeopleOutside:
+    """Owner of the arrays of the people who have left.
+
+    Parameters
+    ----------
+    building : Building
+    crowd : Crowd
+
+    Attributes
+    ----------
+    arrays : Outside
+        Written here only, except for the speed factors.
+    """
+
+    def __init__(self, building: Building, crowd: Crowd) -> None:
+        self._crowd = crowd
+        self.arrays = make_outside(len(crowd.level))
+        segments = [way.segments for way in building.exits]
+        self._segment = np.concatenate([np.empty((0, 4)), *segments])
+        self._exit = np.repeat(np.arange(len(segments)), [len(pieces) for pieces in segments])
+        self._level = np.array([way.level for way in building.exits], np.int32)
+        self._levels = len(building.levels)
+
+    def advance(self, left: IntArray, time: float, tick: float) -> None:
+        """Advance everybody outside by a tick, and add those who left during it.
+
+        Speeds approach the desired ones exponentially, as those of people inside without contacts.
+
+        Parameters
+        ----------
+        left : (m,) int32
+            People who left during the tick, whose exits and exit times the crowd has.
+        time : float
+            End of the tick [s].
+        tick : float
+            Length of the tick [s].
+        """
+        outside = self.arrays
+        self._walk(np.flatnonzero(outside.level >= 0), outside.speed_factor, tick)
+        self._add(left)
+        self._walk(left, self._crowd.speed_factor, time - self._crowd.exit_time[left])
+        outside.level[outside.depth > REACH] = -1
+
+    def _walk(self, rows: NDArray[Any], factor: FloatArray, seconds: float | FloatArray) -> None:
+        """Move people outside along their directions, at their flat speeds times a factor of each person."""
+        outside, tau, direction = self.arrays, self._crowd.tau[rows], self.arrays.direction[rows]
+        speed = np.einsum("nk,nk->n", outside.velocity[rows], direction)
+        desired = self._crowd.speed[rows, FLAT] * factor[rows]
+        share = -np.expm1(-seconds / tau)
+        path = desired * seconds + (speed - desired) * tau * share
+        outside.depth[rows] += path
+        outside.position[rows] += path[:, None] * direction
+        outside.velocity[rows] = (speed + share * (desired - speed))[:, None] * direction
+
+    def _add(self, left: IntArray) -> None:
+        """Put people who left on the line of their exit, with the part of their velocity that is normal to it."""
+        outside, crowd = self.arrays, self._crowd
+        for row in left.tolist():
+            pieces = self._segment[self._exit == crowd.exit_used[row]]
+            start, along = pieces[:, :2], pieces[:, 2:] - pieces[:, :2]
+            share = np.einsum("nk,nk->n", crowd.position[row] - start, along) / np.einsum("nk,nk->n", along, along)
+            nearest = start + np.clip(share, 0.0, 1.0)[:, None] * along
+            crossed = int(np.argmin(np.hypot(*(nearest - crowd.position[row]).T)))
+            dx, dy = along[crossed] / np.hypot(*along[crossed])  # the inside is on its left
+            outside.level[row] = self._level[crowd.exit_used[row]]
+            outside.direction[row] = normal = np.array([dy, -dx])
+            outside.position[row] = nearest[crossed]
+            outside.velocity[row] = np.clip(crowd.velocity[row] @ normal, 0.0, FASTEST) * normal
+            outside.depth[row] = 0.0
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays."""
+        return {name: array.copy() for name, array in self.arrays.values().items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        arrays, is_out = self.arrays.values(), self._crowd.level < 0
+        last = np.where(is_out, self._levels - 1, -1)
+        is_seen = taken(state, "level", np.int32, is_out.shape, -1, last) >= 0
+        ends = self._segment.reshape(-1, 2)
+        low, high = ends.min(axis=0, initial=0.0) - 2.0 * REACH, ends.max(axis=0, initial=0.0) + 2.0 * REACH
+        bounds: dict[str, tuple[Any, Any]] = {
+            "level": (-1, last),
+            "position": (np.where(is_seen[:, None], low, -FINITE), np.where(is_seen[:, None], high, FINITE)),
+            "velocity": (-FASTEST, FASTEST),
+            "direction": (-1.0 - ROUNDING, 1.0 + ROUNDING),
+            "depth": (0.0, np.where(is_seen, REACH, FINITE)),
+            "speed_factor": (0.0, FINITE),
+        }
+        values = {name: taken(state, name, array.dtype, array.shape, *bounds[name]) for name, array in arrays.items()}
+        for name, array in arrays.items():
+            array[...] = values[name]

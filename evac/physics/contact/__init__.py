@@ -1,0 +1,1 @@
+"""Contacts: search, rows of the contact problem, base classes of contact models, stability."""

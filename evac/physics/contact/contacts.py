@@ -1,0 +1,310 @@
+"""Contact search: gaps and normals of bodies and walls in reach, and warm start percussions.
+
+A wall contact is a disc against a segment, with one constraint per segment. A segment is dropped if a nearer one
+implies its constraint, since keeping it would push people sideways at joints of walls.
+"""
+
+import math
+
+from evac.jit import inner
+from evac.physics.contact.neighbours import segment_distance
+from evac.physics.drive import unit_normal
+from evac.physics.seams import touches
+from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
+from evac.physics.threads.pieces import TAKE, call_team
+
+#: A wall end may lie this far beyond a nearer wall's tangent line and still be implied by it [m].
+IMPLIED = 1e-9
+
+
+@inner
+def set_reach(bodies, first, last, h, share):
+    """Set the search distance of some bodies for contacts, at least ``bodies.reach_floor``.
+
+    It is `share` of the free path in the step or of the last path, whichever is longer, since pushes usually persist.
+    """
+    floor = bodies.reach_floor
+    for i in range(first, last):
+        if share == 0.0:
+            bodies.reach[i] = floor
+        elif bodies.level[i] >= 0:
+            free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
+            last = bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
+            bodies.reach[i] = max(share * h * math.sqrt(max(free, last)), floor)
+
+
+@inner
+def _near_walls(state, i):
+    """Collect the walls within the reach of body i, nearest first; return their number, -1 if there are too many.
+
+    Columns are distance, nx, ny, wall, px and py, with the normal from the nearest point p of the wall to the body.
+    """
+    world, bodies, lists, near = state.world, state.bodies, state.lists, state.contacts.near
+    found = 0
+    level = bodies.level[i]
+    x, y = bodies.position[i, 0], bodies.position[i, 1]
+    limit = bodies.radius[i] + bodies.reach[i]
+    nearest = 1e300
+    for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
+        w = lists.wall_item[slot]
+        distance, px, py = segment_distance(
+            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
+        )
+        if distance >= nearest and distance > limit:
+            continue
+        if world.wall_open[w] or not touches(state, level, x, y, world.wall_level[w], px, py):
+            continue
+        nearest = min(nearest, distance)
+        if distance > limit:
+            continue
+        if found == near.shape[0]:
+            return -1
+        place = found
+        while place > 0 and near[place - 1, 0] > distance:
+            for k in range(6):
+                near[place, k] = near[place - 1, k]
+            place -= 1
+        nx, ny = wall_normal(world, bodies, i, w, x - px, y - py, distance)
+        near[place, 0] = distance
+        near[place, 1] = nx
+        near[place, 2] = ny
+        near[place, 3] = w
+        near[place, 4] = px
+        near[place, 5] = py
+        found += 1
+    bodies.wall_distance[i] = nearest
+    return found
+
+
+@inner
+def wall_normal(world, bodies, i, w, dx, dy, distance):
+    """Return the unit vector from the wall to body i; for a body on the wall, towards the side that it came from."""
+    if distance > 0.0:
+        return dx / distance, dy / distance
+    nx = world.wall[w, 1] - world.wall[w, 3]
+    ny = world.wall[w, 2] - world.wall[w, 0]
+    length = math.sqrt(nx * nx + ny * ny)
+    if nx * bodies.velocity[i, 0] + ny * bodies.velocity[i, 1] > 0.0:
+        return -nx / length, -ny / length
+    return nx / length, ny / length
+
+
+@inner
+def _is_implied(world, near, k, kept):
+    """Return whether wall k of `near` lies entirely behind the tangent line of a nearer wall that is kept."""
+    w = int(near[k, 3])
+    for q in range(k):
+        if not kept & (1 << q):
+            continue
+        first = near[q, 1] * (world.wall[w, 0] - near[q, 4]) + near[q, 2] * (world.wall[w, 1] - near[q, 5])
+        second = near[q, 1] * (world.wall[w, 2] - near[q, 4]) + near[q, 2] * (world.wall[w, 3] - near[q, 5])
+        if first <= IMPLIED and second <= IMPLIED:
+            return True
+    return False
+
+
+@inner
+def _sort_walls_by_key(near, kept, found):
+    """Return the kept wall of `near` with the smallest wall index; the caller clears its bit."""
+    best = -1
+    for q in range(found):
+        if kept & (1 << q) and (best < 0 or near[q, 3] < near[best, 3]):
+            best = q
+    return best
+
+
+@inner
+def find_contacts(state, first, last):
+    """Find all pairs and walls of some bodies whose gap is below the reach; return a status.
+
+    The reach of a pair is the sum of both reaches. Contacts are sorted by body, walls (by index) before bodies.
+    """
+    world, bodies, lists, contacts = state.world, state.bodies, state.lists, state.contacts
+    capacity = contacts.body.shape[0]
+    walls = world.wall.shape[0]
+    near = contacts.near
+    used, memory = 0, 0
+    for i in range(first, last):
+        level = bodies.level[i]
+        if level < 0:
+            continue
+        x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i]
+        bodies.wall_distance[i] = 1e300
+        if lists.wall_start[i + 1] > lists.wall_start[i]:
+            found = _near_walls(state, i)
+            if found < 0:
+                return NEAR_WALLS_FULL
+            kept = 0
+            for k in range(found):
+                if not _is_implied(world, near, k, kept):
+                    kept |= 1 << k
+            while kept:
+                k = _sort_walls_by_key(near, kept, found)
+                kept &= ~(1 << k)
+                if used == capacity:
+                    return CONTACTS_FULL
+                key, omega = int(near[k, 3]) - walls, bodies.inverse_mass[i]
+                gap = near[k, 0] - r
+                memory = _append(state, used, memory, i, -1, key, near[k, 1], near[k, 2], gap, omega)
+                used += 1
+        for k in range(_pick_near(bodies, lists, contacts.picked, i)):
+            j = contacts.picked[k]
+            if not touches(state, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]):
+                continue
+            if used == capacity:
+                return CONTACTS_FULL
+            nx, ny = x - bodies.position[j, 0], y - bodies.position[j, 1]
+            nx, ny, distance = unit_normal(nx, ny, nx * nx + ny * ny)
+            gap, omega = distance - bodies.radius[i] - bodies.radius[j], bodies.inverse_mass[i] + bodies.inverse_mass[j]
+            memory = _append(state, used, memory, i, j, j, nx, ny, gap, omega)
+            used += 1
+    contacts.number = used
+    return OK
+
+
+@inner
+def _pick_near(bodies, lists, found, i):
+    """Pick the bodies listed for body i that are within both reaches; return their number.
+
+    Each is written down, and kept by counting it: no processor foresees a branch on who is near.
+    """
+    x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + bodies.reach[i]
+    picked = 0
+    for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
+        j = lists.pair_body[slot]
+        dx, dy = x - bodies.position[j, 0], y - bodies.position[j, 1]
+        limit = r + bodies.radius[j] + bodies.reach[j]
+        found[picked] = j
+        picked += (dx * dx + dy * dy <= limit * limit) & (bodies.level[j] >= 0)
+    return picked
+
+
+@inner
+def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
+    """Set contact c and its warm start percussion; return the new read position in the warm start memory.
+
+    Contacts and remembered percussions are both sorted by body and key.
+    """
+    contacts, before = state.contacts, state.warm_start
+    contacts.body[c] = i
+    contacts.other[c] = other
+    contacts.key[c] = key
+    contacts.normal[c, 0] = nx
+    contacts.normal[c, 1] = ny
+    contacts.gap[c] = gap
+    contacts.omega[c] = omega
+    contacts.velocity_before[c] = normal_velocity(state.bodies.velocity, contacts, c)
+    contacts.bias[c] = 0.0
+    contacts.friction[c] = 0.0
+    contacts.sticky[c] = 0
+    contacts.percussion[c] = 0.0
+    first = before.half * before.size
+    while memory < before.number and (
+        before.body[first + memory] < i or (before.body[first + memory] == i and before.key[first + memory] < key)
+    ):
+        memory += 1
+    if memory < before.number and before.body[first + memory] == i and before.key[first + memory] == key:
+        contacts.percussion[c] = before.percussion[first + memory]
+    return memory
+
+
+@inner
+def normal_velocity(velocity, contacts, c):
+    """Return the normal velocity of contact c [m/s], positive if the contact opens."""
+    i = contacts.body[c]
+    j = contacts.other[c]
+    nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+    w = nx * velocity[i, 0] + ny * velocity[i, 1]
+    if j >= 0:
+        w -= nx * velocity[j, 0] + ny * velocity[j, 1]
+    return w
+
+
+@inner
+def tangential_velocity(velocity, contacts, c):
+    """Return the velocity of contact c along (-ny, nx) [m/s]."""
+    i = contacts.body[c]
+    j = contacts.other[c]
+    tx, ty = -contacts.normal[c, 1], contacts.normal[c, 0]
+    w = tx * velocity[i, 0] + ty * velocity[i, 1]
+    if j >= 0:
+        w -= tx * velocity[j, 0] + ty * velocity[j, 1]
+    return w
+
+
+@inner
+def use_free_velocity(state):
+    """Set the velocities after the sub-step to the free velocities, as without contacts."""
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, TAKE)
+    else:
+        take_velocities(state.bodies, 0, state.bodies.inside)
+
+
+@inner
+def take_velocities(bodies, first, last):
+    """Set the velocities of some bodies after the sub-step to their free velocities."""
+    for i in range(first, last):
+        bodies.solved[i, 0] = bodies.free[i, 0]
+        bodies.solved[i, 1] = bodies.free[i, 1]
+
+
+@inner
+def push(velocity, inverse_mass, contacts, c, percussion):
+    """Apply a normal percussion to the bodies of contact c."""
+    i = contacts.body[c]
+    j = contacts.other[c]
+    px = percussion * contacts.normal[c, 0]
+    py = percussion * contacts.normal[c, 1]
+    velocity[i, 0] += inverse_mass[i] * px
+    velocity[i, 1] += inverse_mass[i] * py
+    if j >= 0:
+        velocity[j, 0] -= inverse_mass[j] * px
+        velocity[j, 1] -= inverse_mass[j] * py
+
+
+@inner
+def keep_percussions(contacts, memory):
+    """Store the percussions of this sub-step for a warm start, in the half that does not hold the start of the step."""
+    memory.half = 1 - memory.half_before
+    memory.number = contacts.number
+    first = memory.half * memory.size
+    for c in range(contacts.number):
+        memory.body[first + c] = contacts.body[c]
+        memory.key[first + c] = contacts.key[c]
+        memory.percussion[first + c] = contacts.percussion[c]
+
+
+@inner
+def keep_only_meeting(world, bodies, contacts, h, margin):
+    """Drop the contacts whose gap stays above `margin` [m] within the step at the free velocity (NSM2).
+
+    These are the contacts with D + h G.V > `margin`, which is 0 in the paper.
+    """
+    used = 0
+    for c in range(contacts.number):
+        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= margin + world.rounding:
+            if used != c:
+                contacts.body[used] = contacts.body[c]
+                contacts.other[used] = contacts.other[c]
+                contacts.key[used] = contacts.key[c]
+                contacts.normal[used, 0] = contacts.normal[c, 0]
+                contacts.normal[used, 1] = contacts.normal[c, 1]
+                contacts.gap[used] = contacts.gap[c]
+                contacts.omega[used] = contacts.omega[c]
+                contacts.percussion[used] = contacts.percussion[c]
+                contacts.velocity_before[used] = contacts.velocity_before[c]
+            used += 1
+    contacts.number = used
+
+
+@inner
+def report_contact_force(bodies, contacts, weight):
+    """Sum the contact forces [N] on each body: `weight` [1/s] times the percussions."""
+    for i in range(bodies.inside):
+        bodies.contact_force[i] = 0.0
+    for c in range(contacts.number):
+        force = weight * contacts.percussion[c]
+        bodies.contact_force[contacts.body[c]] += force
+        if contacts.other[c] >= 0:
+            bodies.contact_force[contacts.other[c]] += force

@@ -1,0 +1,168 @@
+"""Neighbour lists: bodies and walls that a body can touch until the lists are rebuilt.
+
+The lists contain everything within the reach of a body plus a skin. They are rebuilt when a body has moved by half
+the skin or has changed its level. Kernels select entries by current distances, so results do not depend on when the
+lists were built.
+"""
+
+from evac.jit import inner
+from evac.physics.contact.cells import line_at, sort_by_level
+from evac.physics.sight import walls_near
+from evac.physics.status import OK, PAIRS_FULL, WALLS_FULL
+
+
+@inner
+def segment_distance(x1, y1, x2, y2, px, py):
+    """Return the distance of p from a segment [m], and the nearest point."""
+    dx = x2 - x1
+    dy = y2 - y1
+    length2 = dx * dx + dy * dy
+    share = 0.0
+    if length2 > 0.0:
+        share = min(max(((px - x1) * dx + (py - y1) * dy) / length2, 0.0), 1.0)
+    nx = x1 + share * dx
+    ny = y1 + share * dy
+    return ((px - nx) ** 2 + (py - ny) ** 2) ** 0.5, nx, ny
+
+
+@inner
+def build_lists(world, bodies, lists):
+    """Build the lists of bodies and walls; return OK, PAIRS_FULL or WALLS_FULL."""
+    n = bodies.inside
+    sort_into_cells(bodies, lists)
+    if list_pairs(world, bodies, lists, lists.pair_body, 0, n)[0] < 0:
+        return PAIRS_FULL
+    if list_walls(world, bodies, lists, lists.wall_item, 0, n) < 0:
+        return WALLS_FULL
+    lists.stale = 0
+    return OK
+
+
+@inner
+def sort_into_cells(bodies, lists):
+    """Sort the bodies into cells, and begin both lists."""
+    n = bodies.inside
+    greatest = 0.0
+    for i in range(n):
+        if bodies.level[i] >= 0:
+            greatest = max(greatest, bodies.radius[i])
+    lists.pair_start[0] = 0
+    lists.wall_start[0] = 0
+    lists.greatest = greatest
+    size = 2.0 * greatest + lists.pair_reach + lists.skin
+    sort_by_level(lists.cells, n, bodies.position, bodies.level, size)
+
+
+@inner
+def list_pairs(world, bodies, lists, pair_body, low_body, high_body):
+    """List the pairs of some bodies in `pair_body`; return their number, -1 if too many, and the room it takes.
+
+    Bodies on different levels can touch through portals only, so other levels matter to those near one.
+    """
+    cells, span = lists.cells, lists.pair_reach + lists.skin
+    capacity = pair_body.shape[0]
+    used, room = 0, 0
+    for i in range(low_body, high_body):
+        first = used
+        own = bodies.level[i]
+        x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
+        levels = levels_in_reach(world, own, x, y, r + lists.greatest) if own >= 0 else 0
+        for k in range(levels):
+            level = world.linked_level[world.linked_start[own] + k]
+            columns, rows, wraps = cells.columns[level], cells.rows[level], cells.wraps[level]
+            column = line_at(x, cells.size) - cells.low_column[level]
+            row = line_at(y, cells.size) - cells.low_row[level]
+            for block in range(9 if wraps else 3):
+                # The rows of a column follow one another, unless they begin again.
+                if wraps:
+                    low = cells.first[level] + (column + block // 3 - 1) % columns * rows + (row + block % 3 - 1) % rows
+                    high = low + 1
+                else:
+                    cx = column + block - 1
+                    if cx < 0 or cx >= columns or row < -1 or row > rows:
+                        continue
+                    low = cells.first[level] + cx * rows + max(row - 1, 0)
+                    high = cells.first[level] + cx * rows + min(row + 2, rows)
+                low, high = cells.start[low], cells.start[high]
+                room = max(room, used + high - low)
+                if room > capacity:
+                    return -1, room
+                for slot in range(low, high):
+                    j = cells.slots[slot]
+                    dx = bodies.position[j, 0] - x
+                    dy = bodies.position[j, 1] - y
+                    limit = r + bodies.radius[j]
+                    # Written in any case, and kept by counting it: no processor foresees a branch that depends on this.
+                    pair_body[used] = j
+                    used += (dx * dx + dy * dy < limit * limit) & (j > i)
+        _sort(pair_body, first, used)
+        lists.pair_start[i + 1] = used
+    return used, room
+
+
+@inner
+def levels_in_reach(world, level, x, y, reach):
+    """Return how many of the linked levels of a level are in reach of a place [m]: its own, or all if a portal is."""
+    for s in range(world.link_start[level], world.link_start[level + 1]):
+        if world.link_to[s] >= 0 and _is_near(world.link_segment, s, x, y, reach):
+            return world.linked_start[level + 1] - world.linked_start[level]
+    return 1
+
+
+@inner
+def _is_near(segment, s, x, y, reach):
+    """Return whether a place is within `reach` of the rectangle around a segment [m]."""
+    x1, y1, x2, y2 = segment[s, 0], segment[s, 1], segment[s, 2], segment[s, 3]
+    across = max(min(x1, x2) - x, x - max(x1, x2))
+    return max(across, min(y1, y2) - y, y - max(y1, y2)) <= reach
+
+
+@inner
+def _sort(numbers, first, last):
+    """Sort a few numbers in place, by insertion."""
+    for k in range(first + 1, last):
+        number = numbers[k]
+        place = k
+        while place > first and numbers[place - 1] > number:
+            numbers[place] = numbers[place - 1]
+            place -= 1
+        numbers[place] = number
+
+
+@inner
+def list_walls(world, bodies, lists, wall_item, low_body, high_body):
+    """List the walls of some bodies in `wall_item`; return their number, -1 if too many.
+
+    Note also where they are, and which can reach a portal or exit before the lists are built again.
+    """
+    capacity = wall_item.shape[0]
+    span, near = lists.wall_reach + lists.skin, 1.5 * lists.skin
+    used = 0
+    for i in range(low_body, high_body):
+        level = bodies.level[i]
+        bodies.near_link[i] = 0
+        if level >= 0:
+            x, y, limit = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
+            first = used
+            levels = levels_in_reach(world, level, x, y, limit)
+            for k in range(levels):
+                low, high = walls_near(world, world.linked_level[world.linked_start[level] + k], x, y, limit)
+                for slot in range(low, high):
+                    w = world.bucket_wall[slot]
+                    x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
+                    is_near = _is_near(world.wall, w, x, y, limit)
+                    if is_near and segment_distance(x1, y1, x2, y2, x, y)[0] < limit:
+                        if used == capacity:
+                            return -1
+                        wall_item[used] = w
+                        used += 1
+            if levels > 1:
+                _sort(wall_item, first, used)
+            for s in range(world.link_start[level], world.link_start[level + 1]):
+                if _is_near(world.link_segment, s, x, y, near):
+                    bodies.near_link[i] = 1
+                    break
+        lists.wall_start[i + 1] = used
+        bodies.built_position[i, 0] = bodies.position[i, 0]
+        bodies.built_position[i, 1] = bodies.position[i, 1]
+    return used

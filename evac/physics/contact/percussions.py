@@ -1,0 +1,198 @@
+"""Percussions of a sub-step: packing of the contact problem, calls of the solver, and unpacking.
+
+Find percussions P >= 0 such that with the velocity v = V + M^-1 sum_c P_c n_c each contact obeys its law
+
+    NSM1:  w+ + b >= 0  complementary to P,           b = max(D, 0) / h
+    NSM2:  P = K_N max(0, -(w+ + w-)/2) + mu,  0 <= mu complementary to w+ >= 0
+
+with the normal velocity w+ after and w- before the step. Both have the closed local form of docs/physics.md,
+P = max(0, -(a + b)/omega, -(a + w-)/(omega + 2/K_N)), a being w+ without the contact's own percussion.
+The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap error [m].
+"""
+
+import math
+
+from evac.jit import inner
+from evac.physics import tallies as at
+from evac.physics.contact.blocks import WALL, block_of_contact, divide, next_row
+from evac.physics.contact.rows import (
+    AX,
+    AY,
+    BEFORE,
+    BIAS,
+    BOUND,
+    BX,
+    BY,
+    INELASTIC,
+    SPRING,
+    call_solver,
+    renew_velocity,
+    row_residual,
+)
+
+#: Rounding error of a residual, as a share.
+SHARE = 1e-6
+
+
+@inner
+def find_percussions(state, free, velocity, normal, tangential, tolerance, limit, enough):
+    """Solve the contact problem from the percussions in the contacts; return the residual [m/s].
+
+    If the residual exceeds `enough` [m/s], the problem is solved again by a stronger solver without warm start; if
+    that solver is not loaded, ``problem.missing`` is set to 1.
+
+    Parameters
+    ----------
+    free, velocity : (n, 2)
+        Free velocity V, and the resulting velocity [m/s].
+    normal, tangential : float
+        K_N and K_T [kg]; both are 0 for NSM1.
+    tolerance : float
+        Tolerance of the residual [m/s].
+    limit : int
+        Maximum number of iterations.
+    """
+    problem, contacts = state.problem, state.contacts
+    problem.missing = 0
+    problem.retried = 0
+    problem.iterations = 0
+    if contacts.number == 0:
+        for i in range(state.bodies.inside):
+            velocity[i, 0] = free[i, 0]
+            velocity[i, 1] = free[i, 1]
+        return 0.0
+    if state.parts.solver == 0:  # the model is not a SolvedContactModel, so there is no packed problem
+        problem.missing = 1
+        return math.inf
+    compliance = 2.0 / normal if normal > 0.0 else INELASTIC
+    solve_once(state, state.parts.solver, free, velocity, compliance, tangential, tolerance, limit)
+    if problem.residual <= enough:
+        return problem.residual
+    if state.parts.stronger == 0:
+        problem.missing = 1
+        return problem.residual
+    problem.retried = 1
+    for c in range(contacts.number):
+        contacts.percussion[c] = 0.0
+        contacts.friction[c] = 0.0
+    solve_once(state, state.parts.stronger, free, velocity, compliance, tangential, tolerance, limit)
+    return problem.residual
+
+
+@inner
+def solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit):
+    """Solve the problem once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
+    problem, parts = state.problem, state.parts
+    pack(state, free, compliance, tangential)
+    conduct = problem.conduct
+    if solver != parts.solver:
+        problem.conduct = 0  # threads make the phases of the model's own solver
+    problem.iterations += call_solver(solver, problem, tolerance, limit)
+    problem.conduct = conduct
+    if (parts.checks_solver if solver == parts.solver else parts.checks_stronger) == 1:
+        _check_solution(state, tolerance)
+    if not _unpack(state, velocity, tangential):
+        problem.residual = math.inf  # with NaN values, comparisons of residuals are all false
+
+
+@inner
+def _check_solution(state, tolerance):
+    """Replace velocities and residual by those of the percussions that a solver found; count failed solves.
+
+    A solve has failed if percussions are not finite, or if the residual exceeds the tolerance [m/s] and the solver has
+    stated a smaller one.
+    """
+    problem = state.problem
+    stated = problem.residual
+    renew_velocity(problem)
+    found = row_residual(problem)
+    total = 0.0
+    for r in range(problem.size):
+        total += problem.percussion[r]
+    if not math.isfinite(total):
+        found = math.inf
+    if not found <= stated * (1.0 + SHARE):  # a stated residual may also be NaN
+        problem.residual = found
+        if found > tolerance:
+            state.tally[at.FAILED_SOLVES] += 1.0
+
+
+@inner
+def pack(state, free, compliance, tangential):
+    """Fill the rows from the contacts, and set velocities to the free ones plus the effect of percussions."""
+    problem, contacts, n = state.problem, state.contacts, state.bodies.inside
+    for i in range(n):
+        problem.inverse_root[i] = math.sqrt(state.bodies.inverse_mass[i])
+        for k in range(2):
+            problem.free[i, k] = free[i, k] / problem.inverse_root[i]
+    problem.bodies = n
+    problem.rigid = 1 if compliance < 0.0 and tangential <= 0.0 else 0
+    problem.size = contacts.number
+    if tangential > 0.0:
+        for c in range(contacts.number):
+            problem.size += 1 if contacts.sticky[c] else 0  # a byte, whose sum would overflow in Python
+    divide(problem, contacts, tangential)
+    for i in range(n, problem.ends):
+        problem.inverse_root[i] = problem.free[i, 0] = problem.free[i, 1] = 0.0
+    used = 0
+    for c in range(contacts.number):
+        omega = contacts.omega[c]
+        spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
+        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+        bias, before, start = contacts.bias[c], contacts.velocity_before[c], contacts.percussion[c]
+        block = block_of_contact(problem, contacts, c)
+        wall = n + WALL * block
+        j = contacts.other[c] if contacts.other[c] >= 0 else wall
+        r = problem.row[used] = next_row(problem, block)
+        _pack_row(problem, contacts, c, r, j, nx, ny, bias, before, spring, 0.0, start)
+        used += 1
+        if contacts.sticky[c] and tangential > 0.0:
+            spring = omega / (omega + 2.0 / tangential)
+            before, start = contacts.slide_before[c], contacts.friction[c]
+            r = problem.row[used] = next_row(problem, block)
+            _pack_row(problem, contacts, c, r, j, -ny, nx, math.inf, before, spring, -math.inf, start)
+            used += 1
+    renew_velocity(problem)
+
+
+@inner
+def _pack_row(problem, contacts, c, r, j, nx, ny, bias, before, spring, bound, start):
+    i = contacts.body[c]
+    problem.body[r] = i
+    problem.other[r] = j
+    scale = math.sqrt(contacts.omega[c])
+    problem.scale[r] = scale
+    problem.percussion[r] = scale * start
+    inverse = 1.0 / scale  # multiplications are several times cheaper than divisions
+    own, others = inverse * problem.inverse_root[i], inverse * problem.inverse_root[j]
+    problem.data[r, AX] = nx * own
+    problem.data[r, AY] = ny * own
+    problem.data[r, BX] = -nx * others
+    problem.data[r, BY] = -ny * others
+    problem.data[r, BIAS] = bias * inverse
+    problem.elastic[r, BEFORE] = before * inverse
+    problem.elastic[r, SPRING] = spring
+    problem.elastic[r, BOUND] = bound
+
+
+@inner
+def _unpack(state, velocity, tangential):
+    """Copy percussions and velocities back; return whether all velocities are finite."""
+    problem, contacts = state.problem, state.contacts
+    total = 0.0
+    used = 0
+    for c in range(contacts.number):
+        r = problem.row[used]
+        contacts.percussion[c] = problem.percussion[r] / problem.scale[r]
+        used += 1
+        if contacts.sticky[c]:
+            contacts.friction[c] = 0.0
+            if tangential > 0.0:
+                r = problem.row[used]
+                contacts.friction[c] = problem.percussion[r] / problem.scale[r]
+                used += 1
+    for i in range(problem.bodies):
+        velocity[i, 0] = problem.velocity[i, 0] * problem.inverse_root[i]
+        velocity[i, 1] = problem.velocity[i, 1] * problem.inverse_root[i]
+        total += velocity[i, 0] + velocity[i, 1]
+    return math.isfinite(total)

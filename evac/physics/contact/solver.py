@@ -1,0 +1,32 @@
+"""Base class of solvers of the contact problem."""
+
+from typing import ClassVar
+
+from evac.base.parameters import Configurable
+from evac.jit import Entry
+
+
+class Solver(Configurable):
+    """Base class of solvers, which find the percussions of a sub-step.
+
+    A subclass names a kernel ``solve(problem: Problem, tolerance: float, limit: int) -> int``. It starts from the
+    percussions and velocities in the problem, changes both consistently, sets ``problem.residual`` to the value of
+    `evac.physics.contact.rows.row_residual`, stops when the residual is at most `tolerance` [m/s] or after `limit`
+    iterations, and returns the number of iterations.
+
+    Attributes
+    ----------
+    solve : Entry
+        The kernel.
+    make_phase : Entry or None
+        A kernel ``make_phase(problem: Problem, phase: int, block: int) -> int`` that does a part of the work of `solve`
+        on a block, see `evac.physics.contact.blocks`. If `solve` calls its `call_conduct` with a phase, all
+        threads call it on their blocks. Phases have numbers from 0 to 50. The returned number is not used, and the
+        call must not be made where ``problem.conduct`` is 0, since there is only one thread.
+    stronger : str
+        Name of the solver that solves the problem again, without warm start, if this one did not converge.
+    """
+
+    solve: ClassVar[Entry]
+    make_phase: ClassVar[Entry | None] = None
+    stronger: ClassVar[str] = "conjugate_faces"

@@ -1,0 +1,189 @@
+"""The threads of a run: they serve the step loop during a tick, and wait in Python between two."""
+
+import ctypes
+import os
+import threading
+import weakref
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+
+from evac.base.errors import ScenarioError
+from evac.jit.kernels import INTERPRETED
+from evac.jit.workers import cores
+from evac.physics.allocation import allocate, make_contacts
+from evac.physics.contact.blocks import BLOCKS
+from evac.physics.state import Events, State
+from evac.physics.threads import pieces
+from evac.physics.threads.team import Member, conduct, conduct_blocks, serve
+from evac.physics.threads.turns import Team
+
+#: A thread pays from so many people on, also where other programs use the same cores: a phase of a step then waits for
+#: a thread that does not run, which takes longer than the phase where there are few. docs/results.md has the times.
+PEOPLE_PER_THREAD = 25_000
+
+#: More threads than this are not taken unless they are asked for.
+MOST_BY_DEFAULT = 2
+
+
+def number_of_threads(wanted: int | None, people: int) -> int:
+    """Return how many threads a run of so many people has, at most `wanted` if it is not None.
+
+    Raises
+    ------
+    ScenarioError
+        If fewer than one is wanted.
+    """
+    if wanted is not None and wanted < 1:
+        raise ScenarioError(f"threads: {wanted} given; give 1 or more, or nothing to let the size decide")
+    if INTERPRETED:
+        return 1
+    return max(1, min(MOST_BY_DEFAULT if wanted is None else wanted, people // PEOPLE_PER_THREAD, cores()))
+
+
+def unused_threads(wanted: int | None, people: int) -> tuple[str, ...]:
+    """Return a line for a run that has fewer threads than were wanted, otherwise nothing."""
+    number = number_of_threads(wanted, people)
+    if wanted is None or number == wanted:
+        return ()
+    return (
+        f"threads: {wanted} given, the steps use {number}: more than one for each core and one for each"
+        f" {PEOPLE_PER_THREAD:,} of the {people:,} people take longer, with the same results",
+    )
+
+
+class Threads:
+    """Threads beside the one that calls the step loop, which makes the first.
+
+    Parameters
+    ----------
+    state : State
+        Of the run.
+    number : int
+        Of all threads, at least 2.
+    """
+
+    def __init__(self, state: State, number: int) -> None:
+        state.team = Team(
+            threads=number,
+            rest=_address_of_rest(),
+            turn=np.zeros(8 * number, np.int64),
+            begun=np.zeros(8 * BLOCKS, np.int64),
+            made=np.zeros(8 * BLOCKS, np.int64),
+            found=np.zeros((number, 8), np.int64),
+            fastest=np.zeros(8 * number),
+        )
+        self._state = state
+        self._members = [_make_member(state, k) for k in range(1, number)]
+        self._threads: list[threading.Thread] = []
+        self._calls: list[SimpleQueue[bool]] = []
+        self._done: SimpleQueue[bool] = SimpleQueue()
+        self._process = 0
+        self._is_serving = False
+
+    @contextmanager
+    def serving(self) -> Generator[None, None, None]:
+        """Let the threads serve the step loop, which is called within."""
+        if self._is_serving:  # and was interrupted before all had left
+            self.end()
+        if self._process != os.getpid():  # not begun, or left behind by a fork
+            self._begin()
+        for member in self._members:
+            _align(member, self._state)
+        self._is_serving = True
+        try:
+            self._lend()
+            for call in self._calls:
+                call.put(True)
+            yield
+        finally:
+            self._state.parts.team = self._state.problem.conduct = 0
+            conduct(self._state, pieces.LEAVE)
+        for _ in self._threads:
+            self._done.get()
+        self._is_serving = False
+
+    def _lend(self) -> None:
+        """Let the step loop and the solver call the threads."""
+        parts, problem = self._state.parts, self._state.problem
+        parts.team = conduct.address
+        problem.team, problem.make_phase = self._state.team, parts.make_phase
+        problem.conduct = conduct_blocks.address if parts.make_phase else 0
+
+    def end(self) -> None:
+        """End the threads; they begin again when they are needed."""
+        if self._process == os.getpid():
+            conduct(self._state, pieces.LEAVE)
+            _dismiss(self._calls)
+            for thread in self._threads:
+                thread.join()
+        self._process = 0
+        self._is_serving = False
+
+    def _begin(self) -> None:
+        """Begin threads that wait to be called."""
+        team = self._state.team
+        team.turn[:] = team.begun[:] = team.made[:] = 0
+        self._calls = [SimpleQueue() for _ in self._members]
+        self._done = SimpleQueue()
+        run = ctypes.CFUNCTYPE(None, ctypes.c_int64)(serve.address)
+        self._threads = [
+            threading.Thread(
+                target=_attend, args=(run, member, call, self._done), name=f"evac {member.number}", daemon=True
+            )
+            for member, call in zip(self._members, self._calls, strict=True)
+        ]
+        weakref.finalize(self, _dismiss, self._calls)  # also where an interrupt comes before all have begun
+        for thread in self._threads:
+            thread.start()
+        self._process = os.getpid()
+
+
+def _address_of_rest() -> int:
+    """Return the address of the system's function that sleeps, on Windows of one that lets other threads run."""
+    windows: Any = getattr(ctypes, "windll", None)
+    rest = windows.kernel32.SwitchToThread if windows else ctypes.CDLL(None).usleep
+    return ctypes.cast(rest, ctypes.c_void_p).value or 0
+
+
+def _attend(run: Any, member: Member, call: "SimpleQueue[bool]", done: "SimpleQueue[bool]") -> None:
+    """Serve whenever called, until dismissed."""
+    while call.get():
+        run(member.memory_address)
+        done.put(True)
+
+
+def _dismiss(calls: "Sequence[SimpleQueue[bool]]") -> None:
+    """Let threads end that are not serving."""
+    for call in calls:
+        call.put(False)
+
+
+def _make_member(state: State, number: int) -> Member:
+    """Return what a thread works on."""
+    contacts, events = make_contacts(len(state.contacts.body)), allocate(Events, len(state.events.row))
+    return Member(
+        number=number,
+        own=state.replace(contacts=contacts, events=events),
+        pair_body=np.zeros_like(state.lists.pair_body),
+        wall_item=np.zeros_like(state.lists.wall_item),
+        main=state,
+    )
+
+
+def _align(member: Member, state: State) -> None:
+    """Let a thread's state have what the run's has now, and as much room."""
+    own = member.own
+    for name, value in state.values().items():
+        if name not in ("contacts", "events") and getattr(own, name) is not value:
+            setattr(own, name, value)
+    if len(own.contacts.body) != len(state.contacts.body):
+        own.contacts = make_contacts(len(state.contacts.body))
+    if len(own.events.row) != len(state.events.row):
+        own.events = allocate(Events, len(state.events.row))
+    for name in ("pair_body", "wall_item"):
+        if len(getattr(member, name)) != len(getattr(state.lists, name)):
+            setattr(member, name, np.zeros_like(getattr(state.lists, name)))

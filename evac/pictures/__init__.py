@@ -1,0 +1,1 @@
+"""Pictures, films and maps of buildings and people."""

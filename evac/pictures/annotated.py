@@ -1,0 +1,233 @@
+"""Pictures of a building: annotated plans of all storeys with a numbered mark for each finding."""
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.base.errors import ResultError
+from evac.building.model.building import Building, Level
+from evac.building.model.elevation import level_elevation
+from evac.building.model.findings import Finding
+from evac.folder.files import replacing
+from evac.pictures import palette
+from evac.pictures.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
+
+#: Supported file name endings of pictures.
+PICTURES = (".png", ".svg", ".pdf")
+#: Maximum number of findings listed below a picture.
+MOST_LISTED = 40
+
+AREA, OPENING, UPHILL = "#7d5fb2", "#d9730d", "#a8842c"
+MARK = {"warning": "#c0392b", "repaired": "#1f77b4", "assumed": "#b8860b", "left out": "#6b7280"}
+
+#: Background of names.
+PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
+
+#: Height of a line of the list and margin around it [inches], and number of letters per inch.
+LINE, MARGIN, LETTERS = 0.17, 0.3, 13.5
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A labelled segment, such as a possible exit: label, level, and ends x1, y1, x2, y2 [m]."""
+
+    label: str
+    level: int
+    segment: FloatArray
+
+
+def draw_levels(
+    building: Building, path: Path, findings: Sequence[Finding] = (), marks: Sequence[Mark] = (), title: str = ""
+) -> None:
+    """Draw the plan of every storey to a PNG, SVG or PDF file, see `levels_figure`.
+
+    Raises
+    ------
+    ResultError
+        The ending is unknown, or the file cannot be written.
+    """
+    if path.suffix.lower() not in PICTURES:
+        raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {', '.join(PICTURES)}")
+    figure = levels_figure(building, findings, marks, title)
+    with replacing(path, "the picture") as new:
+        figure.savefig(new)
+
+
+def levels_figure(
+    building: Building,
+    findings: Sequence[Finding] = (),
+    marks: Sequence[Mark] = (),
+    title: str | None = "",
+    greatest: tuple[float, float] = (WIDTH, HEIGHT),
+) -> Figure:
+    """Return the plan of every storey: walls, portals, exits, doors, areas and stairs, with names and widths.
+
+    Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
+    numbers at their places and listed below, in their order.
+
+    Parameters
+    ----------
+    building : Building
+    findings : sequence of Finding
+    marks : sequence of Mark
+        Segments to number.
+    title : str or None
+    greatest : tuple of float
+        As for `draw_plans`.
+    """
+    plans = draw_plans(building, title, has_widths=True, greatest=greatest)
+    listed = list(enumerate((one for one in findings if one.kind != "found"), start=1))
+    panels = [[level.index for level in levels] for levels in plans.levels]
+    for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):
+        _show_coordinates(axes)
+        _name_parts(axes, building, levels)
+        for mark in marks:
+            if mark.level in panels[number]:
+                _draw_mark(axes, mark)
+        for own in _by_place(building, panels, listed, number):
+            _draw_findings(axes, own)
+    _list_below(plans.figure, listed)
+    return plans.figure
+
+
+def _show_coordinates(axes: Axes) -> None:
+    """Show the coordinates that messages name."""
+    axes.set_axis_on()
+    axes.patch.set_alpha(0.0)
+    axes.tick_params(labelsize=6, direction="in", pad=2, colors=palette.EDGE)
+    axes.ticklabel_format(useOffset=False, style="plain")
+    for spine in axes.spines.values():
+        spine.set_color("#d5dae0")
+
+
+def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None:
+    """Draw areas, doors and the ways up stairs, and the names of all of them."""
+    rows = [level.index for level in levels]
+    for area in building.areas:
+        if area.level in rows:
+            style = {"facecolor": AREA, "edgecolor": AREA, "alpha": 0.12, "lw": 0.8, "ls": ":"}
+            axes.add_patch(PathPatch(outline_of(area.polygon), **style))
+            _name(axes, area.polygon, area.name, AREA)
+    for door in building.doors:
+        if door.level in rows:
+            _line(axes, door.segment, palette.PORTAL, 0.8)
+            beside(axes, door.segment[None], f"{door.name} {door.width:.2f} m", palette.EDGE)
+    for level in levels:
+        if level.kind == "flight":
+            _arrow(axes, level)
+    for stair in dict.fromkeys(level.stair for level in levels if level.stair is not None):
+        flats = [level for level in levels if level.stair == stair]
+        flat = max(flats, key=lambda level: (level.kind == "landing", level.polygon.area))
+        _name(axes, flat.polygon, stair, palette.TEXT)
+
+
+def _list_below(figure: Figure, listed: list[tuple[int, Finding]]) -> None:
+    """Enlarge a figure at the bottom and list findings there."""
+    width, height = figure.get_size_inches().tolist()
+    lines = _listing(listed, round(LETTERS * (width - 2 * MARGIN)))
+    if not lines:
+        return
+    below = LINE * len(lines) + MARGIN
+    total = height + below
+    for axes in figure.axes:
+        box = axes.get_position(original=True)
+        axes.set_position((box.x0, (box.y0 * height + below) / total, box.width, box.height * height / total))
+    for text in figure.texts:
+        text.set_y((text.get_position()[1] * height + below) / total)
+    figure.set_size_inches(width, total)
+    for number, (line, colour) in enumerate(lines):
+        y = (below - 0.5 * MARGIN - LINE * (number + 0.5)) / total
+        figure.text(MARGIN / width, y, line, fontsize=8, color=colour, va="center", parse_math=False)
+
+
+def _line(axes: Axes, segments: FloatArray, colour: str, width: float) -> None:
+    axes.add_collection(LineCollection(segments.reshape(-1, 2, 2).tolist(), colors=colour, linewidths=width))
+
+
+def _name(axes: Axes, polygon: BaseGeometry, text: str, colour: str) -> None:
+    """Write a name at the widest place of a polygon."""
+    part = max(shapely.get_parts(polygon), key=lambda one: one.area)
+    if shapely.contains(part, part.centroid):
+        x, y = part.centroid.coords[0]
+    else:
+        x, y = shapely.get_coordinates(shapely.maximum_inscribed_circle(part, tolerance=0.05))[0]
+    axes.text(x, y, text, fontsize=6.5, color=colour, ha="center", va="center", bbox=PAPER, zorder=5, parse_math=False)
+
+
+def _arrow(axes: Axes, level: Level) -> None:
+    """Draw an arrow up a flight."""
+    corners = shapely.get_coordinates(level.polygon)
+    reach = 0.35 * float(np.ptp(corners @ level.uphill))
+    middle = shapely.get_coordinates(level.polygon.representative_point())[0]
+    start, end = middle - reach * level.uphill, middle + reach * level.uphill
+    axes.annotate("", tuple(end), xytext=tuple(start), arrowprops={"arrowstyle": "->", "color": UPHILL, "lw": 0.9})
+
+
+def _draw_mark(axes: Axes, mark: Mark) -> None:
+    segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
+    _line(axes, segment, OPENING, 2.2)
+    beside(axes, segment, mark.label, OPENING)
+
+
+def _by_place(
+    building: Building, panels: list[list[int]], listed: list[tuple[int, Finding]], panel: int
+) -> list[list[tuple[int, Finding]]]:
+    """Return the findings at each place of a storey, with their numbers."""
+    found: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
+    for number, finding in listed[:MOST_LISTED]:
+        if finding.place is not None and panel_of(building, panels, finding) == panel:
+            x, y = finding.place[:2]
+            found.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
+    return list(found.values())
+
+
+def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:
+    """Return the storey of a finding: that of its level, or else the one whose ground is nearest to its place."""
+    assert finding.place is not None
+    names = [level.name for level in building.levels]
+    if finding.level is not None:
+        own = [k for k, name in enumerate(names) if name == finding.level or name.startswith(f"{finding.level} (")]
+        if own:
+            return next(number for number, levels in enumerate(panels) if own[0] in levels)
+    point = np.array([finding.place[:2]])
+    off = []
+    for level in building.levels:
+        nearest = shapely.get_coordinates(shapely.shortest_line(level.polygon, shapely.points(point))[0])[:1]
+        height = level_elevation(building.vertices, level, nearest)[0]
+        rise = abs(float(height) - finding.place[2]) if len(finding.place) == 3 else 0.0
+        off.append(float(level.polygon.distance(shapely.points(point)[0])) + rise)
+    return next(number for number, levels in enumerate(panels) if int(np.argmin(off)) in levels)
+
+
+def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
+    """Draw a ring at the place of findings with their numbers beside it."""
+    kinds = [finding.kind for _, finding in findings]
+    colour = next(colour for kind, colour in MARK.items() if kind in kinds)
+    labels = ",".join(str(number) for number, _ in findings)
+    x, y = (findings[0][1].place or (0.0, 0.0))[:2]
+    axes.plot(x, y, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
+    box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": colour, "lw": 0.6}
+    axes.annotate(
+        labels, (x, y), (6, 6), textcoords="offset points", fontsize=7, color=colour, weight="bold", bbox=box, zorder=9
+    )
+
+
+def _listing(listed: list[tuple[int, Finding]], width: int) -> list[tuple[str, str]]:
+    """Return the lines below a picture, with their colours."""
+    lines: list[tuple[str, str]] = []
+    for number, finding in listed[:MOST_LISTED]:
+        wrapped = textwrap.wrap(f"{number}  {finding.kind}: {finding}", width, subsequent_indent="     ")
+        lines += [(line, MARK[finding.kind]) for line in wrapped]
+    if len(listed) > MOST_LISTED:
+        lines.append((f"and {len(listed) - MOST_LISTED} more", palette.TEXT))
+    return lines

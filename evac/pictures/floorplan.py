@@ -1,0 +1,226 @@
+"""Plans of storeys drawn with matplotlib at one scale, on which plan pictures and maps are drawn."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Exit, Level
+from evac.building.model.storeys import level_of, storeys
+from evac.pictures import palette
+from evac.pictures.writing import round_length
+
+#: Greatest width and height of all plans together, and the margin around them [inches].
+WIDTH, HEIGHT = 10.0, 7.0
+MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
+
+
+@dataclass(frozen=True)
+class Plans:
+    """A figure with a plan of each storey.
+
+    Attributes
+    ----------
+    figure : Figure
+    axes : tuple of Axes
+        Axes of each storey, from the bottom to the top, with x and y in plan [m].
+    levels : tuple of tuple of Level
+        The levels in each of them.
+    side : (4,) float
+        Left, bottom, width and height of the space for a legend or a colour bar, as fractions of the figure.
+    """
+
+    figure: Figure
+    axes: tuple[Axes, ...]
+    levels: tuple[tuple[Level, ...], ...]
+    side: tuple[float, float, float, float]
+
+
+def draw_plans(
+    building: Building,
+    title: str | None,
+    levels: Sequence[str | int] | None = None,
+    *,
+    dpi: int = 120,
+    is_filled: bool = True,
+    side: float = SIDE,
+    has_scale_bar: bool = True,
+    has_widths: bool = False,
+    greatest: tuple[float, float] = (WIDTH, HEIGHT),
+) -> Plans:
+    """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
+
+    Parameters
+    ----------
+    building : Building
+    title : str or None
+        The first line is bold. With None, no space is left for a title.
+    levels : sequence of str or int, optional
+        Levels by name or index, each in its own plan; by default all levels, grouped by storey
+        (`evac.building.model.storeys.storeys`).
+    dpi : int
+    is_filled : bool
+        Whether floors are filled with the colours of their kinds; maps fill them themselves.
+    side : float
+        Width of the space at the right for a legend or a colour bar [inches].
+    has_scale_bar : bool
+    has_widths : bool
+        Whether the widths of portals and exits are written beside them.
+    greatest : tuple of float
+        Greatest width and height of all plans together [inches].
+
+    Raises
+    ------
+    ResultError
+        A level does not exist.
+    """
+    if levels is None:
+        panels = [(name, tuple(found)) for name, found in storeys(building)]
+    else:
+        panels = [(found.name, (found,)) for found in (level_of(building, level) for level in levels)]
+    # All plans have the same limits, so that places above one another have the same position in each.
+    x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, found in panels for level in found]).tolist()
+    pad = 0.03 * max(x2 - x1, y2 - y1) + 0.2  # for the names of exits
+    width, height = x2 - x1 + 2.0 * pad, y2 - y1 + 2.0 * pad
+    columns, rows, scale = _arrangement(len(panels), width, height, greatest)
+    above = TITLE if title is not None else 0.0
+    cell = scale * float(width) + MARGIN, scale * float(height) + HEAD
+    size = MARGIN + columns * cell[0] + side, above + rows * cell[1] + BAR
+    figure = Figure(figsize=size, dpi=dpi)
+    FigureCanvasAgg(figure)
+    axes = []
+    for k, (name, found) in enumerate(panels):
+        column, row = k % columns, k // columns
+        left, top = MARGIN + column * cell[0], above + row * cell[1] + HEAD
+        box = left / size[0], 1.0 - (top + scale * height) / size[1], scale * width / size[0], scale * height / size[1]
+        panel = figure.add_axes(box)
+        panel.set_axis_off()
+        panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
+        panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
+        _draw_levels(panel, building, found, is_filled, has_widths)
+        axes.append(panel)
+    if title is not None:
+        _write_title(figure, title, size)
+    if has_scale_bar:
+        _draw_scale_bar(figure, scale, size)
+    room = 1.0 - (side - 0.2) / size[0], BAR / size[1], (side - 0.3) / size[0], rows * cell[1] / size[1]
+    return Plans(figure, tuple(axes), tuple(found for _, found in panels), room)
+
+
+def _arrangement(count: int, width: float, height: float, greatest: tuple[float, float]) -> tuple[int, int, float]:
+    """Return the columns, rows and inches per metre for which `count` plans are largest."""
+    best = (1, count, 0.0)
+    for columns in range(1, count + 1):
+        rows = math.ceil(count / columns)
+        scale = min((greatest[0] / columns - MARGIN) / width, (greatest[1] / rows - HEAD) / height)
+        if scale > best[2]:
+            best = columns, rows, scale
+    return best
+
+
+def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_filled: bool, has_widths: bool) -> None:
+    """Draw floors, walls, portals, exits and the names of exits."""
+    rows = [level.index for level in levels]
+    if is_filled:
+        for level in levels:
+            fill = PathPatch(outline(level), facecolor=palette.LEVELS[level.kind], edgecolor="none", zorder=0.5)
+            axes.add_patch(fill)
+    walls = building.walls[np.isin(building.wall_level, rows)]
+    axes.add_collection(LineCollection(_ends(walls), colors=palette.EDGE, linewidths=1.1, zorder=3))
+    for portal in building.portals:
+        if set(portal.levels) & set(rows):
+            is_open = building.is_open(portal)
+            style = {"colors": palette.PORTAL if is_open else palette.CLOSED, "linewidths": 0.8 if is_open else 2.5}
+            dashes = (0, (2, 2)) if is_open else "solid"
+            axes.add_collection(LineCollection(_ends(portal.segments), linestyles=dashes, zorder=3, **style))
+            if has_widths:
+                beside(axes, portal.segments, f"{portal.width:.2f} m", palette.EDGE, size=6.5)
+    for exit_ in building.exits:
+        if exit_.level in rows:
+            _draw_exit(axes, exit_, building.is_open(exit_), has_widths)
+
+
+def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:
+    colour = palette.EXIT if is_open else palette.CLOSED
+    axes.add_collection(LineCollection(_ends(exit_.segments), colors=colour, linewidths=3.5, zorder=4))
+    name = exit_.name if is_open else f"{exit_.name} (closed)"
+    beside(axes, exit_.segments, f"{name} {exit_.width:.2f} m" if has_width else name, colour, size=8.5, weight="bold")
+
+
+def beside(
+    axes: Axes, segments: FloatArray, text: str, colour: str, *, size: float = 6.5, weight: str = "normal"
+) -> None:
+    """Write a text outside the middle of a line, which has the inside on its left; upright where the line is.
+
+    An upright text needs no more space beside the plan than its height, so that it is not cut off.
+    """
+    x1, y1, x2, y2 = segments[len(segments) // 2].tolist()
+    length = math.hypot(x2 - x1, y2 - y1)
+    outward = (y2 - y1) / length, -(x2 - x1) / length
+    axes.annotate(
+        text,
+        (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
+        xytext=(6.0 * outward[0], 6.0 * outward[1]),
+        textcoords="offset points",
+        ha="center" if abs(outward[0]) <= 0.5 else "left" if outward[0] > 0.0 else "right",
+        va="center" if abs(outward[1]) <= 0.5 else "bottom" if outward[1] > 0.0 else "top",
+        rotation=90 if abs(outward[0]) > abs(outward[1]) else 0,
+        color=colour,
+        fontsize=size,
+        fontweight=weight,
+        zorder=6,
+        annotation_clip=False,
+        parse_math=False,
+    )
+
+
+def _ends(segments: FloatArray) -> list[FloatArray]:
+    return list(segments.reshape(-1, 2, 2))
+
+
+def outline(level: Level) -> Outline:
+    """Return the plan of a level, including holes, as a path for clipping and filling in matplotlib."""
+    return outline_of(level.polygon)
+
+
+def outline_of(polygon: BaseGeometry) -> Outline:
+    """Return polygons with their holes as a path for clipping and filling in matplotlib."""
+    rings = [ring for part in shapely.get_parts(polygon) for ring in shapely.get_rings(shapely.orient_polygons(part))]
+    return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
+
+
+def _write_title(figure: Figure, title: str, size: tuple[float, float]) -> None:
+    """Write the first line in bold and the others below it."""
+    first, _, rest = title.partition("\n")
+    letters = 9.4 * (size[0] - 2.0 * MARGIN)  # number of letters of 12 points per line
+    first = textwrap.shorten(first, int(1.4 * letters), placeholder=" ...")
+    style: dict[str, Any] = {"color": palette.TEXT, "va": "top", "ha": "left", "parse_math": False}
+    small: dict[str, Any] = {"fontsize": min(12.0, 12.0 * letters / max(len(first), 1)), "fontweight": "bold"}
+    figure.text(MARGIN / size[0], 1.0 - 0.12 / size[1], first, **small, **style)
+    figure.text(MARGIN / size[0], 1.0 - 0.38 / size[1], rest, fontsize=9.5, **style)
+
+
+def _draw_scale_bar(figure: Figure, scale: float, size: tuple[float, float]) -> None:
+    """Draw a bar of a round length of about an inch."""
+    length = round_length(1.2 / scale)
+    left, low = MARGIN / size[0], 0.22 / size[1]
+    right = left + length * scale / size[0]
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none", zorder=5)
+    axes.set_axis_off()
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    axes.plot([left, right], [low, low], color=palette.TEXT, linewidth=2.0, solid_capstyle="butt")
+    for end in (left, right):
+        axes.plot([end, end], [low - 0.05 / size[1], low + 0.05 / size[1]], color=palette.TEXT, linewidth=1.2)
+    axes.text(right + 0.08 / size[0], low, f"{length:g} m", va="center", fontsize=9, color=palette.TEXT)

@@ -1,0 +1,210 @@
+"""Pictures of maps: one quantity on the plans of all storeys, with one colour scale."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.ticker import MaxNLocator
+
+from evac.analysis.lines import LineFlow, line_flows
+from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
+from evac.building.model.building import Exit
+from evac.folder.files import map_name, replacing, writing
+from evac.pictures import palette
+from evac.pictures.floorplan import Plans, draw_plans, outline
+from evac.trajectory.trajectory import Trajectory
+
+#: Colour map of each quantity; low values are light for quantities that are zero in most places.
+SCALES = {
+    "density": "YlOrRd",
+    "max_density": "YlOrRd",
+    "speed": "viridis",
+    "flow": "YlGnBu",
+    "waiting": "YlOrRd",
+    "time_to_clear": "viridis",
+    "contact_pressure": "YlOrRd",
+    "usage": "YlGnBu",
+}
+
+#: Colours of floors where a map has no value, and of cells that are never cleared.
+NO_VALUE, NEVER = "#eef0f3", "#7a0177"
+
+#: The formats that a picture of a map can have.
+FORMATS = (".png", ".svg", ".pdf", ".jpg", ".jpeg")
+
+
+def draw_map(
+    trajectory: Trajectory,
+    quantity: str,
+    maps: Mapping[str, LevelMaps] | None = None,
+    levels: Sequence[str | int] | None = None,
+    dpi: int = 120,
+) -> Figure:
+    """Draw the map of one quantity on the plans of the storeys.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    quantity : str
+        One of `evac.analysis.maps.QUANTITIES`. On the map of ``"flow"``, portals and exits are labelled with the number
+        of people who passed and the flow between the first and the last fifth of them.
+    maps : mapping of str to LevelMaps, optional
+        Result of `level_maps` for the levels drawn; computed if not given.
+    levels : sequence of str or int, optional
+        Levels by name or index, each in its own plan; by default all levels, grouped by storey.
+    dpi : int
+
+    Returns
+    -------
+    Figure
+        A figure of matplotlib.
+
+    Raises
+    ------
+    ResultError
+        The quantity or a level does not exist, or no frame was recorded.
+
+    Examples
+    --------
+    >>> draw_map(evac.read_trajectory("school-result"), "density").savefig("density.png")  # doctest: +SKIP
+    """
+    if maps is None:
+        maps = level_maps(trajectory, levels)
+    what = QUANTITIES.get(quantity)
+    grids = {name: found.array(quantity) for name, found in maps.items()}
+    assert what is not None  # array() raises an error for unknown quantities
+    any_map = next(iter(maps.values()))
+    title = f"{trajectory.header.get('title', '')}\n{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s"
+    if quantity == "flow":
+        title += "; labels: people who passed the line, and people per second and metre"
+    plans = draw_plans(trajectory.building, title, levels, dpi=dpi, is_filled=False)
+    norm = Normalize(0.0, _top(grids.values()))
+    colours = matplotlib.colormaps[SCALES[quantity]].with_extremes(bad=(0, 0, 0, 0), over=NEVER)
+    for axes, shown in zip(plans.axes, plans.levels, strict=True):
+        for level in shown:
+            axes.add_patch(PathPatch(outline(level), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
+            if level.name not in maps:
+                continue
+            clip = PathPatch(outline(level), transform=axes.transData)
+            limits = axes.get_xlim(), axes.get_ylim()
+            image = axes.imshow(
+                np.ma.masked_invalid(_drawn(maps[level.name], quantity, 2.0 * float(norm.vmax or 1.0))),
+                origin="lower",
+                extent=maps[level.name].extent,
+                cmap=colours,
+                norm=norm,
+                zorder=1,
+                aspect="auto",
+                interpolation="nearest",
+            )
+            image.set_clip_path(clip)
+            axes.set(xlim=limits[0], ylim=limits[1])
+    if quantity == "flow":
+        _label_lines(plans, line_flows(trajectory))
+    _add_scale(plans, ScalarMappable(norm, colours), f"{what.label} [{what.unit}]", what.unit == "people")
+    if any(np.isinf(grid).any() for grid in grids.values()):
+        plans.figure.text(plans.side[0], 0.02, "not cleared", color=NEVER, fontsize=9, fontweight="bold")
+    return plans.figure
+
+
+def write_maps(
+    trajectory: Trajectory,
+    maps: Mapping[str, LevelMaps],
+    quantities: Iterable[str],
+    path: Path,
+    levels: Sequence[str | int] | None = None,
+) -> list[Path]:
+    """Write the pictures of maps: ``map_QUANTITY.png`` in a folder, or one file for one quantity.
+
+    Parameters
+    ----------
+    trajectory, maps, levels
+        As for `draw_map`.
+    quantities : iterable of str
+    path : Path
+        Folder, or file with one of the endings `FORMATS`.
+
+    Raises
+    ------
+    ResultError
+        As for `draw_map`, or a file cannot be written.
+    """
+    written = []
+    for quantity in quantities:
+        figure = draw_map(trajectory, quantity, maps, levels)
+        is_file = path.suffix.lower() in FORMATS
+        place = path if is_file else path / map_name(quantity)
+        with writing("the map", place):
+            place.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(place, "the map") as new:
+            figure.savefig(new)
+        written.append(place)
+    return written
+
+
+def _top(grids: Iterable[np.ndarray]) -> float:
+    """Return the upper end of the colour scale: the greatest finite value."""
+    tops = [float(grid[np.isfinite(grid)].max()) for grid in grids if np.isfinite(grid).any()]
+    top = max(tops, default=1.0)
+    return top if top > 0.0 else 1.0
+
+
+def _drawn(maps: LevelMaps, quantity: str, beyond: float) -> np.ndarray:
+    """Return a map for `imshow`: infinity as a value above the scale, and cells cut by the edge of the floor filled.
+
+    Cells whose centre is off the floor get the value of the nearest cell; the image is clipped to the floor.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    grid = maps.array(quantity)
+    row, column = distance_transform_edt(np.isnan(maps.density), return_distances=False, return_indices=True)
+    filled = grid[row, column]
+    return np.where(np.isinf(filled), beyond, filled)
+
+
+def _add_scale(plans: Plans, colours: ScalarMappable, label: str, is_whole: bool) -> None:
+    """Add the colour bar at the right, with whole numbers for people."""
+    left, bottom, _, height = plans.side
+    inch = 1.0 / plans.figure.get_size_inches()
+    tall = min(height, 4.0 * inch[1])
+    axes = plans.figure.add_axes((left + 0.1 * inch[0], bottom + 0.5 * (height - tall), 0.16 * inch[0], tall))
+    bar = plans.figure.colorbar(colours, cax=axes, ticks=MaxNLocator(7, integer=is_whole, steps=[1, 2, 5, 10]))
+    bar.outline.set_linewidth(0.5)
+    bar.ax.tick_params(labelsize=9, labelcolor=palette.TEXT, color=palette.TEXT)
+    bar.set_label(label, fontsize=9, color=palette.TEXT)
+
+
+def _label_lines(plans: Plans, flows: Mapping[str, LineFlow]) -> None:
+    """Label each portal and exit with the number of people who passed, and per second and metre."""
+    box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": palette.EDGE, "linewidth": 0.5, "alpha": 0.9}
+    for axes, levels in zip(plans.axes, plans.levels, strict=True):
+        rows = {level.index for level in levels}
+        for flow in flows.values():
+            link = flow.link
+            is_exit = isinstance(link, Exit)
+            if not flow.people or not rows & ({link.level} if isinstance(link, Exit) else set(link.levels)):
+                continue
+            x1, y1, x2, y2 = link.segments[len(link.segments) // 2].tolist()
+            length = math.hypot(x2 - x1, y2 - y1)
+            inward = (y1 - y2) / length, (x2 - x1) / length
+            rate = flow.flow_per_metre
+            axes.annotate(
+                f"{flow.people}" if rate is None else f"{flow.people}\n{rate:.2f}",
+                (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
+                xytext=(14.0 * inward[0], 14.0 * inward[1])
+                if is_exit
+                else (0.0, 0.0),  # the name of an exit is on its outside
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                fontsize=7,
+                color=palette.TEXT,
+                bbox=box,
+                zorder=7,
+            )

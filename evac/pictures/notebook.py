@@ -1,0 +1,81 @@
+"""Display of results and buildings in notebooks: tables, egress curve, replay, plans."""
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from evac.folder.files import REPLAY_NAME
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from evac.building.model.building import Building
+    from evac.results.results import Results
+
+#: Greatest size of a replay that is embedded in a notebook; of larger ones the path is shown [bytes].
+LARGEST_REPLAY = 5_000_000
+
+
+def results_html(results: "Results") -> str:
+    """Return the results of a run as HTML."""
+    last = "" if results.last_out is None else f"{results.last_out:.1f} s"
+    facts = {
+        "ended": results.ended,
+        "out": f"{results.evacuated} of {results.number_of_people}",
+        "last out": last,
+        "simulated": f"{results.time:.1f} s",
+        "contact model": results.case.contact.model,
+        "seed": results.seed,
+    }
+    exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
+    lines = (*results.warnings, *results.remarks, *results.quality_warnings)
+    parts = [
+        f"<h4>{escape(results.case.title or results.case.source.name)}</h4>",
+        table_html((), facts.items()),
+        table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), exits),
+        "".join(f"<p>&#9888; {escape(line)}</p>" for line in lines),
+        figure_html(results.plot(), "egress curve"),
+        _replay_html(results),
+    ]
+    return "".join(parts)
+
+
+def building_figure(building: "Building") -> "Figure":
+    """Return a figure with the plan of every storey of a building and its warnings."""
+    from evac.pictures.annotated import levels_figure
+
+    return levels_figure(building, building.findings, title=building.source.name)
+
+
+def table_html(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return an HTML table with numbers rounded to four digits."""
+    names = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join(f"<tr>{''.join(f'<td>{_cell(value)}</td>' for value in row)}</tr>" for row in rows)
+    return f"<table>{f'<tr>{names}</tr>' if head else ''}{body}</table>"
+
+
+def figure_html(figure: "Figure", alt: str) -> str:
+    """Return a figure as an HTML image with an alternative text."""
+    with io.BytesIO() as file:
+        figure.savefig(file, format="png", dpi=90)
+        image = base64.b64encode(file.getvalue()).decode()
+    return f'<img alt="{escape(alt)}" src="data:image/png;base64,{image}">'
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return escape(f"{value:.4g}" if isinstance(value, float) else str(value))
+
+
+def _replay_html(results: "Results") -> str:
+    """Return the replay in the result folder as an HTML frame; empty if there is none."""
+    path = results.folder / REPLAY_NAME if results.folder is not None else None
+    if path is None or not path.is_file():
+        return ""
+    if path.stat().st_size > LARGEST_REPLAY:
+        return f"<p>The replay is in {escape(str(path))}.</p>"
+    page = escape(path.read_text(encoding="utf-8"), quote=True)
+    return f'<iframe title="replay" style="width: 100%; height: 600px; border: 0" srcdoc="{page}"></iframe>'

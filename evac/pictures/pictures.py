@@ -1,0 +1,130 @@
+"""The egress picture: people out over time."""
+
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray
+from evac.folder.files import replacing
+from evac.pictures.palette import TEXT, group_colours
+from evac.results.results import Results
+
+#: Times [s] and the number of people out at each.
+Curve = tuple[FloatArray, NDArray[np.int64]]
+
+#: Maximum number of groups that are drawn as separate lines.
+MOST_GROUPS = 12
+
+#: Width and height of a picture [inches].
+SIZE = (8.0, 5.0)
+
+
+def draw_egress(results: Results, path: Path) -> None:
+    """Draw the egress curve to a PNG file, see `egress_figure`.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written.
+    """
+    save(egress_figure(results), path)
+
+
+def egress_figure(results: Results) -> Figure:
+    """Return the egress curve of all people, and of each group if there are several, but not too many."""
+    note = f"{results.evacuated} of {results.number_of_people} out"
+    if results.last_out is not None:
+        which = "the last one" if results.evacuated == results.number_of_people else "the last of these"
+        note += f", {which} after {results.last_out:.1f} s"
+    groups = {group.name: results.egress(group.rows) for group in results.groups}
+    sizes = {group.name: len(group.rows) for group in results.groups}
+    title = f"{textwrap.fill(results.case.title, 90)}\n{note}"
+    return curves_figure(title, results.number_of_people, results.time, results.egress(), groups, sizes)
+
+
+def curves_figure(
+    title: str,
+    people: int,
+    end: float,
+    everybody: Curve,
+    groups: Mapping[str, Curve],
+    sizes: Mapping[str, int],
+) -> Figure:
+    """Return a figure of egress curves: of all people, and of each group if there are several, but not too many.
+
+    Groups of one person have no curve, which the legend says.
+
+    Parameters
+    ----------
+    title : str
+    people : int
+        Number of all people.
+    end : float [s]
+        End of the time axis.
+    everybody : tuple of (m + 1,) [s], (m + 1,)
+        Times, and number of people out at each, from zero on.
+    groups : mapping of str to such tuples
+    sizes : mapping of str to int
+        Number of people of each group.
+    """
+    figure, axes = new_axes(title, people)
+    if 1 < len(groups) <= MOST_GROUPS:
+        for (name, (time, number)), colour in zip(groups.items(), group_colours(len(groups)), strict=False):
+            if sizes[name] > 1:
+                axes.step([*time, end], [*number, number[-1]], where="post", label=name, color=colour, linewidth=1.3)
+    time, number = everybody
+    axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color=TEXT, label="everybody")
+    axes.set_xlim(0.0, max(end, 1e-9))
+    if axes.get_legend_handles_labels()[1] != ["everybody"]:
+        single = sum(size == 1 for size in sizes.values())
+        heading = f"without {single} {'group' if single == 1 else 'groups'}\nof one person" if single else None
+        style = {"frameon": False, "fontsize": 8, "title": heading, "title_fontsize": 7, "alignment": "left"}
+        legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), **style)
+        for text in legend.get_texts():
+            text.set_parse_math(False)
+        # Names that are too long for the picture are cut at the end.
+        figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
+    return figure
+
+
+def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
+    """Return a figure and axes for people out over time, up to `people`."""
+    figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)))
+    axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
+    axes.set_ylim(0.0, 1.06 * people)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    return figure, axes
+
+
+def new_plain_axes(title: str, along: str, up: str, left: float) -> tuple[Figure, Axes]:
+    """Return a figure and axes with a title and axis labels; `left` is the space for numbers [inches]."""
+    figure = Figure(figsize=SIZE, dpi=150)
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    # Fixed margins, because the automatic layouts of matplotlib take as long as drawing.
+    top = 0.12 + 0.18 * (1 + title.count("\n"))
+    figure.subplots_adjust(left / SIZE[0], 0.48 / SIZE[1], 1.0 - 0.2 / SIZE[0], 1.0 - top / SIZE[1])
+    axes.set(xlabel=along, ylabel=up)
+    axes.set_title(title, fontsize=11, loc="left", parse_math=False)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written.
+    """
+    with replacing(path, "the picture") as new:
+        figure.savefig(new)

@@ -1,0 +1,253 @@
+"""Pictures and films of a trajectory, in three dimensions or in plan, drawn off screen."""
+
+import importlib.util
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from evac.base.errors import ResultError
+from evac.building.model.storeys import level_of
+from evac.folder.files import replacing
+from evac.pictures.camera import Camera
+from evac.pictures.colouring import Colouring, colouring
+from evac.pictures.pawns import draw_people
+from evac.pictures.view import View
+from evac.pictures.writing import Pen
+from evac.trajectory.trajectory import Trajectory
+
+PICTURES = (".png", ".jpg", ".jpeg")
+FILMS = (".gif", ".mp4")
+
+#: Bounds of pictures [pixels]: of a side, of a picture, of a person's radius.
+LEAST_SIDE, MOST_SIDE, MOST_PIXELS, MOST_RADIUS = 64, 8_000, 12_000_000, 400
+#: Bounds of films: pictures per second, and in all.
+LEAST_FPS, MOST_FPS, MOST_PICTURES = 0.01, 1_000.0, 100_000
+
+#: Views of a building.
+VIEWS = ("3d", "plan")
+
+
+class Renderer:
+    """Draws frames of a trajectory: the building once, and the people for each frame.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    size : tuple of int
+        Width and height [pixels]; plans keep the building's proportions and may fill less.
+    view : str
+        ``"3d"``, or ``"plan"``: straight from above, with storeys side by side.
+    camera : Camera, optional
+        Camera of the view in three dimensions.
+    levels : sequence of str or int, optional
+        Draw only these levels and the people on them.
+    colour_by : str
+        ``"group"``, ``"speed"``, ``"density"``, ``"contact_force"`` or ``"waiting"``: see
+        `evac.pictures.colouring.colouring`.
+
+    Raises
+    ------
+    ResultError
+        The trajectory has no frame; a level, the view or the colouring does not exist; or the size or the zoom is out
+        of range.
+
+    Examples
+    --------
+    >>> image = Renderer(evac.read_trajectory("school-result"), view="plan").image(40)  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        size: tuple[int, int] = (1600, 1200),
+        view: str = "3d",
+        camera: Camera | None = None,
+        levels: Sequence[str | int] | None = None,
+        colour_by: str = "group",
+    ) -> None:
+        if not len(trajectory):
+            raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
+        if view not in VIEWS:
+            raise ResultError(f"unknown view {view!r}; use {' or '.join(VIEWS)}")
+        _check_size(size)
+        self.trajectory = trajectory
+        self._colouring = colouring(trajectory, colour_by)
+        self._view = self._look(size, view, camera or Camera(), levels)
+        largest = float(trajectory.radius.max(initial=0.0)) * self._view.scale
+        if largest > MOST_RADIUS:
+            raise ResultError(
+                f"zoom: the radius of a person is {largest:.0f} pixels, more than {MOST_RADIUS}; reduce zoom"
+            )
+        self._ground = self._with_writing()
+        self._names = self._drawn_names()
+
+    def image(self, k: int) -> NDArray[np.uint8]:
+        """Return the picture of frame `k`, (height, width, 3)."""
+        trajectory, view = self.trajectory, self._view
+        frame = trajectory[k]
+        image = self._ground.copy()
+        places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
+        shown = np.isfinite(places[:, 0])
+        radius = view.scale * trajectory.radius[frame["person"]]
+        colours = self._colouring.of(frame)
+        draw_people(image, places[shown], radius[shown], colours[shown], view.elevation, view.nearness)
+        out = trajectory.number_of_people - len(frame["person"])
+        picture = Image.fromarray(image)
+        picture.paste(self._names, (0, 0), self._names)
+        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out")
+        return np.array(picture)
+
+    def _look(self, size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None) -> View:
+        """Draw the building."""
+        building, has_legend = self.trajectory.building, self._colouring.has_legend
+        if view == "plan":
+            from evac.pictures.planview import plan_view
+
+            return plan_view(building, size, levels, 1.6 if has_legend else 0.3)
+        from evac.pictures.scene import view_of
+
+        chosen = building.levels if levels is None else [level_of(building, level) for level in levels]
+        return view_of(building, size, camera, chosen, has_legend)
+
+    def _drawn_names(self) -> Image.Image:
+        """Return a transparent image of everything in front of people: names of floors and exits, outlines of exits."""
+        picture = Image.new("RGBA", self._view.image.shape[1::-1], (255, 255, 255, 0))
+        pen = Pen(picture)
+        for colour, corners in self._view.outlines:
+            pen.outline(corners, colour)
+        for label in self._view.labels:
+            pen.label(label.text, label.place, label.anchor, label.colour)
+        return picture
+
+    def _with_writing(self) -> NDArray[np.uint8]:
+        """Return the building with all constant text: title, legend, scales."""
+        picture = Image.fromarray(self._view.image)
+        pen = Pen(picture)
+        pen.title(str(self.trajectory.header.get("title", "")))
+        colours = self._colouring
+        if colours.top is not None:
+            pen.colour_bar(self._view.side, Colouring.scale(), colours.top, colours.label)
+        elif colours.has_legend:
+            pen.legend(self._view.side, colours.names, colours.colours)
+        pen.scale_bar(self._view.scale)
+        return np.array(picture)
+
+
+def _check_size(size: tuple[int, int]) -> None:
+    width, height = size
+    if min(size) < LEAST_SIDE:
+        raise ResultError(f"size: {width} x {height} pixels is too small; use at least {LEAST_SIDE} x {LEAST_SIDE}")
+    if max(size) > MOST_SIDE or width * height > MOST_PIXELS:
+        raise ResultError(
+            f"size: {width} x {height} pixels is too large; use at most {MOST_SIDE:,} on a side and "
+            f"{MOST_PIXELS / 1e6:g} million in all"
+        )
+
+
+def render_picture(renderer: Renderer, path: Path, time: float | None = None) -> None:
+    """Draw the frame nearest to `time` [s], by default the one in the middle of the run, to a PNG or JPEG file.
+
+    Raises
+    ------
+    ResultError
+        There is no frame at that time, the file's ending is unknown, or the file cannot be written.
+    """
+    trajectory = renderer.trajectory
+    _check_ending(path, PICTURES)
+    first, last = float(trajectory.time[0]), float(trajectory.time[-1])
+    if time is not None and not first <= time <= last:
+        raise ResultError(f"{trajectory.path}: t = {time:g} s is not in the recorded time from {first:g} to {last:g} s")
+    image = renderer.image(trajectory.nearest(0.5 * last if time is None else time))
+    with replacing(path, "the picture") as new:
+        Image.fromarray(image).save(new)
+
+
+def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: float = 5.0) -> None:
+    """Draw the whole run to an animated GIF, or to an MP4 film if imageio-ffmpeg is installed.
+
+    Parameters
+    ----------
+    renderer : Renderer
+    path : Path
+    fps : float
+        Pictures per second of the film.
+    speed : float
+        Simulated seconds per second of the film; each picture shows the nearest recorded frame.
+
+    Raises
+    ------
+    ResultError
+        `fps` or `speed` is out of range or gives too many pictures, the file's ending is unknown, imageio-ffmpeg is
+        missing for an MP4 film, or the file cannot be written.
+    """
+    _check_ending(path, FILMS)
+    trajectory = renderer.trajectory
+    count = number_of_pictures(trajectory, fps, speed)
+    if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
+        raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or write a .gif")
+    images = (renderer.image(trajectory.nearest(k * speed / fps)) for k in range(count))
+    write = _write_gif if path.suffix == ".gif" else _write_mp4
+    with replacing(path, "the film") as new:
+        write(new, images, fps)
+
+
+def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
+    """Return the number of pictures of a film of a whole run.
+
+    Raises
+    ------
+    ResultError
+        `fps` or `speed` is out of range, or there are too many pictures.
+    """
+    if not LEAST_FPS <= fps <= MOST_FPS:
+        raise ResultError(f"fps: must be between {LEAST_FPS:g} and {MOST_FPS:,g} pictures per second, got {fps:g}")
+    if not 0.0 < speed < math.inf:
+        raise ResultError(f"speed: must be greater than 0, got {speed:g}")
+    pictures = 1.0 + float(trajectory.time[-1]) * fps / speed if len(trajectory) else 0.0
+    if pictures > MOST_PICTURES:
+        raise ResultError(
+            f"speed: {speed:g} at {fps:g} pictures per second needs {pictures:.3g} pictures, more than "
+            f"{MOST_PICTURES:,}; raise speed, or reduce fps"
+        )
+    return math.ceil(pictures)
+
+
+def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
+    if path.suffix not in endings:
+        raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {' or '.join(endings)}")
+
+
+def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
+    """Write a GIF with the palette of the first picture for all pictures, to avoid flickering."""
+    from scipy.spatial import cKDTree
+
+    first = next(images)
+    palette = Image.fromarray(first).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
+    table = np.array(palette.getpalette()).reshape(-1, 3)
+    # Table of the nearest colour of the palette for each colour with five bits per channel, computed only once.
+    middle = np.arange(32) * 8 + 4
+    colours = np.stack(np.meshgrid(middle, middle, middle, indexing="ij"), axis=-1).reshape(-1, 3)
+    nearest = cKDTree(table).query(colours)[1].astype(np.uint8)
+
+    def indexed(image: NDArray[np.uint8]) -> Image.Image:
+        fives = (image >> 3).astype(np.uint16)
+        found = Image.fromarray(nearest[(fives[..., 0] << 10) | (fives[..., 1] << 5) | fives[..., 2]])
+        found.putpalette(palette.getpalette() or [])
+        return found
+
+    rest = (indexed(image) for image in images)
+    indexed(first).save(path, save_all=True, append_images=rest, duration=1000.0 / fps, loop=0)
+
+
+def _write_mp4(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
+    import imageio.v2 as imageio
+
+    film: Any = imageio.get_writer(path, format="FFMPEG", fps=fps, macro_block_size=2)
+    with film:
+        for image in images:
+            film.append_data(image)

@@ -1,0 +1,264 @@
+"""The building of a trajectory in three dimensions, drawn off screen by VTK: floors, low walls, stairs, exits."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista
+import shapely
+from vtkmodules.vtkCommonCore import vtkLogger
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.building.model.building import Building, Exit, Level
+from evac.building.model.elevation import elevation
+from evac.export.vtk import segments_in_space
+from evac.pictures import palette
+from evac.pictures.camera import Camera, aim
+from evac.pictures.pawns import PERSON_HEIGHT
+from evac.pictures.view import Label, View
+
+FURNITURE = 4.0  # greatest area of holes drawn as furniture [m2]
+WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
+FLOOR_OPACITY = 0.8  # of floors with storeys below
+MARGIN = {"left": 0.08, "right": 0.03, "top": 0.12, "bottom": 0.08}  # for text, as shares of the picture
+LEGEND_WIDTH = 0.16
+
+
+def view_of(
+    building: Building,
+    size: tuple[int, int],
+    camera: Camera,
+    levels: Sequence[Level],
+    has_legend: bool,
+) -> View:
+    """Draw levels of a building.
+
+    Parameters
+    ----------
+    building : Building
+    size : tuple of int
+        Width and height of the picture [pixels].
+    camera : Camera
+    levels : sequence of Level
+        Levels that are drawn.
+    has_legend : bool
+        Whether to leave space for a legend.
+    """
+    scene = _Scene(building, size, camera, levels, has_legend)
+    try:
+        with quiet_vtk():
+            return scene.view()
+    finally:
+        scene.close()
+
+
+@dataclass(frozen=True)
+class _InSpace:
+    """Parallel projection in any direction, see `evac.pictures.view.Projection`."""
+
+    shown: IntArray
+    axes: FloatArray
+    zero: FloatArray
+    stretch: float
+    scale: float
+    corner: FloatArray  # of the picture, right and up [m]
+
+    def place(self, points: FloatArray) -> FloatArray:
+        """Convert points of the building to the scene: shifted to the origin, with stretched heights."""
+        return np.asarray((points - self.zero) * [1.0, 1.0, self.stretch])
+
+    def __call__(self, level: IntArray, points: FloatArray) -> FloatArray:
+        """Return column, row and nearness [pixels]."""
+        right, up, toward = self.axes @ self.place(points).T
+        found = self.scale * np.column_stack([right - self.corner[0], self.corner[1] - up, toward])
+        found[~np.isin(level, self.shown)] = np.nan
+        return found
+
+
+class _Scene:
+    """An off-screen VTK window with the building."""
+
+    def __init__(
+        self, building: Building, size: tuple[int, int], camera: Camera, levels: Sequence[Level], has_legend: bool
+    ) -> None:
+        self.building, self.size, self.levels = building, size, levels
+        self.rows = np.array([level.index for level in levels], np.int32)
+        corners = building.vertices[np.unique(np.concatenate([level.triangles.ravel() for level in levels]))]
+        # Single precision on graphics cards is too coarse far from the origin.
+        zero = np.append(np.round(corners[:, :2].mean(axis=0)), corners[:, 2].min())
+        aimed = aim(building, levels, camera)
+        right_side = MARGIN["right"] + LEGEND_WIDTH if has_legend else MARGIN["left"]
+        flat = _InSpace(self.rows, aimed.axes, zero, aimed.stretch, 1.0, np.zeros(2))
+        placed = flat.place(corners)
+        placed = np.concatenate([placed, placed + np.array([0.0, 0.0, PERSON_HEIGHT])])
+        across, along, _ = aimed.axes @ placed.T
+        width, height = size
+        free = width * (1.0 - MARGIN["left"] - right_side), height * (1.0 - MARGIN["top"] - MARGIN["bottom"])
+        scale = camera.zoom * min(free[0] / np.ptp(across), free[1] / np.ptp(along))
+        middle = MARGIN["left"] * width + 0.5 * free[0], MARGIN["top"] * height + 0.5 * free[1]
+        corner = np.array(
+            [
+                0.5 * (across.min() + across.max()) - middle[0] / scale,
+                0.5 * (along.min() + along.max()) + middle[1] / scale,
+            ]
+        )
+        self._is_stacked = len({round(level.z_min, 1) for level in levels if level.kind == "floor"}) > 1
+        self.project = _InSpace(self.rows, aimed.axes, zero, aimed.stretch, scale, corner)
+        self.elevation = aimed.elevation
+        left = round(width * (1.0 - MARGIN["right"] - LEGEND_WIDTH + 0.02))
+        self.side = (left, round(0.15 * height), round(0.99 * width), round(0.92 * height))
+        with quiet_vtk():
+            self.plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+            self.plotter.set_background("white")
+            self._add_building()
+            self._aim()
+
+    def view(self) -> View:
+        """Draw the building, and again without anti-aliasing for the depth of each pixel."""
+        building, plotter = self.building, self.plotter
+        plotter.enable_anti_aliasing("ssaa")
+        plotter.show(auto_close=False)
+        image = np.array(plotter.screenshot(return_img=True))
+        plotter.disable_anti_aliasing()
+        for actor in plotter.actors.values():
+            actor.prop.opacity = 1.0
+        plotter.render()
+        away = np.asarray(plotter.get_image_depth(reset_camera_clipping_range=False), np.float64)
+        nearness = np.where(np.isfinite(away), self.project.scale * (away + self._distance), -np.inf)
+        exits = [exit_ for exit_ in building.exits if exit_.level in self.rows]
+        return View(
+            image=image,
+            nearness=nearness,
+            project=self.project,
+            scale=self.project.scale,
+            elevation=self.elevation,
+            labels=(*self._floor_labels(), *(self._exit_label(exit_) for exit_ in exits)),
+            outlines=tuple(
+                (self._colour_of(exit_), corners[:, :2]) for exit_ in exits for corners in self._strips(exit_)
+            ),
+            side=self.side,
+        )
+
+    def close(self) -> None:
+        """Release the window."""
+        self.plotter.close()
+
+    def _aim(self) -> None:
+        """Set the camera to the axes and scale of the projection."""
+        width, height = self.size
+        right, up, toward = self.project.axes
+        middle = self.project.corner + np.array([0.5 * width, -0.5 * height]) / self.project.scale
+        focus = middle[0] * right + middle[1] * up
+        self._distance = 1e3
+        camera = self.plotter.camera
+        camera.focal_point, camera.position, camera.up = focus, focus + self._distance * toward, up
+        camera.parallel_projection, camera.parallel_scale = True, 0.5 * height / self.project.scale
+        self.plotter.renderer.ResetCameraClippingRange()
+        self.plotter.camera_set = True
+
+    def _add_building(self) -> None:
+        building = self.building
+        corners = self.project.place(building.vertices)
+        for kind, colour in palette.LEVELS.items():
+            triangles = [level.triangles for level in self.levels if level.kind == kind]
+            if triangles:
+                surface = pyvista.PolyData.from_regular_faces(corners, np.concatenate(triangles))
+                # Stairs and lower storeys are visible through the floors above them.
+                opacity = FLOOR_OPACITY if kind == "floor" and self._is_stacked else 1.0
+                self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
+        here = np.isin(building.wall_level, self.rows)
+        walls = self.project.place(
+            segments_in_space(building, building.walls[here], building.wall_level[here]).reshape(-1, 3)
+        ).reshape(-1, 2, 3)
+        self._add_ribbon(walls, WALL_HEIGHT, palette.WALL, palette.EDGE)
+        self._add_tops()
+        for exit_ in building.exits:
+            if exit_.level in self.rows:
+                self._add_link(exit_.segments, exit_.level, self._colour_of(exit_))
+        for portal in building.portals:
+            shown = [level for level in portal.levels if level in self.rows]
+            if shown and not building.is_open(portal):
+                self._add_link(portal.segments, shown[0], palette.CLOSED)
+
+    def _colour_of(self, exit_: Exit) -> str:
+        return palette.EXIT if self.building.is_open(exit_) else palette.CLOSED
+
+    def _add_link(self, segments: FloatArray, level: int, colour: str) -> None:
+        """Add a strip on the segments of an exit or of a closed portal."""
+        ends = segments_in_space(self.building, segments, np.full(len(segments), level)).reshape(-1, 3)
+        self._add_ribbon(self.project.place(ends).reshape(-1, 2, 3), EXIT_HEIGHT, colour, colour)
+
+    def _add_tops(self) -> None:
+        """Add tops to holes of flat levels that are small enough for furniture, at the height of walls."""
+        triangles = []
+        for level in self.levels:
+            if level.slope > 0.0:
+                continue
+            for part in shapely.get_parts(level.polygon):
+                for hole in map(shapely.Polygon, shapely.get_rings(part)[1:]):
+                    if hole.area <= FURNITURE:
+                        for piece in shapely.get_parts(shapely.constrained_delaunay_triangles(hole)):
+                            plan = shapely.get_coordinates(piece)[:3]
+                            triangles.append(np.column_stack([plan, np.full(3, level.z_min)]))
+        if triangles:
+            corners = self.project.place(np.concatenate(triangles)) + np.array([0.0, 0.0, WALL_HEIGHT])
+            faces = np.arange(len(corners)).reshape(-1, 3)
+            tops = pyvista.PolyData.from_regular_faces(corners, faces)
+            self.plotter.add_mesh(tops, color=palette.FURNITURE, lighting=False, render=False)
+
+    def _add_ribbon(self, segments: FloatArray, height: float, colour: str, edge_colour: str) -> None:
+        """Add upright strips of `height` on `segments` (s, 2, 3), with their upper edges."""
+        if not len(segments):
+            return
+        up = np.array([0.0, 0.0, height])
+        quads = np.stack([segments[:, 0], segments[:, 1], segments[:, 1] + up, segments[:, 0] + up], axis=1)
+        faces = np.arange(4 * len(segments)).reshape(-1, 4)
+        strips = pyvista.PolyData.from_regular_faces(quads.reshape(-1, 3), faces)
+        self.plotter.add_mesh(strips, color=colour, lighting=False, opacity=0.75, render=False)
+        edges = pyvista.line_segments_from_points((segments + up).reshape(-1, 3))
+        self.plotter.add_mesh(edges, color=edge_colour, line_width=self.size[0] / 800, lighting=False, render=False)
+
+    def _strips(self, exit_: Exit) -> Iterator[FloatArray]:
+        """Yield the corners (4, 3) in the picture of the strip on each segment of an exit."""
+        level = np.full(len(exit_.segments), exit_.level)
+        for ends in segments_in_space(self.building, exit_.segments, level):
+            ground = self.project(level[:1].repeat(2), ends)
+            up = self.project.scale * EXIT_HEIGHT * self.project.axes[1, 2]
+            yield np.concatenate([ground, ground[::-1] - np.array([0.0, up, 0.0])])
+
+    def _floor_labels(self) -> Iterator[Label]:
+        """Yield the name of every floor, left of its leftmost corner."""
+        for level in self.levels:
+            if level.kind == "floor" or len(self.levels) == 1:
+                rows = np.unique(level.triangles)
+                places = self.project(np.full(len(rows), level.index), self.building.vertices[rows])
+                place = places[places[:, 0].argmin(), :2] - np.array([0.008 * self.size[0], 0.0])
+                yield Label(level.name, place, "rm", palette.TEXT)
+
+    def _exit_label(self, exit_: Exit) -> Label:
+        """Return the name of an exit, outside the middle of its line."""
+        x1, y1, x2, y2 = exit_.segments[len(exit_.segments) // 2].tolist()
+        middle = np.array([[0.5 * (x1 + x2), 0.5 * (y1 + y2)]])
+        outward = np.array([[y2 - y1, x1 - x2]]) / np.hypot(x2 - x1, y2 - y1)
+        z = elevation(self.building, [exit_.level], middle)
+        level = np.array([exit_.level], np.int32)
+        here, beyond = (self.project(level, np.column_stack([p, z]))[0, :2] for p in (middle, middle + 0.1 * outward))
+        way = (beyond - here) / max(float(np.linalg.norm(beyond - here)), 1e-9)
+        place = here + 0.022 * self.size[1] * way
+        if way[1] < 0.0:  # above the upright strip
+            place[1] -= self.project.scale * EXIT_HEIGHT * self.project.axes[1, 2]
+        anchor = ("l" if way[0] > 0.7 else "r" if way[0] < -0.7 else "m") + ("a" if way[1] > 0 else "d")
+        name = exit_.name if self.building.is_open(exit_) else f"{exit_.name} (closed)"
+        return Label(name, place, anchor, self._colour_of(exit_))
+
+
+@contextmanager
+def quiet_vtk() -> Iterator[None]:
+    """Suppress VTK's message on stderr about a missing display, which it does not need."""
+    before = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+    try:
+        yield
+    finally:
+        vtkLogger.SetStderrVerbosity(before)

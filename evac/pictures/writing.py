@@ -1,0 +1,118 @@
+"""Text, legends, colour bars and scale bars in pictures, drawn with Pillow."""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from evac.base.arrays import FloatArray
+from evac.pictures import palette
+
+WHITE = (255, 255, 255)
+
+
+@cache
+def font(size: int, is_bold: bool = False) -> ImageFont.FreeTypeFont:
+    """Return the font shipped with matplotlib, which covers most languages."""
+    name = "DejaVuSans-Bold.ttf" if is_bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path(), "fonts", "ttf", name)), size)
+
+
+class Pen:
+    """Draws text and scales into a picture; lengths are in pixels, font sizes scale with the picture.
+
+    Parameters
+    ----------
+    image : Image
+        Modified in place.
+    """
+
+    def __init__(self, image: Image.Image) -> None:
+        self.draw = ImageDraw.Draw(image)
+        self.width, self.height = image.size
+        self.unit = max(8, round(min(image.width / 1.33, image.height) / 52))  # font size
+
+    def title(self, words: str) -> None:
+        """Write the title, in a smaller font or shortened if it is long."""
+        size = round(1.25 * self.unit)
+        while size > 0.85 * self.unit and font(size, True).getlength(words) > 0.96 * self.width:
+            size -= 1
+        while len(words) > 8 and font(size, True).getlength(words) > 0.96 * self.width:
+            words = words[:-5].rstrip() + " ..."
+        self.draw.text((self.unit, 0.9 * self.unit), words, palette.TEXT, font(size, True))
+
+    def clock(self, words: str) -> None:
+        """Write the line below the title."""
+        self.draw.text((self.unit, 2.7 * self.unit), words, palette.TEXT, font(round(1.05 * self.unit)))
+
+    def label(self, words: str, place: FloatArray, anchor: str, colour: str) -> None:
+        """Write a text within the picture, with a white outline so that it is legible on any background."""
+        letters = font(round(0.95 * self.unit), True)
+        x1, y1, x2, y2 = self.draw.textbbox(tuple(place), words, letters, anchor)
+        x = place[0] + max(4 - x1, 0) - max(x2 - self.width + 4, 0)
+        y = place[1] + max(4 - y1, 0) - max(y2 - self.height + 4, 0)
+        rim = max(2, self.unit // 6)
+        self.draw.text((x, y), words, colour, letters, anchor, stroke_width=rim, stroke_fill=WHITE)
+
+    def outline(self, corners: FloatArray, colour: str) -> None:
+        """Draw a closed line."""
+        points = [tuple(corner) for corner in corners.tolist()]
+        self.draw.line([*points, points[0]], colour, max(2, self.unit // 6), "curve")
+
+    def legend(self, side: tuple[int, int, int, int], names: Sequence[str], colours: Sequence[str]) -> None:
+        """Draw a legend of names beside coloured dots."""
+        left, top, right, bottom = side
+        line = min(1.7 * self.unit, (bottom - top) / max(len(names), 1))
+        letters = font(max(7, round(min(0.95 * self.unit, 0.8 * line))))
+        y = 0.5 * (top + bottom) - 0.5 * line * len(names)
+        dot = 0.34 * line
+        for name, colour in zip(names, colours, strict=True):
+            y += line
+            self.draw.ellipse((left, y - dot, left + 2 * dot, y + dot), colour, palette.TEXT)
+            shown = name
+            while len(shown) > 4 and letters.getlength(shown) > right - left - 3 * dot:
+                shown = shown[:-2] + "…"
+            self.draw.text((left + 3 * dot, y), shown, palette.TEXT, letters, "lm")
+
+    def colour_bar(self, side: tuple[int, int, int, int], colours: NDArray[np.uint8], top: float, label: str) -> None:
+        """Draw a colour bar of colours (n, 3) from 0 to `top`."""
+        left, upper, _, lower = side
+        tall = min(lower - upper, 20 * self.unit)
+        high = (upper + lower + tall) // 2 - tall
+        for k in range(tall):
+            colour = tuple(colours[round((1.0 - k / max(tall - 1, 1)) * (len(colours) - 1))].tolist())
+            self.draw.line([(left, high + k), (left + 1.2 * self.unit, high + k)], colour)
+        letters = font(round(0.95 * self.unit))
+        step = round_length(top / 4.0)
+        for k in range(int(top / step + 1e-9) + 1):
+            y = high + tall * (1.0 - k * step / top)
+            self.draw.line([(left + 1.2 * self.unit, y), (left + 1.5 * self.unit, y)], palette.TEXT)
+            self.draw.text((left + 1.8 * self.unit, y), f"{k * step:g}", palette.TEXT, letters, "lm")
+        for k, line in enumerate(label.split("\n")[::-1]):
+            self.draw.text((left, high - (0.8 + 1.3 * k) * self.unit), line, palette.TEXT, letters, "ls")
+
+    def scale_bar(self, scale: float) -> None:
+        """Draw a scale bar of a round length at `scale` pixels per metre."""
+        length = round_length(9.0 * self.unit / scale)
+        x, y, up = 1.2 * self.unit, self.height - 1.3 * self.unit, 0.3 * self.unit
+        end = x + length * scale
+        wide = max(2, self.unit // 7)
+        self.draw.line([(x, y), (end, y)], palette.TEXT, wide)
+        for tip in (x, end):
+            self.draw.line([(tip, y - up), (tip, y + up)], palette.TEXT, wide)
+        self.draw.text((end + 0.6 * self.unit, y), f"{length:g} m", palette.TEXT, font(round(0.95 * self.unit)), "lm")
+
+
+def round_length(value: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, the one nearest to a value on a logarithmic scale.
+
+    >>> round_length(3.4), round_length(0.9), round_length(24.0)
+    (5.0, 1.0, 20.0)
+    """
+    power = 10.0 ** math.floor(math.log10(value))
+    return min((power * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda one: abs(math.log(one / value)))

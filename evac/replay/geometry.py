@@ -1,0 +1,114 @@
+"""The building for the replay page, in whole centimetres from the origin of the replay."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Level
+from evac.building.model.elevation import elevation
+from evac.replay.motion import GRAIN, is_even, level_plane
+
+#: Holes of a floor up to this area are drawn as furniture [m2].
+FURNITURE = 4.0
+
+
+def building_for_page(building: Building, origin: FloatArray) -> dict[str, Any]:
+    """Return levels, walls, furniture, portals, exits and stairs as lists of numbers and strings.
+
+    Parameters
+    ----------
+    building : Building
+    origin : (2,) float64 [m]
+        Origin of positions in plan.
+
+    Returns
+    -------
+    dict
+        ``vertices`` [x, y, z, ...] and all other lengths in centimetres; ``triangles`` of a level are vertex indices.
+        Planes z = c + a x + b y are in metres. ``segments`` are [x1, y1, z1, x2, y2, z2, ...].
+    """
+    return {
+        "vertices": _grains(building.vertices, origin).ravel().tolist(),
+        "levels": [_level(building, level, origin) for level in building.levels],
+        "portals": [
+            {
+                "name": portal.name,
+                "levels": list(portal.levels),
+                "segments": _segments(building, portal.segments, portal.levels[0], origin),
+                "width": round(portal.width, 2),
+            }
+            for portal in building.portals
+        ],
+        "exits": [
+            {
+                "name": exit_.name,
+                "level": exit_.level,
+                "segments": _segments(building, exit_.segments, exit_.level, origin),
+                "width": round(exit_.width, 2),
+            }
+            for exit_ in building.exits
+        ],
+        "stairs": [{"name": name, "levels": list(levels)} for name, levels in building.stairs.items()],
+    }
+
+
+def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, Any]:
+    c, a, b = level_plane(building, level)
+    walls = building.walls[building.wall_level == level.index]
+    furniture = [hole for hole in _holes(level.polygon) if hole.area <= FURNITURE] if level.kind == "floor" else []
+    is_low = _are_sides(walls, furniture)
+    return {
+        "name": level.name,
+        "kind": level.kind,
+        "stair": level.stair,
+        "plane": [round(c + a * origin[0] + b * origin[1], 5), round(a, 7), round(b, 7)],
+        "uneven": not is_even(building, level),
+        "z": [round(level.z_min, 3), round(level.z_max, 3)],
+        "triangles": level.triangles.ravel().tolist(),
+        "walls": _segments(building, walls[~is_low], level.index, origin),
+        "furniture": {
+            "sides": _segments(building, walls[is_low], level.index, origin),
+            "top": _tops(furniture, origin),
+        },
+    }
+
+
+def _segments(building: Building, segments: FloatArray, level: int, origin: FloatArray) -> list[int]:
+    """Return plan segments (s, 4) on a level as points in space."""
+    ends = segments.reshape(-1, 2)
+    z = elevation(building, np.full(len(ends), level), ends)
+    return _grains(np.column_stack([ends, z]), origin).ravel().tolist()
+
+
+def _are_sides(walls: FloatArray, furniture: list[shapely.Polygon]) -> NDArray[np.bool_]:
+    """Return which walls (w, 4) are sides of furniture, (w,)."""
+    if not furniture:
+        return np.zeros(len(walls), bool)
+    middles = shapely.points(0.5 * (walls[:, :2] + walls[:, 2:]))
+    sides = shapely.STRtree([piece.exterior for piece in furniture])
+    found = np.zeros(len(walls), bool)
+    found[sides.query(middles, predicate="dwithin", distance=GRAIN)[0]] = True
+    return found
+
+
+def _tops(furniture: list[shapely.Polygon], origin: FloatArray) -> list[int]:
+    """Return the triangles of furniture [x1, y1, x2, y2, x3, y3, ...]."""
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(furniture))
+    corners = [shapely.get_coordinates(piece)[:3] for piece in pieces]
+    return _grains(np.concatenate(corners), origin).ravel().tolist() if corners else []
+
+
+def _holes(polygon: shapely.Geometry) -> Iterable[shapely.Polygon]:
+    for part in shapely.get_parts(polygon):
+        yield from map(shapely.Polygon, part.interiors)
+
+
+def _grains(points: FloatArray, origin: FloatArray) -> NDArray[np.int64]:
+    """Return points (n, 2 or 3) relative to the origin in plan, in whole centimetres."""
+    zero = np.zeros(points.shape[1])
+    zero[:2] = origin
+    return np.rint((points - zero) / GRAIN).astype(np.int64)

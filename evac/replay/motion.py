@@ -1,0 +1,202 @@
+"""The motion of all people for the replay page: quantised, as second differences, compressed frame by frame.
+
+The page decodes the streams (page/motion.js). All numbers are little-endian:
+
+- ``times``: float64, the time of each frame [s].
+- ``events``: int32. For each frame the number of people who were not in the previous frame, then their indices and
+  their levels; the number of people who have left, and their indices; the number of people who have changed the level,
+  their indices and their levels.
+- ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: second differences in
+  centimetres. Before a person's first frame its positions count as zero, for its second frame as the first one.
+- ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
+- ``forces``: bytes. For each frame, of everybody inside, the change of the force's code since the last frame: 0 below
+  `LEAST_FORCE`, else 1 + `PER_OCTAVE` log2(force / `LEAST_FORCE`), rounded.
+- ``wide``: int32. Numbers that do not fit in a byte.
+
+A byte b of ``steps``, ``heights`` and ``forces`` encodes the number b / 2 if b is even and -(b + 1) / 2 if it is odd;
+255 encodes the next number of ``wide``.
+"""
+
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.saved import SavedError, taken
+from evac.building.model.building import Building, Level
+from evac.building.model.elevation import PLANE, elevation
+
+#: Resolution of positions [m].
+GRAIN = 0.01
+
+#: Contact forces below this are stored as 0 [N]; above, their resolution is 26 %.
+LEAST_FORCE = 10.0
+
+#: Number of force codes per factor of two.
+PER_OCTAVE = 1.5
+_ESCAPE = 255
+#: Largest numbers in a saved state, so that differences do not overflow.
+MOST_FRAMES = 2**31 - 1
+MOST_CODE = 2**40
+#: Greatest number of bytes of a stream for a frame, and in addition for each person.
+LARGEST_FRAME, LARGEST_RECORD = 16, 24
+#: Arrays that encoding of the next frame depends on.
+_STATE = ("level", "seen", "last", "before", "force")
+
+STREAMS = ("times", "events", "steps", "heights", "forces", "wide")
+
+
+class _Stream:
+    """A byte stream that is compressed incrementally."""
+
+    def __init__(self, data: bytes = b"") -> None:
+        # Sequences rarely repeat, but some bytes are much more frequent than others.
+        self._compressor = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
+        self._ready = bytearray()
+        self.write(data)
+
+    def write(self, data: bytes) -> None:
+        self._ready += self._compressor.compress(data)
+
+    def packed(self) -> bytes:
+        """Return all data written so far, compressed; writing can continue."""
+        return bytes(self._ready) + self._compressor.copy().flush()
+
+
+class MotionPacker:
+    """Encodes and compresses one frame after the other, so that little memory is needed.
+
+    Parameters
+    ----------
+    people : int
+    building : Building
+    origin : (2,) float64 [m]
+        Origin of positions in plan.
+    """
+
+    def __init__(self, people: int, building: Building, origin: FloatArray) -> None:
+        self.frames = 0
+        self._origin = origin
+        self._building = building
+        self._planes = [level_plane(building, level) for level in building.levels]
+        self._uneven = np.array([not is_even(building, level) for level in building.levels])
+        self._level = np.full(people, -1, np.int32)  # in the previous frame
+        self._seen = np.zeros(people, np.int32)  # frames of each person so far
+        self._last = np.zeros((people, 2), np.int64)  # positions in the last two frames
+        self._before = np.zeros((people, 2), np.int64)
+        self._force = np.zeros(people, np.int64)  # codes in the previous frame
+        self._streams = {name: _Stream() for name in STREAMS}
+
+    def add(
+        self, time: float, person: IntArray, level: IntArray, position: FloatArray, contact_force: FloatArray
+    ) -> None:
+        """Add a frame with all people who are inside at one time.
+
+        Parameters
+        ----------
+        time : float [s]
+            Later than that of the previous frame.
+        person : (c,) int32
+            Ascending indices.
+        level : (c,) int32
+        position : (c, 2) float64 [m]
+        contact_force : (c,) float64 [N]
+        """
+        self.frames += 1
+        self._write("times", np.array([time], "<f8"))
+        self._write("events", self._events(person, level))
+        at = np.rint((position - self._origin) / GRAIN).astype(np.int64)
+        expected = np.where(self._seen[person, None] > 1, 2 * self._last[person] - self._before[person], 0)
+        expected = np.where(self._seen[person, None] == 1, self._last[person], expected)
+        self._numbers("steps", (at - expected).T.ravel())
+        self._before[person], self._last[person] = self._last[person], at
+        self._seen[person] += 1
+        uneven = np.flatnonzero(self._uneven[level])
+        if uneven.size:
+            self._numbers("heights", self._off_plane(level[uneven], position[uneven]))
+        octaves = np.log2(np.maximum(contact_force, LEAST_FORCE) / LEAST_FORCE)
+        codes = np.where(contact_force < LEAST_FORCE, 0, 1 + np.rint(PER_OCTAVE * octaves)).astype(np.int64)
+        self._numbers("forces", codes - self._force[person])
+        self._force[person] = codes
+
+    def streams(self) -> dict[str, bytes]:
+        """Return the compressed streams by name."""
+        return {name: stream.packed() for name, stream in self._streams.items()}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all data needed to continue with the same bytes."""
+        state: dict[str, NDArray[Any]] = {name: getattr(self, f"_{name}").copy() for name in _STATE}
+        state["frames"] = np.array([self.frames])
+        return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned in a packer for the same people and building.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        self.frames = int(taken(state, "frames", np.int64, (1,), 0, MOST_FRAMES)[0])
+        bounds = {"level": (-1, len(self._planes) - 1), "seen": (0, self.frames)}
+        for name in _STATE:
+            array = getattr(self, f"_{name}")
+            array[:] = taken(state, name, array.dtype, array.shape, *bounds.get(name, (-MOST_CODE, MOST_CODE)))
+        self._streams = {name: self._restored(state, name) for name in STREAMS}
+
+    def _restored(self, state: Mapping[str, NDArray[Any]], name: str) -> _Stream:
+        """Return a stream with its saved bytes, which are bounded by the number of frames."""
+        key = f"stream.{name}"
+        most = self.frames * (LARGEST_FRAME + LARGEST_RECORD * len(self._level))
+        decompressor = zlib.decompressobj()
+        try:
+            data = decompressor.decompress(taken(state, key, np.uint8, (None,), 0, 255).tobytes(), most + 1)
+        except zlib.error as error:
+            raise SavedError(f"{key}: {error}") from error
+        if len(data) > most or not decompressor.eof or (name == "times" and len(data) != 8 * self.frames):
+            raise SavedError(f"{key}: its length does not match {self.frames} frames")
+        return _Stream(data)
+
+    def _events(self, person: IntArray, level: IntArray) -> NDArray[np.int32]:
+        """Return the people who are new, have left, or have changed the level since the previous frame."""
+        now = np.full(len(self._level), -1, np.int32)
+        now[person] = level
+        new = np.flatnonzero((self._level < 0) & (now >= 0))
+        gone = np.flatnonzero((self._level >= 0) & (now < 0))
+        changed = np.flatnonzero((self._level >= 0) & (now >= 0) & (self._level != now))
+        self._level[:] = now
+        parts = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
+        return np.concatenate(parts).astype("<i4")
+
+    def _off_plane(self, level: IntArray, position: FloatArray) -> NDArray[np.int64]:
+        """Return heights above the planes of the levels [cm]."""
+        plane = np.array(self._planes)[level]
+        height = plane[:, 0] + (plane[:, 1:] * position).sum(axis=1)
+        off: NDArray[np.int64] = np.rint((elevation(self._building, level, position) - height) / GRAIN).astype(np.int64)
+        return off
+
+    def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
+        """Write whole numbers as bytes, and those that do not fit to ``wide``."""
+        folded = np.where(values < 0, -2 * values - 1, 2 * values)
+        self._write(name, np.minimum(folded, _ESCAPE).astype(np.uint8))
+        self._write("wide", values[folded >= _ESCAPE].astype("<i4"))
+
+    def _write(self, name: str, values: NDArray[np.generic]) -> None:
+        self._streams[name].write(values.tobytes())
+
+
+def level_plane(building: Building, level: Level) -> tuple[float, float, float]:
+    """Return c, a, b of a level's plane z = c + a x + b y [m], through one of its vertices."""
+    x, y, z = building.vertices[level.triangles[0, 0]]
+    a, b = np.tan(level.slope) * level.uphill
+    return float(z - a * x - b * y), float(a), float(b)
+
+
+def is_even(building: Building, level: Level) -> bool:
+    """Return whether a level is a plane up to rounding errors of heights."""
+    own = building.vertices[np.unique(level.triangles)]
+    c, a, b = level_plane(building, level)
+    return bool(np.abs(own[:, 2] - c - own[:, :2] @ [a, b]).max() <= max(PLANE, 0.5 * GRAIN))

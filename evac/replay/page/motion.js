@@ -1,0 +1,89 @@
+// Where everybody was: takes apart what evac/replay/motion.py has packed.
+
+async function inflateMotion() {
+  const names = ["times", "events", "steps", "heights", "forces", "wide"];
+  const [times, events, steps, heights, forces, wide] = await Promise.all(names.map(inflate));
+  return {
+    times: new Float64Array(times),
+    events: new Int32Array(events),
+    steps: new Uint8Array(steps),
+    heights: new Uint8Array(heights),
+    forces: new Uint8Array(forces),
+    wide: new Int32Array(wide),
+  };
+}
+
+// The first row of each frame, and the number of all rows at the end.
+function firstRows(streams) {
+  const first = new Uint32Array(streams.times.length + 1);
+  const events = streams.events;
+  let at = 0, inside = 0;
+  for (let k = 0; k + 1 < first.length; k++) {
+    const entered = events[at];
+    const gone = events[at += 1 + 2 * entered];
+    at += 1 + gone;
+    at += 1 + 2 * events[at];
+    inside += entered - gone;
+    first[k + 1] = first[k] + inside;
+  }
+  return first;
+}
+
+// Rows of everybody inside, frame after frame: person, level, position [m], contact force as it was packed.
+function unpackMotion(streams, levels, people, grain) {
+  const first = firstRows(streams);
+  const rows = first[first.length - 1];
+  const motion = {
+    times: streams.times, first, force: new Uint8Array(rows),
+    person: new Uint32Array(rows), level: new Uint16Array(rows),
+    x: new Float32Array(rows), y: new Float32Array(rows), z: new Float32Array(rows),
+  };
+  const { events, steps, heights, forces, wide } = streams;
+  const levelOf = new Int32Array(people).fill(-1);
+  const seen = new Uint8Array(people);
+  const code = new Uint8Array(people);
+  const last = [new Int32Array(people), new Int32Array(people)];
+  const before = [new Int32Array(people), new Int32Array(people)];
+  let event = 0, step = 0, lift = 0, wider = 0;
+  const number = (byte) => byte === 255 ? wide[wider++] : byte & 1 ? -(byte + 1) / 2 : byte / 2;
+
+  for (let k = 0; k + 1 < first.length; k++) {
+    const entered = events[event++];
+    for (let i = 0; i < entered; i++) levelOf[events[event + i]] = events[event + entered + i];
+    event += 2 * entered;
+    const gone = events[event++];
+    for (let i = 0; i < gone; i++) levelOf[events[event + i]] = -1;
+    event += gone;
+    const moved = events[event++];
+    for (let i = 0; i < moved; i++) levelOf[events[event + i]] = events[event + moved + i];
+    event += 2 * moved;
+
+    let row = first[k];
+    for (let p = 0; p < people; p++) {
+      if (levelOf[p] < 0) continue;
+      motion.person[row] = p;
+      motion.level[row++] = levelOf[p];
+    }
+    for (const axis of [0, 1]) {
+      const target = axis ? motion.y : motion.x;
+      for (row = first[k]; row < first[k + 1]; row++) {
+        const p = motion.person[row];
+        const expected = seen[p] > 1 ? 2 * last[axis][p] - before[axis][p] : seen[p] ? last[axis][p] : 0;
+        before[axis][p] = last[axis][p];
+        last[axis][p] = expected + number(steps[step++]);
+        target[row] = grain * last[axis][p];
+      }
+    }
+    for (row = first[k]; row < first[k + 1]; row++) {
+      const level = levels[motion.level[row]];
+      const [c, a, b] = level.plane;
+      if (seen[motion.person[row]] < 2) seen[motion.person[row]]++;
+      motion.z[row] = c + a * motion.x[row] + b * motion.y[row];
+      if (level.uneven) motion.z[row] += grain * number(heights[lift++]);
+    }
+    for (row = first[k]; row < first[k + 1]; row++) {
+      motion.force[row] = code[motion.person[row]] += number(forces[row]);
+    }
+  }
+  return motion;
+}

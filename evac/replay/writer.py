@@ -1,0 +1,236 @@
+"""Writing of replay.html: page, style, scripts and data in one file."""
+
+import base64
+import html
+import json
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ResultError
+from evac.base.saved import FINITE, taken
+from evac.building.model.building import Building
+from evac.folder.files import replacing
+from evac.pictures import palette
+from evac.replay.account import Account, account_of_folder
+from evac.replay.geometry import building_for_page
+from evac.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
+from evac.trajectory.trajectory import Trajectory
+
+#: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
+LARGEST = 1e9
+
+#: Template, style and scripts.
+PAGE = Path(__file__).with_name("page")
+
+#: Script that decompresses and runs the others.
+LOADER = "loader.js"
+
+#: Scripts in the order in which they are run, within one function so that they define no global names.
+SCRIPTS = (
+    "colours.js",
+    "motion.js",
+    "record.js",
+    "series.js",
+    "layout.js",
+    "density.js",
+    "maps.js",
+    "shaders.js",
+    "meshes.js",
+    "stage.js",
+    "camera.js",
+    "people.js",
+    "labels.js",
+    "chart.js",
+    "panel.js",
+    "controls.js",
+    "main.js",
+)
+
+
+class ReplayWriter:
+    """Collects the states of a run, and writes the page at the end.
+
+    Parameters
+    ----------
+    people : int
+    building : Building
+        Building with the portals and exits that are closed at the start.
+    """
+
+    def __init__(self, people: int, building: Building) -> None:
+        corners = building.vertices[:, :2]
+        self._building = building
+        self._origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+        self._motion = MotionPacker(people, building, self._origin)
+        self._closed: list[tuple[float, list[int]]] = []
+
+    @property
+    def frames(self) -> int:
+        """Number of states so far."""
+        return self._motion.frames
+
+    def add(
+        self,
+        time: float,
+        person: IntArray,
+        level: IntArray,
+        position: FloatArray,
+        contact_force: FloatArray,
+        closed: frozenset[int],
+    ) -> None:
+        """Add the state at one time.
+
+        Parameters
+        ----------
+        time, person, level, position, contact_force
+            As for `MotionPacker.add`.
+        closed : frozenset of int
+            Indices of the closed links.
+        """
+        if not self._closed or self._closed[-1][1] != sorted(closed):
+            self._closed.append((time, sorted(closed)))
+        self._motion.add(time, person, level, position, contact_force)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all data needed to continue."""
+        links = self._building.n_links
+        rows = [[time, *np.isin(np.arange(links), closed)] for time, closed in self._closed]
+        return {"closed": np.array(rows, np.float64).reshape(-1, 1 + links)} | self._motion.state()
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned in a writer for the same people and building."""
+        links = self._building.n_links
+        most = np.array([FINITE, *[1.0] * links])
+        closed = taken(state, "closed", np.float64, (None, 1 + links), 0.0, most)
+        self._closed = [(float(row[0]), np.flatnonzero(row[1:]).tolist()) for row in closed]
+        self._motion.restore(state)
+
+    def write(self, path: Path, account: Account) -> None:
+        """Write the page.
+
+        Raises
+        ------
+        ResultError
+            No state was added, or the file cannot be written.
+        """
+        if not self.frames:
+            raise ResultError(f"{path}: nothing to replay; the run ended before its first output")
+        about = _about(account) | {
+            "building": building_for_page(self._building, self._origin),
+            "origin": self._origin.tolist(),
+            "closed": self._closed,
+            "grain": GRAIN,
+            "least_force": LEAST_FORCE,
+            "codes_per_octave": PER_OCTAVE,
+        }
+        text = json.dumps(about, separators=(",", ":"), allow_nan=False)
+        scripts = "\n".join(_read(name) for name in SCRIPTS)
+        streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
+        streams |= self._motion.streams()
+        head, tail = _template(account.title).split("<!--data-->")
+        with replacing(path, "the replay") as new, new.open("w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(head)
+            for name, data in streams.items():
+                text = base64.b64encode(data).decode("ascii")
+                file.write(f'<script type="text/plain" id="data-{name}">{text}</script>\n')
+            file.write(tail)
+
+
+def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = None) -> int:
+    """Write the replay of a recorded run.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Further data of the run are read from the files in the same folder.
+    path : Path
+        The page.
+    every : float, optional
+        Least time between two states [s]; by default all recorded states are used.
+
+    Returns
+    -------
+    int
+        Number of states.
+
+    Raises
+    ------
+    ResultError
+        The trajectory has no state, `every` is not positive, or a file cannot be read or written.
+    """
+    if not len(trajectory):
+        raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")
+    if every is not None and not 0.0 < every < np.inf:
+        raise ResultError(f"every: the time between two states must be greater than 0, got {every:g}")
+    writer = ReplayWriter(trajectory.number_of_people, trajectory.building)
+    for k in _chosen(trajectory.time, every):
+        frame = trajectory[k]
+        writer.add(
+            frame["time"],
+            frame["person"],
+            frame["level"],
+            frame["position"],
+            frame["contact_force"],
+            trajectory.building.closed,
+        )
+    writer.write(path, account_of_folder(trajectory))
+    return writer.frames
+
+
+def _chosen(time: FloatArray, every: float | None) -> list[int]:
+    """Return the frames to show: the first, the last, and those nearest to the multiples of `every`."""
+    if every is None:
+        return list(range(len(time)))
+    wanted = np.arange(time[0], time[-1], every)
+    after = np.searchsorted(time, wanted)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(wanted - time[before] < time[after] - wanted, before, after)
+    return sorted({*nearest.tolist(), len(time) - 1})
+
+
+def _about(account: Account) -> dict[str, Any]:
+    """Return the account as plain JSON: times in hundredths of a second, lengths in millimetres."""
+
+    def whole(values: FloatArray | None, scale: float) -> list[int] | None:
+        if values is None:
+            return None
+        scaled = np.where(np.isfinite(values), np.rint(np.minimum(np.nan_to_num(values), LARGEST) * scale), -1)
+        return [int(value) for value in scaled.tolist()]
+
+    return {
+        "title": account.title,
+        "facts": account.facts,
+        "warnings": account.warnings,
+        "quality_warnings": account.quality_warnings,
+        "banner": account.banner,
+        "groups": account.groups,
+        "colours": {
+            "groups": palette.group_colours(len(account.groups))[:-1],
+            "none": palette.NO_GROUP,
+            "exit": palette.EXIT,
+            "closed": palette.CLOSED,
+            "maps": {quantity: palette.STOPS[name] for quantity, name in palette.MAPS.items()},
+        },
+        "group": account.group.tolist(),
+        "radius": whole(account.radius, 1000.0),
+        "speed": whole(account.speed, 100.0),
+        "response_time": whole(account.response_time, 100.0),
+        "exit_used": None if account.exit_used is None else account.exit_used.tolist(),
+        "exit_time": whole(account.exit_time, 100.0),
+    }
+
+
+def _template(title: str) -> str:
+    """Return the page without its data."""
+    page = _read("template.html").replace("/*style*/", _read("style.css")).replace("/*loader*/", _read(LOADER))
+    return page.replace("<!--title-->", html.escape(title))
+
+
+def _read(name: str) -> str:
+    return (PAGE / name).read_text(encoding="utf-8")

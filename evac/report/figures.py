@@ -1,0 +1,123 @@
+"""The pictures of a report, as parts of the page."""
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from evac.analysis.congestion import Place
+from evac.analysis.maps import LevelMaps
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building
+from evac.building.model.storeys import storeys
+from evac.pictures import palette
+from evac.pictures.annotated import levels_figure
+from evac.pictures.map_pictures import draw_map
+from evac.pictures.pictures import Curve, curves_figure, new_axes
+from evac.report.html import Html, picture
+from evac.trajectory.trajectory import Trajectory
+
+#: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
+PLANS = (6.8, 7.6)
+
+#: Of maps, which are made of cells, when they are printed [1/inch].
+DPI = 150
+
+
+def drawing(figure: Figure, caption: str, words: str) -> Html:
+    """Return a figure of lines as a drawing that is sharp at any size; the same figure gives the same bytes."""
+    file = io.BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "evac"}):
+        figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.03)
+    return picture(file.getvalue(), "svg+xml", caption, words)
+
+
+def plans(building: Building) -> Html:
+    """Return the plans of all storeys, with the names and widths of exits, portals and areas."""
+    figure = levels_figure(building, title=None, greatest=PLANS)
+    caption = (
+        "Plans of the storeys at one scale, with coordinates [m]. Green: exits with their names and clear widths;"
+        " dashed lines: portals between levels with their clear widths; violet: areas in which people can start."
+        " Flights, with an arrow that points upwards, and landings are drawn with the floor below them. Red: closed."
+    )
+    return drawing(figure, caption, "plans of the storeys")
+
+
+def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Html:
+    """Return the egress curve of one run."""
+    figure = curves_figure("", people, end, everybody, groups, sizes)
+    time, number = everybody
+    axes = figure.axes[0]
+    for share in (0.5, 0.95):
+        rank = math.ceil(share * people)
+        if rank < len(time):
+            axes.plot(time[rank], number[rank], "o", color=palette.TEXT, markersize=5, zorder=5)
+            axes.annotate(
+                f"{100 * share:g} % after {time[rank]:.1f} s",
+                (float(time[rank]), float(number[rank])),
+                xytext=(-8, 3),
+                textcoords="offset points",
+                ha="right",
+                fontsize=9,
+                color=palette.TEXT,
+                bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+            )
+    caption = (
+        "Number of people out over time: all people, and each group of several people. The dotted line is the total"
+        " number of people."
+    )
+    return drawing(figure, caption, "egress curve")
+
+
+def egress_over_runs(people: int, columns: Mapping[str, FloatArray], caption: str) -> Html:
+    """Return mean and percentiles over runs of the number of people out.
+
+    Parameters
+    ----------
+    people : int
+    columns : mapping of str to (k,) float64
+        ``time`` [s], ``mean_over_runs``, and ``percentile_P_over_runs`` in ascending order.
+    caption : str
+    """
+    figure, axes = new_axes("", people)
+    time = columns["time"]
+    bands = {name: column for name, column in columns.items() if name.startswith("percentile_")}
+    names = list(bands)
+    words = [name.removeprefix("percentile_").removesuffix("_over_runs").replace("_", ".") for name in names]
+    label = f"percentiles {words[0]} to {words[-1]} over runs"
+    axes.fill_between(time, bands[names[0]], bands[names[-1]], color="#9fb3c8", label=label)
+    for name, word in list(zip(names, words, strict=True))[1:-1]:
+        label = "median over runs" if word == "50" else f"percentile {word} over runs"
+        axes.plot(time, bands[name], color="#486581", linewidth=1.2, linestyle="--", label=label)
+    axes.plot(time, columns["mean_over_runs"], color=palette.TEXT, linewidth=2.0, label="mean over runs")
+    axes.set_xlim(0.0, max(float(time[-1]), 1e-9))
+    axes.legend(frameon=False, loc="lower right")
+    return drawing(figure, caption, "egress curves over runs")
+
+
+def map_picture(
+    trajectory: Trajectory, quantity: str, maps: Mapping[str, LevelMaps], caption: str, places: Sequence[Place] = ()
+) -> Html:
+    """Return the map of one quantity, with the numbers of congested places."""
+    figure = draw_map(trajectory, quantity, maps, dpi=DPI)
+    shown = storeys(trajectory.building)
+    for axes, (_, levels) in zip(figure.axes[: len(shown)], shown, strict=True):
+        names = {level.name for level in levels}
+        for number, place in enumerate(places, 1):
+            if place.level in names:
+                mark = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": palette.CLOSED}
+                style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold"}
+                axes.text(place.x, place.y, str(number), color=palette.CLOSED, bbox=mark, zorder=9, **style)
+    file = io.BytesIO()
+    figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)
+    return picture(file.getvalue(), "png", caption, caption, "map")
+
+
+def curve_of(exit_time: FloatArray) -> Curve:
+    """Return the egress curve of people, NaN for those who are not out."""
+    time = np.concatenate([[0.0], np.sort(exit_time[np.isfinite(exit_time)])])
+    return time, np.arange(time.size)

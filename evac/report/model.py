@@ -1,0 +1,138 @@
+"""The model: what computed the results, with which parameters, and how to repeat it."""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from evac.report.html import Html, Section, element, facts, heading, paragraph
+from evac.report.occupants import told
+from evac.report.source import CaseTable
+
+#: What keys of [simulation] and [directions] are.
+WORDS = {
+    "step": "time step [s]",
+    "tick": "time between decisions of behaviours [s]",
+    "duration": "longest simulated time [s]",
+    "driving": "update of the driving force",
+    "no_progress": "time without progress after which the run ends [s]",
+    "spacing": "spacing of grid nodes [m]",
+    "clearance": "distance kept from walls [m]",
+    "stairs_up": "ratio of the reference speeds up stairs and on the flat",
+    "stairs_down": "ratio of the reference speeds down stairs and on the flat",
+    "comfort": "weight of stairs on comfortable routes",
+    "order": "order of fast marching",
+}
+
+#: Names of keys that TOML lets stand without quotation marks.
+BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[str], seed: str, command: str) -> Section:
+    """Return the section on the model.
+
+    Parameters
+    ----------
+    case : CaseTable
+    versions : mapping of str to str
+    plugins : list of str
+    seed : str
+        One seed, or the seeds of a study.
+    command : str
+        That repeats it, once the case of the appendix is in ``case.toml``.
+    """
+    simulation = {_named(key): told(value) for key, value in case.simulation.items() if key != "seed"}
+    forces = {name: told(values) for name, values in case.forces.items() if values is not False}
+    parts = [
+        paragraph(
+            "evac is a microscopic model: each person is a disc that moves in the plan of its level. People walk"
+            " towards the exits of their group in the direction of least travel time, which is computed by fast"
+            " marching for each level and route, and approach their desired velocity within the relaxation time. A"
+            " contact model computes the forces between bodies that touch. Equations and sources are in"
+            " docs/physics.md of evac."
+        ),
+        facts(
+            {
+                "program": f"evac {versions.get('evac', '')}",
+                "contact model": case.model,
+                "seed": seed,
+            }
+        ),
+        _parameters(
+            "Parameters of the contact model, in SI units", {key: told(v) for key, v in case.model_parameters.items()}
+        ),
+        _parameters("Forces between people at a distance, in SI units", forces)
+        if forces
+        else paragraph("No force acts at a distance."),
+        _parameters("Time and scheme", simulation),
+        _parameters(
+            "Travel times and directions", {_named(key): told(value) for key, value in case.directions.items()}
+        ),
+        facts(versions, "Versions"),
+        paragraph("Plugins used: ", ", ".join(plugins), "."),
+        heading("How to repeat the analysis"),
+        paragraph(
+            "Save the case of ",
+            element("a", "the appendix", href="#case"),
+            f" as case.toml in the folder of {case.building.mesh or 'the building'}, and run",
+        ),
+        element("pre", command),
+        paragraph(
+            "With the versions above and on the same kind of processor, the results are identical to the last bit.",
+            class_="small",
+        ),
+    ]
+    return Section("model", "Model, parameters and versions", tuple(parts))
+
+
+def _named(key: str) -> str:
+    """Return a key of the case with what it is."""
+    return f"{WORDS[key]} ({key})" if key in WORDS else key
+
+
+def _parameters(caption: str, values: Mapping[str, str]) -> Html:
+    return facts(values, caption)
+
+
+def case_section(case: Mapping[str, Any]) -> Section:
+    """Return the appendix with the whole case."""
+    text = element("pre", case_text(case), class_="case")
+    return Section("case", "Appendix: the case", (paragraph("Every key with its value, defaults included."), text))
+
+
+def case_text(case: Mapping[str, Any]) -> str:
+    """Return a case, as a summary has it, as the content of a case.toml.
+
+    JSON has no infinity: what is null in a summary was infinite.
+    """
+    plain = {key: value for key, value in case.items() if not _is_table(value)}
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
+    for key, value in case.items():
+        if isinstance(value, Mapping):
+            lines += ["", f"[{_key(key)}]", *(f"{_key(name)} = {_value(one)}" for name, one in value.items())]
+        elif _is_table(value):
+            for row in value:
+                lines += ["", f"[[{_key(key)}]]", *(f"{_key(name)} = {_value(one)}" for name, one in row.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _is_table(value: Any) -> bool:
+    """Return whether a value has a head of its own in TOML: a table, or a list of tables."""
+    is_list = isinstance(value, list) and bool(value) and all(isinstance(one, Mapping) for one in value)
+    return isinstance(value, Mapping) or is_list
+
+
+def _key(name: str) -> str:
+    return name if BARE.fullmatch(name) else _value(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(name)} = {_value(one)}" for name, one in value.items()) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    if value is None or (isinstance(value, float) and math.isinf(value)):
+        return "inf"
+    # Strings of JSON are those of TOML, but for one character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,114 @@
+"""The report of one run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from evac.report.building import building_section
+from evac.report.congestion import MAPS, congestion_sections
+from evac.report.html import Section
+from evac.report.limits import limits_section, warnings_section
+from evac.report.model import case_section, model_section
+from evac.report.occupants import occupants_section
+from evac.report.page import BLANK, Head, Labels, assessment_section, files_section, page
+from evac.report.source import Run, read_run
+from evac.report.times import times_section
+from evac.report.verification import evidence_section, verification_section
+
+#: Ends of a run that it did not come to by itself.
+STOPPED = ("interrupted", "failed")
+
+
+def run_report(
+    folder: Path,
+    labels: Labels = BLANK,
+    *,
+    density: float,
+    least_time: float | None = None,
+    maps: Sequence[str] = MAPS,
+) -> str:
+    """Return the report of a run as a page of HTML.
+
+    Parameters
+    ----------
+    folder : Path
+        Result folder; of interrupted and failed runs too.
+    labels : Labels
+    density : float [1/m2]
+        Denser than this is congested, see `evac.analysis.congestion.find_congestion`.
+    least_time : float, optional [s]
+        If it lasts longer; by default a tenth of the evacuation time.
+    maps : sequence of str
+        Names of `evac.analysis.maps.QUANTITIES`.
+
+    Raises
+    ------
+    ResultError
+        A file of the folder is missing or damaged.
+    """
+    run = read_run(folder)
+    summary = run.summary
+    head = Head(summary.title or folder.name, "Evacuation analysis: one run", banner(run), main_results(run))
+    sections: list[Section] = [
+        building_section(run),
+        occupants_section(summary.table, run),
+        model_section(
+            summary.table, summary.versions, summary.plugins, str(summary.seed), "evac run case.toml --out RESULT"
+        ),
+        verification_section(summary.table),
+        times_section(run),
+        *congestion_sections(run, density, least_time, maps),
+        warnings_section(quality_of(run), summary.warnings),
+        assessment_section(),
+        limits_section(is_study=False),
+        evidence_section(),
+        case_section(run.case),
+        files_section(run.files),
+    ]
+    return page(head, labels, sections, f"evac {summary.versions.get('evac', '')}")
+
+
+def main_results(run: Run) -> dict[str, object]:
+    """Return the main results of a run, which open its report."""
+    summary = run.summary
+    last = "nobody is out" if summary.last_out is None else f"{summary.last_out:.1f} s"
+    if summary.last_out is not None and not run.is_complete:
+        last += " (the last of those who are out)"
+    return {
+        "People": str(summary.people),
+        "Out": f"{summary.evacuated} of {summary.people}",
+        "Last person out": last,
+        "End of the run": f"{summary.ended}, after {summary.simulated_time:.1f} s of simulated time"
+        f" ({summary.steps} steps)",
+        "Number of runs": f"1, with seed {summary.seed}; a single run does not show the variation of times",
+        "Quality warnings": str(len(summary.quality_warnings)),
+        "Warnings about building and people": str(len(summary.warnings)),
+    }
+
+
+def banner(run: Run) -> str:
+    """Return what makes the results of a run incomplete, empty if nothing does."""
+    summary = run.summary
+    left = summary.people - summary.evacuated
+    inside = f"{left} of {summary.people} people were still inside after {summary.simulated_time:.1f} s."
+    if summary.ended in STOPPED:
+        return f"This run was stopped before its end ({summary.ended}); its results are incomplete. {inside}"
+    return f"Not everybody left the building ({summary.ended}): {inside}" if left else ""
+
+
+def quality_of(run: Run) -> list[str]:
+    """Return the quality warnings of a run, and warnings about its records."""
+    lines = list(run.summary.quality_warnings)
+    if run.trajectory is not None:
+        lines += run.trajectory.warnings
+        if len(run.trajectory) and run.trajectory.time[0] > 0.0:
+            lines.append(
+                f"The recorded motion begins at {run.trajectory.time[0]:g} s: maps and congestion do not include"
+                " earlier times."
+            )
+    for resumed in run.summary.resumed:
+        if resumed.get("differences") or resumed.get("changes"):
+            lines.append(
+                f"The run was resumed from a checkpoint at {resumed.get('time')} s with changes:"
+                f" {resumed.get('changes')} {resumed.get('differences')}"
+            )
+    return lines

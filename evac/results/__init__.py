@@ -1,0 +1,1 @@
+"""Results of a run, how it ended, and quality warnings."""

@@ -1,0 +1,128 @@
+"""How a run ends: with everybody out, when its duration is over, or when nobody makes progress towards an exit."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.directions.fields import Fields
+from evac.physics.state import Crowd
+
+if TYPE_CHECKING:
+    from evac.case.schema import SimulationSettings
+
+EVERYBODY_OUT = "everybody out"
+DURATION_OVER = "duration over"
+NO_PROGRESS = "no progress"
+INTERRUPTED = "interrupted"
+
+#: Reason in the tables of a run that failed.
+FAILED = "failed"
+
+#: A person makes progress when its least remaining travel time has fallen by this much since its last progress [s].
+PROGRESS = 0.25
+
+#: People inside when a run ends who have made no progress for this long are stuck [s].
+STANDING = 10.0
+
+#: Simulated time between two checks of the progress [s].
+PROGRESS_EVERY = 1.0
+
+
+class Stopped(KeyboardInterrupt):
+    """Raised by a progress display to end the run at this tick, with its results."""
+
+
+class Ending:
+    """Decides after each tick whether it was the last one; records when each person last made progress.
+
+    Progress means progress towards an exit: the least remaining travel time that a person has reached on its route
+    decreases, so that being pushed back and returning is not progress. Each route has its own least time, which is
+    kept while another route is followed, so that alternating between routes counts only until each has been tried.
+    Decreases of the least time are added up, and the sum counts once it exceeds `PROGRESS`; `PROGRESS` is subtracted
+    from the sum in every `no_progress` (or `STANDING`, if that is longer), so that the creep of a blocked crowd does
+    not count. People who have not started count as making progress.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+    people, routes : int
+    """
+
+    def __init__(self, settings: "SimulationSettings", people: int, routes: int) -> None:
+        self._settings = settings
+        self._steps_per_check = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
+        seconds_per_check = self._steps_per_check * settings.step
+        self._decay = PROGRESS * seconds_per_check / max(settings.no_progress, STANDING)  # of the gain, per check [s]
+        self._least = np.full((routes, people), np.inf)  # least remaining travel time on each route [s]
+        self._gained = np.zeros(people)  # below the least remaining travel time, since the last progress [s]
+        self._progress_at = np.zeros(people)  # time of the last progress [s]
+
+    def reason(self, step: int, crowd: Crowd, fields: Fields) -> str:
+        """Return why the run ends with this tick; an empty string if it continues.
+
+        Parameters
+        ----------
+        step : int
+            Number of steps made.
+        crowd : Crowd
+        fields : Fields
+
+        Returns
+        -------
+        str
+            `EVERYBODY_OUT`, `DURATION_OVER`, `NO_PROGRESS` or an empty string.
+        """
+        over = self.over(step, crowd)
+        if over:
+            return over
+        if step % self._steps_per_check == 0 and self._is_stuck(step * self._settings.step, crowd, fields):
+            return NO_PROGRESS
+        return ""
+
+    def over(self, step: int, crowd: Crowd) -> str:
+        """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
+        if not (crowd.level >= 0).any():
+            return EVERYBODY_OUT
+        return DURATION_OVER if step >= self._settings.last_step else ""
+
+    def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:
+        """Return the rows of people inside who have made no progress for `STANDING`, or `no_progress` if that is less.
+
+        People who have not started are not stuck.
+
+        Parameters
+        ----------
+        step : int
+            Number of steps made.
+        crowd : Crowd
+        """
+        time = step * self._settings.step
+        standing = time - self._progress_at >= min(STANDING, self._settings.no_progress)
+        return np.flatnonzero(standing & (crowd.level >= 0) & (crowd.start_time <= time))
+
+    def state(self) -> NDArray[np.float64]:
+        """Return the state of the checks: a (routes + 2, people) float64 array [s]."""
+        return np.vstack([self._least, self._gained, self._progress_at])
+
+    def restore(self, state: NDArray[np.float64]) -> None:
+        """Restore the array that `state` returned."""
+        self._least[:], self._gained[:], self._progress_at[:] = state[:-2], state[-2], state[-1]
+
+    def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
+        """Return whether nobody has made progress or left for `no_progress`."""
+        inside = np.flatnonzero(crowd.level >= 0)
+        place = crowd.route[inside], inside
+        remaining = fields.travel_time_at(
+            crowd.level[inside], crowd.position[inside], crowd.route[inside], crowd.radius[inside]
+        )
+        waits = crowd.start_time[inside] > time
+        with np.errstate(invalid="ignore"):  # inf - inf where no exit can be reached: no gain
+            gain = np.fmax(self._least[place] - remaining, 0.0)
+        gained = np.maximum(self._gained[inside] - self._decay, 0.0) + gain
+        progresses = waits | (gained > PROGRESS)
+        self._least[place] = np.where(waits, remaining, np.minimum(self._least[place], remaining))
+        self._gained[inside] = np.where(progresses, 0.0, gained)
+        self._progress_at[inside[progresses]] = time
+        latest = max(self._progress_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
+        return bool(time - latest >= self._settings.no_progress)

@@ -1,0 +1,148 @@
+"""Quality warnings: numerical or physical problems of a run, one line each, with how to fix them."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from evac.base.errors import counted
+from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Finding
+
+#: Greatest specific flow measured in bottleneck experiments: Daamen and Hoogendoorn (2010) [1/s/m].
+MEASURED = 2.8
+
+#: Net energy created by contacts is reported if it exceeds this share of the work of driving.
+MADE = 0.01
+
+
+def contact_warnings(report: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return a warning for each number of a run's contact report that is out of bounds.
+
+    Parameters
+    ----------
+    report : mapping
+        Report of the contact model, see docs/results.md.
+
+    Returns
+    -------
+    tuple of str
+        One line for each warning.
+    """
+    found = []
+    overlap, promised, energy = report["greatest_overlap"], report["promised_overlap"], report["energy"]
+    if overlap > promised:
+        at = report["greatest_overlap_at"]
+        found.append(
+            f"bodies overlapped by up to {_length(overlap)}, more than the {_length(promised)} that contact model "
+            f"{report['model']!r} guarantees: greatest at t = {at['time']:.2f} s, person {at['person']} at "
+            f"({at['x']:.2f}, {at['y']:.2f}) on level {at['level']!r}; use a smaller simulation.step, stiffer contacts "
+            "or start positions without overlaps, or contact model 'nsm1', which prevents overlaps"
+        )
+    unconverged = report["unconverged_steps"]
+    if unconverged:
+        found.append(
+            f"in {unconverged} of {report['steps']} steps contacts were not solved to the tolerance, with residuals up "
+            f"to {report['greatest_residual']:.2g} m/s; use a smaller simulation.step, or more iterations"
+        )
+    if report["failed_solves"]:
+        solver, at = report["parameters"]["solver"], report["failed_solver"]
+        file, _, _ = at.rpartition(", line ")
+        found.append(
+            f"solver {solver!r} failed {counted(report['failed_solves'], 'time')}: its percussions were not finite, or"
+            f" missed the tolerance although it stated a smaller residual ({at}); correct it, a stronger solver takes"
+            f" its place until then; check it with: evac plugins --check {shlex.quote(file)}"
+        )
+    failed = report["failed_position_corrections"]
+    if failed:
+        found.append(
+            f"overlaps could not be removed {failed} times, for example of a squeezed body; look for places that are "
+            "too narrow, or for people who overlap at the start"
+        )
+    made, taken = energy["contact_creation"], energy["contact_dissipation"]
+    if made > taken and made - taken > MADE * energy["driving_work"]:
+        found.append(
+            f"contacts created {made:.4g} J, more than the {taken:.4g} J that they dissipated; use a smaller "
+            "simulation.step"
+        )
+    return tuple(found)
+
+
+def chatter_warning(finding: Finding, levels: Sequence[str]) -> str:
+    """Return the quality warning on chattering contacts.
+
+    Parameters
+    ----------
+    finding : Finding
+        From `evac.results.watch.Watch.chatter`.
+    levels : sequence of str
+        Names of the levels.
+    """
+    velocity, displacement = finding.values
+    return (
+        "chattering contacts: evacuation times may be too short, because rebounding bodies loosen a jam; compare with "
+        f"--set contact.model=nsm1. {_who(finding, 'rebounded')}, most {_where(finding, levels)}: displaced at "
+        f"{displacement:.2f} m/s, with contact velocities of {velocity:.2f} m/s (docs/results.md)"
+    )
+
+
+def crushing_warning(finding: Finding, levels: Sequence[str], keeps_distance: bool) -> str:
+    """Return the quality warning on lethal contact forces.
+
+    Parameters
+    ----------
+    finding : Finding
+        From `evac.results.watch.Watch.crushing`.
+    levels : sequence of str
+        Names of the levels.
+    keeps_distance : bool
+        Whether people keep distances, see `Results.keeps_distance`.
+    """
+    force, load = finding.values
+    advice = "" if keeps_distance else ", or use --set behaviours.headway={}, with which people keep their distance"
+    return (
+        "lethal contact forces: such a crowd would be crushed, and injuries are not modelled; widen the passage or "
+        f"reduce the number of people{advice}. {_who(finding, 'exceeded')} {CRUSHING_LOAD / 1000:g} kN per metre of "
+        f"body width or {CRUSHING_FORCE / 1000:g} kN, most {_where(finding, levels)}: {load / 1000:.1f} kN/m, "
+        f"{force / 1000:.1f} kN (docs/results.md)"
+    )
+
+
+def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keeps_distance: bool) -> tuple[str, ...]:
+    """Return a quality warning for each exit with a specific flow greater than measured ones.
+
+    Parameters
+    ----------
+    exits : mapping
+        From `evac.analysis.flows.exit_table`.
+    keeps_distance : bool
+        Whether people keep distances, see `Results.keeps_distance`.
+
+    Returns
+    -------
+    tuple of str
+        One line for each exit.
+    """
+    advice = "use --set behaviours.headway={}, with which people keep their distance and flows are below measured ones"
+    if keeps_distance:
+        advice = "check in egress.csv whether they left within a short time"
+    return tuple(
+        f"flow above measured ones: evacuation times may be too short; {advice}. "
+        f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, at most {MEASURED} in experiments"
+        for name, use in exits.items()
+        if (use["flow_per_metre"] or 0.0) > MEASURED
+    )
+
+
+def _length(metres: float) -> str:
+    return f"{1000.0 * metres:.3g} mm"
+
+
+def _who(finding: Finding, did: str) -> str:
+    people = counted(finding.people, "person", "people")
+    return f"Between t = {finding.since:.1f} and {finding.until:.1f} s {people} {did}"
+
+
+def _where(finding: Finding, levels: Sequence[str]) -> str:
+    return (
+        f"from {finding.begin:.1f} to {finding.end:.1f} s, person {finding.person} at ({finding.x:.2f}, "
+        f"{finding.y:.2f}) on level {levels[finding.level]!r}"
+    )

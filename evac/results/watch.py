@@ -1,0 +1,226 @@
+"""Checks during a run: velocities that do not match displacements, and lethal contact forces."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray
+from evac.base.saved import FINITE, part_of, taken
+from evac.physics.state import Crowd
+
+#: Time over which the speeds of each person are averaged [s].
+SPAN = 2.0
+
+#: Time over which contact forces, which vary from step to step, are averaged [s]. They are sampled at the recorded
+#: times, and the mean is over at least this number of samples.
+FORCE_SPAN = 5.0
+FEWEST_FRAMES = 10
+
+#: Contacts chatter if the magnitude of the contact model's velocity is more than this factor times the speed of the
+#: displacement, and exceeds it by more than this [m/s].
+CHATTER_RATIO = 2.0
+CHATTER_EXCESS = 0.2
+
+#: Forces in fatal accidents: per person [N], and per metre of a body's width [N/m].
+CRUSHING_FORCE = 6000.0
+CRUSHING_LOAD = 4500.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """People for whom a quantity exceeded its limit, with the time and place of its greatest value.
+
+    Attributes
+    ----------
+    people : int
+        Number of different people.
+    since, until : float
+        Start of the first and end of the last averaging interval in which the limit was exceeded [s].
+    begin, end : float
+        The averaging interval with the greatest value [s].
+    person : int
+        The person with the greatest value.
+    level : int
+    x, y : float
+        Position of that person at `end` [m].
+    values : tuple of float
+        Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
+        velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m].
+    """
+
+    people: int
+    since: float
+    until: float
+    begin: float
+    end: float
+    person: int
+    level: int
+    x: float
+    y: float
+    values: tuple[float, float]
+
+
+class Watch:
+    """Averages speeds and contact forces of each person over intervals, and records values above the limits.
+
+    The force through a body is half the sum of its contact forces, since a person who is pressed from one side is
+    supported from the other; its width is its diameter. People who leave within an interval are excluded from it.
+
+    Parameters
+    ----------
+    radius : (n,) [m]
+    tick : float
+        Time between two samples of velocities [s].
+    every : float
+        Time between two samples of contact forces [s].
+    """
+
+    def __init__(self, radius: FloatArray, tick: float, every: float) -> None:
+        self._width = 2.0 * radius
+        self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
+        self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
+        self._chatter = _Notes(len(radius))
+        self._crushing = _Notes(len(radius))
+
+    def look_at_velocities(self, time: float, crowd: Crowd, displacement_velocity: FloatArray) -> None:
+        """Add the velocities at the end of a tick.
+
+        Parameters
+        ----------
+        time : float [s]
+        crowd : Crowd
+        displacement_velocity : (n, 2)
+            Displacement in the tick divided by its length [m/s].
+        """
+        velocity, displacement = np.hypot(*crowd.velocity.T), np.hypot(*displacement_velocity.T)
+        if self._speeds.add(time, crowd.level >= 0, velocity, displacement):
+            begin, inside, (velocity, displacement) = self._speeds.take()
+            excess = velocity - displacement
+            noticed = inside & (excess > CHATTER_EXCESS) & (velocity > CHATTER_RATIO * displacement)
+            self._chatter.note(noticed, excess, (velocity, displacement), begin, time, crowd)
+
+    def look_at_forces(self, time: float, crowd: Crowd) -> None:
+        """Add the contact forces at a recorded time [s]."""
+        if self._forces.add(time, crowd.level >= 0, 0.5 * crowd.contact_force, 0.5 * crowd.contact_force / self._width):
+            begin, inside, (force, load) = self._forces.take()
+            noticed = inside & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
+            self._crushing.note(noticed, load, (force, load), begin, time, crowd)
+
+    def chatter(self) -> Finding | None:
+        """Return people who moved much more slowly than with the contact model's velocities, or None."""
+        return self._chatter.finding()
+
+    def crushing(self) -> Finding | None:
+        """Return people with lethal contact forces, or None."""
+        return self._crushing.finding()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all arrays on which the findings depend."""
+        return {
+            f"{name}.{key}": array.copy() for name, part in self._parts().items() for key, array in vars(part).items()
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]], levels: int) -> None:
+        """Restore the arrays that `state` returned, in a building with a number of levels.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        for name, part in self._parts().items():
+            with part_of(state, f"{name}.") as own:
+                for key, array in vars(part).items():
+                    array[...] = taken(own, key, array.dtype, array.shape, *part.bounds(key, levels))
+
+    def _parts(self) -> "dict[str, _Means | _Notes]":
+        return {
+            "speeds": self._speeds,
+            "forces": self._forces,
+            "chatter": self._chatter,
+            "crushing": self._crushing,
+        }
+
+
+class _Means:
+    """Means of two quantities of each person over intervals of `length` samples; its attributes are arrays."""
+
+    def __init__(self, people: int, length: int) -> None:
+        self.sums = np.zeros((2, people))
+        self.inside = np.ones(people, np.uint8)  # 1: at every sample of the interval so far
+        self.looks = np.array([0, length])  # number of samples in this interval so far, and in a complete one
+        self.times = np.zeros(2)  # last sample of the previous interval and of this one [s]
+
+    def add(self, time: float, inside: NDArray[np.bool_], first: FloatArray, second: FloatArray) -> bool:
+        """Add one sample; return whether the interval is complete."""
+        self.sums[0] += first
+        self.sums[1] += second
+        self.inside[:] &= inside
+        self.looks[0] += 1
+        self.times[1] = time
+        return bool(self.looks[0] == self.looks[1])
+
+    def bounds(self, key: str, levels: int) -> tuple[Any, Any]:
+        """Return the least and greatest value of an array."""
+        if key == "looks":
+            return (0, self.looks[1]), (self.looks[1] - 1, self.looks[1])
+        return 0, 1 if key == "inside" else FINITE
+
+    def take(self) -> tuple[float, NDArray[np.bool_], FloatArray]:
+        """Return the start of the interval [s], who was always inside, and means (2, n); begin the next interval."""
+        begin, inside, means = float(self.times[0]), self.inside.astype(bool), self.sums / self.looks[0]
+        self.sums[:] = 0.0
+        self.inside[:] = 1
+        self.looks[0] = 0
+        self.times[0] = self.times[1]
+        return begin, inside, means
+
+
+class _Notes:
+    """Accumulated findings of all intervals; its attributes are arrays."""
+
+    def __init__(self, people: int) -> None:
+        self.concerned = np.zeros(people, np.uint8)
+        self.between = np.zeros(2)  # since, until [s]
+        self.greatest = np.zeros(1)
+        self.of_whom = np.zeros(2, np.int64)  # person, level
+        self.values = np.zeros(6)  # begin, end [s], x, y [m], the two means
+
+    def bounds(self, key: str, levels: int) -> tuple[Any, Any]:
+        """Return the least and greatest value of an array."""
+        most = {"concerned": 1, "of_whom": (len(self.concerned) - 1, levels - 1)}
+        return -FINITE if key == "values" else 0, most.get(key, FINITE)
+
+    def note(
+        self,
+        noticed: NDArray[np.bool_],
+        measure: FloatArray,
+        means: tuple[FloatArray, FloatArray],
+        begin: float,
+        end: float,
+        crowd: Crowd,
+    ) -> None:
+        """Add the people `noticed` in the interval from `begin` to `end` [s], and keep the greatest `measure`."""
+        if not noticed.any():
+            return
+        if not self.concerned.any():
+            self.between[0] = begin
+        self.between[1] = end
+        self.concerned[noticed] = 1
+        p = int(np.argmax(np.where(noticed, measure, -np.inf)))
+        if measure[p] > self.greatest[0]:
+            self.greatest[0] = measure[p]
+            self.of_whom[:] = p, crowd.level[p]
+            self.values[:] = begin, end, *crowd.position[p], means[0][p], means[1][p]
+
+    def finding(self) -> Finding | None:
+        """Return the finding, or None if there is none."""
+        people = int(self.concerned.sum())
+        if not people:
+            return None
+        (since, until), (person, level) = self.between.tolist(), self.of_whom.tolist()
+        begin, end, x, y, first, second = self.values.tolist()
+        return Finding(people, since, until, begin, end, person, level, x, y, (first, second))

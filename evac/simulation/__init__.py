@@ -1,0 +1,1 @@
+"""A run: its parts, scene, loop, checkpoints, and outputs."""

@@ -1,0 +1,335 @@
+"""Assembly: read the building of a case and create its plugins."""
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from evac.base.errors import BuildingError, PluginError, ScenarioError, fault, naming, plugin_code, text_of
+from evac.building.model.findings import Finding
+from evac.building.surface.build import build_building
+from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.people.groups import check_people
+from evac.people.population import Population, build_population
+from evac.people.ways import check_ways
+from evac.physics.contact.model import BorderScene, border_scene
+from evac.simulation.needed import field_settings, solve_fields
+from evac.simulation.scene import Ground, make_ground
+
+if TYPE_CHECKING:
+    from evac.building.importer import Importer
+    from evac.building.model.building import Building
+    from evac.building.plan.plan import Plan
+    from evac.case.case import Case
+    from evac.people.behaviour import Behaviour
+    from evac.physics.contact.model import ContactModel
+    from evac.physics.force import Force
+    from evac.trajectory.recorder import Recorder
+
+
+Found = TypeVar("Found")
+
+
+def make_building(case: "Case") -> "Building":
+    """Return the building of a case, read from its file.
+
+    Raises
+    ------
+    BuildingError
+        The file cannot be read, or the building cannot be used.
+    PluginError
+        The importer fails.
+    """
+    return build_building(make_surface(case), case.mesh or case.source, **case.building.options())
+
+
+def make_surface(case: "Case") -> SurfaceMesh:
+    """Return the surface of a case's building: that of its file, or of its plan.
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `make_building`.
+    """
+    if case.building.plan is not None:
+        return draw_plan(_plan_of(case), case.registry)
+    assert case.mesh is not None
+    return read_surface(_importer(case, case.mesh), case.mesh, case.registry)
+
+
+def _plan_of(case: "Case") -> "Plan":
+    """Return the plan that a case holds."""
+    from evac.building.plan.plantable import plan_of
+
+    assert case.building.plan is not None
+    return plan_of(case.building.plan, case.source, case.folder, "building.plan.")
+
+
+def read_building(path: str | Path, *, registry: Registry | None = None, **options: Any) -> "Building":
+    """Return the building in a file, without a case.
+
+    Parameters
+    ----------
+    path : str or Path
+    registry : Registry, optional
+        Registry whose importers may be used; by default the built-in and the installed ones.
+    **options
+        Keyword arguments of `evac.building.surface.build.build_building`, such as the keys of ``[building]``.
+
+    Returns
+    -------
+    Building
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `make_building`.
+
+    Examples
+    --------
+    >>> building = read_building("hall.msh", scale=0.001)  # doctest: +SKIP
+    """
+    path = Path(path)
+    registry = registry or Registry(builtins=BUILTIN_IMPORTERS)
+    importer = _made("importer", registry.importer_for(path), {})
+    return build_building(read_surface(importer, path, registry), path, **options)
+
+
+def ground_key(case: "Case") -> str:
+    """Return a digest that is equal for two cases only if their building and directions are the same.
+
+    It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
+    of groups, contact models and behaviours may differ, as may the seed.
+
+    Raises
+    ------
+    BuildingError
+        A file of the building cannot be read.
+    """
+    importers = make_importers(case)
+    parts = (
+        str(case.mesh or case.source),
+        [(str(path), _digest(path)) for path in _files(case, importers)],
+        case.registry.providers(importers),
+        [importer.values() for importer in importers],
+        case.building.model_dump(),
+        case.building.options(),
+        field_settings(case, make_behaviours(case), full=False),
+    )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def _files(case: "Case", importers: "Sequence[Importer]") -> Sequence[Path]:
+    """Return the files that the building is read from."""
+    if case.building.plan is not None:
+        return _plan_of(case).files
+    assert case.mesh is not None
+    return _called(importers[0], case.mesh, importers[0].files)
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise BuildingError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+
+
+def make_importers(case: "Case") -> "list[Importer]":
+    """Return the importer of the building's file, with its parameters; none if the case holds the plan itself.
+
+    Raises
+    ------
+    BuildingError
+        No importer reads files of this name.
+    """
+    return [] if case.mesh is None else [_importer(case, case.mesh)]
+
+
+def _importer(case: "Case", path: Path) -> "Importer":
+    """Return the importer for a file, chosen among those that the case does not switch off."""
+    off = {name for name, table in case.importers.items() if table is False}
+    importer = case.registry.importer_for(path, off)
+    made: Importer = _made("importer", importer, case.importers.get(importer.name) or {})
+    return made
+
+
+def make_contact_model(case: "Case") -> "ContactModel":
+    """Return the contact model in use, with its parameters.
+
+    Raises
+    ------
+    ScenarioError
+        The contact model names a solver that is not registered.
+    """
+    from evac.physics.contact.model import SolvedContactModel
+
+    name = case.contact.model
+    model = case.registry.get("contact_model", name)
+    made: ContactModel = _made("contact model", model, case.contact.tables.get(name, {}))
+    if isinstance(made, SolvedContactModel):
+        try:
+            case.registry.get("solver", made.solver)
+        except PluginError as error:
+            raise ScenarioError(f"{case.source}: contact.{name}.solver: {error}") from None
+    return made
+
+
+def make_shared(case: "Case") -> Ground:
+    """Return building and directions of a case, as its simulation computes them in one thread.
+
+    Raises
+    ------
+    EvacError
+        The building, or what the people and behaviours require of it, is not valid.
+    """
+    building = make_building(case)
+    check_people(case, building)
+    with naming(case.source):
+        return make_ground(building, solve_fields(case, building, make_behaviours(case), full=False, threads=1))
+
+
+def make_population(
+    case: "Case", ground: Ground, contact: "ContactModel"
+) -> tuple[Population, tuple[Finding, ...], BorderScene]:
+    """Draw the people of a case, and check all that depends on them before a run.
+
+    Returns
+    -------
+    Population
+    tuple of Finding
+        A warning for each place that people do not fit through on their way to an exit.
+    BorderScene
+        The scene that the contact model has accepted.
+
+    Raises
+    ------
+    EvacError
+        The people do not fit, cannot reach an exit, or the contact model refuses them.
+    """
+    building = ground.building
+    people = build_population(case, building, ground.fields, case.simulation.seed)
+    stopping = check_ways(case.source, building, ground.fields, ground.world, people.crowd, people.groups)
+    border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
+    with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):
+        contact.check_scene(border)
+    return people, stopping, border
+
+
+def make_forces(case: "Case") -> "list[Force]":
+    """Return the forces in use, in the order of the case."""
+    return _all_made(case, "force", case.forces)
+
+
+def make_behaviours(case: "Case") -> "list[Behaviour]":
+    """Return the behaviours in use, in the order of the case; those with `acts_last` come last."""
+    made: list[Behaviour] = _all_made(case, "behaviour", case.behaviours)
+    return sorted(made, key=lambda behaviour: behaviour.acts_last)
+
+
+def make_recorders(case: "Case") -> "list[Recorder]":
+    """Return the recorders in use: all registered recorders except those that the case switches off."""
+    given = {name: case.recorders.get(name, {}) for name in case.registry.recorders}
+    return _all_made(case, "recorder", given)
+
+
+def providers(case: "Case") -> list[str]:
+    """Return name and version of each plugin that a case uses, and of plugins whose hooks act in every run."""
+    used = [*make_importers(case), make_contact_model(case), *make_forces(case), *make_behaviours(case)]
+    return case.registry.providers([*used, *make_recorders(case)])
+
+
+def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:
+    """Return the plugins of a kind that are not switched off, each with its parameters."""
+    used = {name: table for name, table in tables.items() if table is not False}
+    return [_made(kind, case.registry.get(kind, name), table) for name, table in used.items()]
+
+
+def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
+    with plugin_code(f"{word} {cls.name!r}: cannot be made", cls):
+        return cls(**table)
+
+
+def read_surface(importer: "Importer", path: Path, registry: Registry | None = None) -> SurfaceMesh:
+    """Return the surface that an importer reads from a file; a plan is converted to a surface.
+
+    Parameters
+    ----------
+    importer : Importer
+    path : Path
+    registry : Registry, optional
+        Registry whose importers read the files that a plan names; by default the built-in and the installed ones.
+
+    Raises
+    ------
+    BuildingError
+        The file is missing, empty or damaged, or its plan does not make a surface.
+    PluginError
+        The importer fails, or returns neither a surface nor a plan.
+    """
+    read = read_file(importer, path)
+    if isinstance(read, SurfaceMesh):
+        return read
+    return draw_plan(read, registry or Registry(builtins=BUILTIN_IMPORTERS))
+
+
+def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
+    """Return the surface of a plan; storeys that are given as files are read.
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `read_surface`.
+    """
+    from evac.building.plan.plan import Plan
+
+    for storey in [one for one in plan.storeys.values() if one.file is not None]:
+        assert storey.file is not None
+        try:
+            read = read_file(registry.importer_for(storey.file)(**storey.options), storey.file)
+        except (BuildingError, PluginError) as error:
+            raise type(error)(f"{plan.source}: storey {storey.name!r}: {error}") from error
+        if not isinstance(read, Plan):
+            raise BuildingError(
+                f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey needs a file with a plan"
+            )
+        if any(one.file is not None for one in read.storeys.values()):
+            raise BuildingError(
+                f"{plan.source}: storey {storey.name!r}: {storey.file} takes its own storeys from other files; name "
+                "those files here"
+            )
+        plan.take(storey.name, read)
+    return plan.surface()
+
+
+def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
+    """Return what an importer reads from a file: a plan, not yet converted to a surface, or a surface.
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `read_surface`.
+    """
+    from evac.building.plan.plan import Plan
+
+    read = _called(importer, path, importer.read)
+    if not isinstance(read, SurfaceMesh | Plan):
+        wrong = f"read() returns {'None' if read is None else f'an object of class {type(read).__name__}'}"
+        raise fault(f"{path}: importer {importer.name!r}", wrong, "return a Plan or a SurfaceMesh", type(importer).read)
+    return read
+
+
+def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -> Found:
+    """Return what a method of an importer makes of a file."""
+    if not path.is_file():
+        raise BuildingError(f"{path}: no such file; check the path")
+    if path.stat().st_size == 0:
+        raise BuildingError(f"{path}: the file is empty; export it again")
+    with plugin_code(f"{path}: importer {importer.name!r}", importer):
+        try:
+            return method(path)
+        except (ValueError, OSError) as error:
+            raise BuildingError(
+                f"{path}: cannot be read: {text_of(error)}; export the file again, or in another format"
+            ) from error

@@ -1,0 +1,372 @@
+"""Checkpoints: save the last state of a run in its folder, and resume the run from it."""
+
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.errors import FolderWarning, PluginError, ResultError, ScenarioError, in_one_line
+from evac.base.parameters import Configurable
+from evac.base.saved import SavedError, part_of, taken
+from evac.building.model.links import links_named
+from evac.case.loading import case_from
+from evac.case.trust import named_files, run_plugin_files
+from evac.folder.checkpoint import Header, read_checkpoint, write_checkpoint
+from evac.folder.files import CHECKPOINT_NAME
+from evac.folder.reading import checked
+from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
+from evac.people.behaviour import Behaviour
+from evac.physics.contact.model import ContactModel
+from evac.results.results import plain
+from evac.simulation.made_with import differences_of, inputs_of, made_of
+from evac.simulation.scene import MOST_VERSIONS
+from evac.simulation.simulation import Simulation
+from evac.trajectory.recorder import Recorder
+
+if TYPE_CHECKING:
+    from evac.building.model.building import Building
+    from evac.case.case import Case
+    from evac.contract.registry import Registry
+
+#: Keys of a case that must not change when a run is resumed in a changed case: the people, and the times of steps,
+#: ticks and recorded states. Of ``building``, only ``closed`` may change.
+FIXED = ("people", "presets", "simulation.seed", "simulation.step", "simulation.tick", "output.every")
+
+
+class Checkpoints:
+    """Saves the last state of a run in its folder.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    place : ResultFolder
+        Its ``running`` is the folder of the simulation.
+    every : float or None
+        Wall time between two checkpoints [s]; with None only `save_last` saves one.
+    """
+
+    def __init__(self, simulation: Simulation, place: ResultFolder, every: float | None) -> None:
+        self._simulation = simulation
+        self._place = place
+        self._every = every
+        self._saved_at = 0.0
+        self._has_warned = False
+
+    def begin(self) -> None:
+        """If checkpoints are wanted, check that all plugins can save their state, and save the first checkpoint.
+
+        Raises
+        ------
+        PluginError
+            Plugins cannot save their state; names each of them.
+        """
+        if self._every is None:
+            return
+        if missing := without_state(self._simulation):
+            raise PluginError("\n".join(f"no checkpoints: {line}" for line in missing))
+        self._save()
+
+    def save_if_due(self) -> None:
+        """Save the state after a tick if a checkpoint is due; if it cannot be written, warn once."""
+        if self._every is None or time.monotonic() - self._saved_at < self._every:
+            return
+        self._save()
+
+    def save_last(self) -> None:
+        """Save the state after the tick at which the run is stopped; if a plugin cannot save its state, warn."""
+        if missing := without_state(self._simulation):
+            warnings.warn("; ".join(f"no checkpoint: {line}" for line in missing), FolderWarning, stacklevel=2)
+        else:
+            self._save()
+
+    @cached_property
+    def _header(self) -> dict[str, Any]:
+        """Return the part of a checkpoint that does not change during the run."""
+        simulation = self._simulation
+        case = simulation.case
+        return {
+            "title": case.title,
+            "case": {
+                "table": case.table,
+                "source": str(case.source),
+                "plugin_files": [str(path) for path in case.plugin_files],
+            },
+            "every": self._every,
+            "full": simulation.full,
+            "routes": [str(route) for route in simulation.fields.routes],
+            "made_with": {**inputs_of(case), **made_of(simulation)},
+            "resumed": plain(simulation.resumed),
+        }
+
+    def _save(self) -> None:
+        simulation = self._simulation
+        with simulation.phases.enter("recording"):
+            try:
+                files = simulation.recording.sync()
+                arrays = {f"simulation.{key}": value for key, value in simulation.state().items()}
+                arrays |= {f"recorder.{key}": value for key, value in simulation.recording.state().items()}
+                header = {
+                    **self._header,
+                    "time": simulation.time,
+                    "step": simulation.step,
+                    "wall_time": simulation.phases.seconds(),
+                    "files": files,
+                    "plugin_files": simulation.recording.plugin_files(),
+                }
+                write_checkpoint(self._place.running / CHECKPOINT_NAME, header, arrays)
+            except ResultError as error:
+                self._place.check()  # a missing folder ends the run; a checkpoint that cannot be written does not
+                if not self._has_warned:
+                    text = f"t = {simulation.time:.3f} s: {error}; the run continues"
+                    warnings.warn(text, FolderWarning, stacklevel=3)
+                self._has_warned = True
+            self._saved_at = time.monotonic()
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A checkpoint read from a file.
+
+    Attributes
+    ----------
+    path : Path
+    header : Header
+    arrays : mapping of str to array
+    """
+
+    path: Path
+    header: Header
+    arrays: Mapping[str, NDArray[Any]]
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.header.time
+
+    @property
+    def every(self) -> float | None:
+        """Requested wall time between two checkpoints [s]."""
+        return self.header.every
+
+    @property
+    def files(self) -> dict[str, tuple[int, str]]:
+        """Names of the files that recorders append to, their lengths [bytes], and their SHA-256 up to there.
+
+        Raises
+        ------
+        ResultError
+            A file lies outside of the folder or is a link, so that truncating it would damage another file.
+        """
+        folder = self.path.parent
+        for name in (*self.header.files, *self.header.plugin_files):
+            if not is_within(name) or is_link(folder, name):
+                raise ResultError(f"{self.path}: {name} is not a file of this folder; run the case from its start")
+        return {name: (file.length, file.sha256) for name, file in self.header.files.items()}
+
+    def case(
+        self,
+        overrides: Mapping[str, Any] | Iterable[str] = (),
+        plugin_files: Iterable[str | Path] = (),
+        registry: "Registry | None" = None,
+        case_file: str | Path | None = None,
+        announce: Callable[[Path], None] | None = None,
+    ) -> "Case":
+        """Return the case of the run as it was at the start, with overrides applied.
+
+        Parameters
+        ----------
+        overrides, plugin_files, registry
+            As for `evac.load`. Plugin files that the run was given in addition to those of its case must be given
+            again.
+        case_file : str or Path, optional
+            The file of the case, or its folder. Needed if the case names plugin files, and lies neither in the parent
+            folder of the result folder nor in a folder beside it.
+        announce : callable, optional
+            Called with the path of each plugin file of the case before it is run.
+
+        Raises
+        ------
+        ScenarioError
+            The case cannot be loaded any more, or an override changes a key that must not change.
+        """
+        given = self.header.case
+        source = Path(given.source)
+        files = [Path(path).resolve() for path in plugin_files]
+        named, _ = named_files(given.table, source.parent)
+        if missing := [path for path in given.plugin_files if Path(path) not in (*files, *named)]:
+            raise PluginError(
+                f"{self.path}: the run was started with the plugin {', '.join(missing)} in addition to those of its "
+                "case; give it again (--plugin)"
+            )
+        if set(named) - set(files):
+            self._check_place(source, case_file)
+        case = run_plugin_files(case_from(given.table, source, (), files, registry), announce)
+        changed = case.change(overrides)
+        table, new = case.to_dict(), changed.to_dict()
+        kept = [key for key in FIXED if _at(table, key) != _at(new, key)]
+        kept += [f"building.{key}" for key, value in new["building"].items() if table["building"].get(key) != value]
+        kept = [key for key in kept if key != "building.closed"]
+        if kept:
+            raise ScenarioError(
+                f"{self.path}: {', '.join(kept)} cannot change when a run is resumed, because its people and time "
+                "steps must stay the same; run the changed case from its start"
+            )
+        return changed
+
+    def differences(self, case: "Case") -> list[str]:
+        """Return what has changed in versions and files since the checkpoint was written, one line per difference.
+
+        Parameters
+        ----------
+        case : Case
+            As `case` returns it.
+        """
+        return differences_of(self.header.made_with, inputs_of(case))
+
+    def simulation_differences(self, simulation: Simulation) -> list[str]:
+        """Return what has changed in the building and the kernels, one line per difference."""
+        before, now = self.header.made_with, made_of(simulation)
+        both = before.get("kernel", {}).keys() & now["kernel"].keys()  # a changed case may use others
+        kept = {key: {name: now[key][name] for name in (both if key == "kernel" else now[key])} for key in now}
+        old = {key: {name: before.get(key, {}).get(name, "") for name in kept[key]} for key in kept}
+        return differences_of(old, kept)
+
+    def restore(self, simulation: Simulation, case_before: "Case | None" = None) -> None:
+        """Restore the state of a simulation, except that of the recorders.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            A simulation of the same case, or of a changed one.
+        case_before : Case, optional
+            The case before it was changed, if it was: links that it closes and the new one does not are opened.
+
+        Raises
+        ------
+        ScenarioError
+            The changed case gives people other routes.
+        ResultError
+            An array is missing or has a wrong shape.
+        """
+        routes = [str(route) for route in simulation.fields.routes]
+        if routes != self.header.routes:
+            raise ScenarioError(
+                f"{self.path}: the routes of the changed case are {'; '.join(routes)}, those of the checkpoint "
+                f"{'; '.join(self.header.routes)}; the run cannot be resumed, run the case from its start"
+            )
+        with self._naming(), part_of(self.arrays, "simulation.") as state:
+            if case_before is not None:
+                state |= _closed_now(state, simulation.building, case_before, simulation.case)
+            simulation.restore(state)
+            taken({"time": np.array(self.time)}, "time", np.float64, (), simulation.time, simulation.time)
+        simulation.resumed = list(self.header.resumed)
+
+    def check_recorders(self, simulation: Simulation) -> None:
+        """Check that the recorders of a restored simulation can be restored, without changing anything.
+
+        Raises
+        ------
+        ResultError
+            A file is missing, shorter, or another one than at the checkpoint, or a state is not valid.
+        """
+        with self._naming(), part_of(self.arrays, "recorder.") as state:
+            simulation.recording.check(simulation, state, self.path.parent, self.files)
+            simulation.phases.add(self.header.wall_time)
+
+    def restore_recorders(self, simulation: Simulation) -> None:
+        """Truncate the files of the recorders to their lengths at the checkpoint and restore the recorders."""
+        lengths = {name: file.length for name, file in self.header.files.items()}
+        with self._naming(), part_of(self.arrays, "recorder.") as state:
+            simulation.recording.restore(simulation, state, lengths, self.header.plugin_files)
+
+    @contextmanager
+    def _naming(self) -> Iterator[None]:
+        """Name the checkpoint in errors about its content."""
+        try:
+            yield
+        except SavedError as error:
+            raise ResultError(f"{self.path}: the state cannot be restored: {error}; run the case again") from error
+        except (KeyError, ValueError, IndexError) as error:
+            raise ResultError(
+                f"{self.path}: the state cannot be restored: {in_one_line(error)}; run the case from its start (in a "
+                "plugin, state() must return everything that restore() reads)"
+            ) from error
+
+    def _check_place(self, source: Path, case_file: str | Path | None) -> None:
+        """Refuse to run plugin files of a case that does not lie where the user has named it."""
+        folder, beside = source.resolve().parent, self.path.resolve().parent.parent
+        given = None if case_file is None else Path(case_file).resolve()
+        if beside in (folder, folder.parent) if given is None else given in (source.resolve(), folder):
+            return
+        raise PluginError(
+            f"{self.path}: its case {source} names plugin files and is not beside the result folder; if you trust "
+            f"it, name it: --case {source}"
+        )
+
+
+def find_checkpoint(folder: Path) -> Checkpoint:
+    """Return the checkpoint in a result folder, of a running, killed or stopped run.
+
+    Raises
+    ------
+    ResultError
+        There is none, or it is damaged.
+    """
+    for place in dict.fromkeys((ResultFolder(folder).running, find_result(folder))):
+        if (place / CHECKPOINT_NAME).is_file():
+            path = place / CHECKPOINT_NAME
+            header, arrays = read_checkpoint(path)
+            return Checkpoint(path, checked(Header, header, path), arrays)
+    if not find_result(folder).exists():
+        raise ResultError(f"{folder}: no such result folder; check the path")
+    raise ResultError(
+        f"{folder}: no checkpoint: the run has ended, or was killed and did not save checkpoints; "
+        "evac run CASE --checkpoint 60 saves one every 60 s"
+    )
+
+
+def without_state(simulation: Simulation) -> list[str]:
+    """Return a line for each plugin of a started run whose state cannot be saved."""
+    used: list[tuple[str, Configurable, type]] = [("behaviour", one, Behaviour) for one, _ in simulation.behaviours]
+    used += [("recorder", one, Recorder) for one in simulation.recording.recorders]
+    used.append(("contact model", simulation.contact, ContactModel))
+    lines = []
+    for kind, plugin, base in used:
+        kept = sorted(set(vars(plugin)) - set(plugin.values()))
+        if plugin is simulation.contact:
+            kept += simulation.engine.own_arrays()
+        if kept and type(plugin).state is base.state:  # type: ignore[attr-defined]
+            lines.append(
+                f"{kind} {plugin.name!r} has the attributes {', '.join(kept)} but no state() that saves them; add "
+                "state() and restore() to the plugin (state() may return {} if they are recomputed before each use)"
+            )
+    return lines
+
+
+def _closed_now(
+    state: Mapping[str, NDArray[Any]], building: "Building", before: "Case", after: "Case"
+) -> dict[str, NDArray[Any]]:
+    """Return the scene's state with the links that the changed case closes or opens; empty if none changes."""
+    closed, opened = (
+        frozenset().union(*(links_named(building, name) for name in case.building.closed)) for case in (after, before)
+    )
+    links = set(taken(state, "scene.closed", np.int64, (None,)).tolist())
+    changed = links - (opened - closed) | (closed - opened)
+    if changed == links:
+        return {}
+    version = taken(state, "scene.version", np.int64, (1,), 0, MOST_VERSIONS - 1)
+    return {"scene.closed": np.array(sorted(changed), np.int64), "scene.version": version + 1}
+
+
+def _at(table: Mapping[str, Any], key: str) -> Any:
+    value: Any = table
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    return value

@@ -1,0 +1,75 @@
+"""Stop a run by a signal at the end of a tick, with results."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterable
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from evac.base.phases import Progress
+from evac.results.ending import Stopped
+
+
+class Interrupt:
+    """Stops the run at the end of the tick after the first signal; a second Ctrl-C stops at once, without results.
+
+    Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside the main thread, which is the
+    only one that receives signals, no handler is installed.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called with a `Progress` at every tick.
+    names : iterable of str
+        Names of the signals; those that do not exist on the system are skipped.
+    announce : callable, optional
+        Called by the handler with the number of the first signal. It must not raise.
+
+    Attributes
+    ----------
+    wanted : int
+        Number of the signal received; 0 if there was none.
+    """
+
+    def __init__(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        names: Iterable[str] = ("SIGINT",),
+        announce: Callable[[int], None] | None = None,
+    ) -> None:
+        self.progress = progress
+        self.wanted = 0
+        self._numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+        self._announce = announce
+        self._before: dict[int, Any] = {}
+
+    def __call__(self, state: Progress) -> None:
+        """Show the state of the run, or stop it."""
+        if self.progress is not None:
+            self.progress(state)
+        if self.wanted:
+            raise Stopped
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in self._numbers:
+                if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: not set from Python
+                    self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number in list(self._before):
+            self.release(number)
+
+    def release(self, number: int) -> None:
+        """Restore the previous handler of a signal."""
+        if number in self._before:
+            signal.signal(number, self._before.pop(number))
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.wanted = number
+        if self._announce is not None:
+            self._announce(number)
+        self.release(signal.SIGINT)

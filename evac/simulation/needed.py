@@ -1,0 +1,175 @@
+"""Which optional parts a scene needs, and why. Leaving out the others does not change results in any bit."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from evac.base.errors import counted, plugin_code
+from evac.directions.build import build_fields
+from evac.directions.descent import add_lengths, descend, find_lowest
+from evac.directions.fields import Fields
+from evac.directions.routes import STRATEGIES, Route
+from evac.directions.sampling import sample_travel_times
+from evac.jit import Entry
+from evac.jit.kernels import entries_of
+from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
+from evac.people.placement import add_discs
+from evac.people.ways import walk_all
+from evac.physics.force import Force
+from evac.physics.parts import entries_of_loop
+
+if TYPE_CHECKING:
+    from evac.building.model.building import Building
+    from evac.case.case import Case
+    from evac.physics.contact.model import ContactModel
+
+
+@dataclass(frozen=True)
+class Part:
+    """An optional part of the framework, and whether the scene needs it."""
+
+    name: str
+    is_in: bool
+    why: str
+
+    def as_row(self) -> tuple[str, str, str]:
+        """Return name, in or out, why."""
+        return self.name, "in" if self.is_in else "out", self.why
+
+
+def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> tuple[Route, ...]:
+    """Return the routes that people can take, each once; `full` adds one of every strategy."""
+    wanted = list(routes_of(case))
+    for behaviour in behaviours:
+        with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
+            wanted.extend(behaviour.routes())
+    if full:
+        wanted.extend(Route((), strategy) for strategy in STRATEGIES)
+    return tuple(dict.fromkeys(wanted))
+
+
+def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> dict[str, Any]:
+    """Return the arguments of `build_fields` other than the building."""
+    settings = case.directions
+    return {
+        "routes": needed_routes(case, behaviours, full),
+        "spacing": settings.spacing,
+        "clearance": default_clearance(case) if settings.clearance is None else settings.clearance,
+        "narrowest": narrowest_body(case),
+        "widest": 2.0 * default_clearance(case),
+        "speeds": reference_speeds(case),
+        "comfort": settings.comfort,
+        "order": settings.order,
+    }
+
+
+def solve_fields(
+    case: "Case", building: "Building", behaviours: Sequence[Behaviour], full: bool, threads: int | None
+) -> Fields:
+    """Return the directions of a building for the routes that people can take, with the settings of the case."""
+    return build_fields(building, **field_settings(case, behaviours, full), threads=threads)
+
+
+def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
+    """Return the forces that are not zero everywhere; with `full`, all of them."""
+    needed = []
+    for force in forces:
+        with plugin_code(f"force {force.name!r}: is_needed", force):
+            if full or force.is_needed():
+                needed.append(force)
+    return needed
+
+
+def needed_behaviours(
+    scenes: Sequence[tuple[Behaviour, BehaviourScene]], full: bool
+) -> list[tuple[Behaviour, BehaviourScene]]:
+    """Return the behaviours that have an effect in their scenes; with `full`, all of them."""
+    needed = []
+    for behaviour, scene in scenes:
+        with plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
+            if full or behaviour.is_needed(scene):
+                needed.append((behaviour, scene))
+    return needed
+
+
+def set_up_kernels() -> list[Entry]:
+    """Return the kernels that the directions and people of a scene need."""
+    return [descend, sample_travel_times, add_discs, walk_all]
+
+
+def run_kernels(
+    case: "Case",
+    building: "Building",
+    model: "ContactModel",
+    forces: Sequence[Force],
+    behaviours: Sequence[Behaviour],
+    full: bool,
+) -> list[Entry]:
+    """Return the kernels of the step loop and of behaviours that are known to be needed at the start of a run."""
+    has_seams = full or len(building.levels) > 1
+    found = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
+    for behaviour in behaviours:
+        found += entries_of(sys.modules[type(behaviour).__module__])
+    if len(needed_routes(case, behaviours, full)) > len(routes_of(case)):  # they are compared by their lengths
+        found += [add_lengths, find_lowest]
+    return found
+
+
+def explain(
+    case: "Case",
+    building: "Building",
+    routes: Sequence[Route],
+    model: "ContactModel",
+    loop: Sequence[tuple[str, bool, str]],
+    forces: Mapping[str, str | None],
+    behaviours: Mapping[str, bool | None],
+    keepers: Sequence[str],
+) -> list[Part]:
+    """Return every optional part, whether it is used, and why.
+
+    Parameters
+    ----------
+    case : Case
+    building : Building
+    routes : sequence of Route
+        Routes that have a field.
+    model : ContactModel
+    loop : sequence of (str, bool, str)
+        Parts of the step loop, see `Engine.explain`.
+    forces : mapping of str to str or None
+        For each force in the case, how it acts, see `Engine.explain_forces`; None if it is left out.
+    behaviours : mapping of str to bool or None
+        For each behaviour in the case, whether it acts at ticks; None if it is left out.
+    keepers : sequence of str
+        The behaviours that keep distances.
+    """
+    portals, flights = len(building.portals), sum(level.kind == "flight" for level in building.levels)
+    parts = [
+        Part("portals", portals > 0, f"{counted(portals, 'portal')}, {counted(len(building.levels), 'level')}"),
+        Part("stair speeds", flights > 0, f"{flights} sloped levels"),
+    ]
+    for strategy in STRATEGIES:
+        ways = ", ".join(f"to {route.destination}" for route in routes if route.strategy == strategy)
+        why = f"people can go {ways}" if ways else "nobody can take such a route"
+        parts.append(Part(f"fields: {strategy}", bool(ways), why))
+    for name, effect in forces.items():
+        parts.append(Part(f"force: {name}", effect is not None, effect or "it is zero everywhere"))
+    if not forces:
+        parts.append(Part("forces at a distance", False, "none named in [forces]"))
+    for name, acts in behaviours.items():
+        why = "it affects nobody" if acts is None else "at every tick" if acts else "once, before the first step"
+        parts.append(Part(f"behaviour: {name}", acts is not None, why))
+    if not behaviours:
+        parts.append(Part("behaviours", False, "none named in [behaviours]"))
+    seen_by = f"seen by {', '.join(keepers)}" if keepers else "no behaviour keeps distances"
+    parts.append(Part("people outside", bool(keepers), seen_by))
+    with plugin_code(f"contact model {model.name!r}: parts", model):
+        parts.extend(Part(*row) for row in model.parts())
+    parts.extend(Part(*row) for row in loop)
+    parts.append(Part("contact solves", True, "only in steps with contacts in reach"))
+    for name in ("tables", "picture", "replay", "trajectory", "animation"):
+        is_wanted = getattr(case.output, name)
+        parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
+    return parts

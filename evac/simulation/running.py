@@ -1,0 +1,415 @@
+"""Run a case, or resume a run, and write its result folder."""
+
+import signal
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evac.base.display import displayed
+from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, note, warn
+from evac.base.phases import Phases, Progress
+from evac.case.loading import as_case
+from evac.case.overrides import parsed
+from evac.folder.files import (
+    ANIMATION_NAME,
+    CHECKPOINT_NAME,
+    EGRESS_NAME,
+    EGRESS_PICTURE_NAME,
+    PEOPLE_NAME,
+    SUMMARY_NAME,
+    TRAJECTORY_NAME,
+)
+from evac.folder.resultfolder import ResultFolder, remove_written
+from evac.results.ending import FAILED, INTERRUPTED, Stopped
+from evac.results.results import Results
+from evac.simulation.checkpoints import Checkpoints, find_checkpoint
+from evac.simulation.interrupt import Interrupt
+from evac.simulation.simulation import Simulation
+from evac.trajectory.recording import check_lengths
+from evac.trajectory.trajectory import read_trajectory
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+    from evac.contract.registry import Registry
+
+
+def run(
+    case: "Case | str | Path | Mapping[str, Any]",
+    folder: str | Path | None = None,
+    *,
+    full: bool = False,
+    checkpoint: float | None = None,
+    threads: int | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
+) -> Results:
+    """Run a case to its end and return the results.
+
+    Parameters
+    ----------
+    case : Case, str, Path or mapping
+        A case from `evac.load`, or an argument of `evac.load`.
+    folder : str or Path, optional
+        Result folder: new, empty, or that of an earlier run, which is replaced when this run has ended. None writes
+        no files.
+    full : bool
+        Include the parts that the scene does not need: identical results, slower.
+    checkpoint : float, optional
+        Wall time between two checkpoints [s], from which `resume` continues if the run is killed. None saves none.
+    threads : int, optional
+        Number of threads that share the steps, and of processes that share the directions of large buildings, at most
+        one per core, and in the steps one per 25,000 people; None chooses both by the size. The results are
+        identical.
+    progress : callable or bool, optional
+        Function that is called with a `Progress` at every tick. None shows a bar on a terminal and a line in a
+        notebook, True also prints lines elsewhere, False shows nothing.
+
+    Returns
+    -------
+    Results
+
+    Raises
+    ------
+    EvacError
+        The case, the building or a plugin is not valid, a step fails, or the folder cannot be written or is in use
+        by another run.
+    KeyboardInterrupt
+        Ctrl-C was pressed. The run stops at the end of the tick, and tables and state are in the folder, from which
+        `resume` continues. A second Ctrl-C stops at once, without them.
+
+    Warns
+    -----
+    RunWarning
+        What the command says, which the results contain too: warnings about building and people, before the run;
+        people who are left inside or stuck; quality warnings.
+
+    Examples
+    --------
+    >>> results = run("classroom", "classroom-result")  # doctest: +SKIP
+    """
+    case = as_case(case)
+    if folder is None:
+        if checkpoint is not None:
+            raise ScenarioError("checkpoint: needs a result folder; give `folder`")
+        with displayed(progress) as shown:
+            simulation = Simulation(case, None, full, threads=threads)
+            warn(simulation.warnings())
+            results = simulation.run(shown)
+    else:
+        with ResultFolder(folder) as place, displayed(progress) as shown:
+            simulation = Simulation(case, place.running, full, threads=threads)
+            warn(simulation.warnings())
+            place.start()
+            results = _run_interruptible(simulation, place, shown, checkpoint)
+    warn((*results.remarks, *results.quality_warnings))
+    return results
+
+
+def resume(
+    folder: str | Path,
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    *,
+    out: str | Path | None = None,
+    plugin_files: Iterable[str | Path] = (),
+    registry: "Registry | None" = None,
+    checkpoint: float | None = None,
+    threads: int | None = None,
+    allow_differences: bool = False,
+    case_file: str | Path | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
+) -> Results:
+    """Continue a killed or stopped run from its last checkpoint, with the results of an uninterrupted run.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Result folder of the interrupted run.
+    overrides : mapping, or iterable of str
+        Keys of the case to change from the checkpoint on, as for `evac.load`; requires `out`. Of the building only
+        ``closed`` may change, and people, seed, step, tick and ``output.every`` may not.
+    out : str or Path, optional
+        Another result folder. It contains records from the checkpoint on, and `folder` is left unchanged.
+    plugin_files, registry
+        As for `evac.load`: those that the run was given in addition to those of its case.
+    checkpoint : float, optional
+        Wall time between two checkpoints [s]; by default that of the interrupted run.
+    threads : int, optional
+        As for `run`.
+    allow_differences : bool
+        Resume even if versions, kernels, plugins or the building's file have changed; the results may then differ
+        from those of a run without interruption, and the summary lists the differences.
+    case_file : str or Path, optional
+        The file of the case, or its folder. Needed if the case names plugin files, which are executed, and lies neither
+        in the parent folder of the result folder nor in a folder beside it.
+    progress : callable or bool, optional
+        As for `run`.
+
+    Returns
+    -------
+    Results
+
+    Raises
+    ------
+    ResultError
+        There is no checkpoint, it is damaged, or something has changed since it was written.
+    EvacError
+        As `run`.
+
+    Warns
+    -----
+    RunWarning
+        As `run`, all of them after the run.
+
+    Examples
+    --------
+    >>> results = resume("classroom-result")  # doctest: +SKIP
+    >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
+    """
+    with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
+        simulation, every = resumed(
+            folder, place, overrides, plugin_files, registry, allow_differences, threads, case_file
+        )
+        results = _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
+    warn((*results.warnings, *results.remarks, *results.quality_warnings))
+    return results
+
+
+def resumed(
+    folder: str | Path,
+    place: ResultFolder,
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    plugin_files: Iterable[str | Path] = (),
+    registry: "Registry | None" = None,
+    allow_differences: bool = False,
+    threads: int | None = None,
+    case_file: str | Path | None = None,
+    compiling: Callable[[int, int], None] | None = None,
+    announce: Callable[[Path], None] | None = None,
+) -> tuple[Simulation, float | None]:
+    """Return a simulation restored from the checkpoint of a folder, and its wall time between checkpoints [s].
+
+    Parameters and errors are those of `resume` and of `Simulation`. `place` must be locked; `announce` is called with
+    the path of each plugin file of the case before it is executed.
+    """
+    folder, overrides = Path(folder), _listed(overrides)
+    is_branch = folder.resolve() != place.path.resolve()
+    if overrides and not is_branch:
+        raise ScenarioError(
+            f"{folder}: a run that is resumed in a changed case needs another result folder, so that results are not "
+            "mixed; give one (--out)"
+        )
+    found = find_checkpoint(folder)
+    before = found.case((), plugin_files, registry, case_file, announce)
+    case = found.case(overrides, plugin_files, before.registry, case_file) if overrides else before
+    differences = found.differences(before)
+    _check_differences(found.path, differences, allow_differences)
+    simulation = Simulation(case, place.running, found.header.full, threads=threads, compiling=compiling)
+    differences += found.simulation_differences(simulation)
+    _check_differences(found.path, differences, allow_differences)
+    found.restore(simulation, before if overrides else None)
+    if not is_branch:
+        found.check_recorders(simulation)
+    simulation.resumed.append(
+        {"from": str(folder), "time": found.time, "changes": dict(overrides), "differences": differences}
+    )
+    if is_branch:
+        place.start()
+    else:
+        place.reopen(found.path.parent)
+        found.restore_recorders(simulation)
+        remove_written(place.running, [*found.files, CHECKPOINT_NAME])
+    return simulation, found.every
+
+
+def _run_interruptible(
+    simulation: Simulation,
+    place: ResultFolder,
+    progress: Callable[[Progress], None] | None,
+    checkpoint: float | None,
+) -> Results:
+    """Run a simulation as `run_into` does; the first Ctrl-C ends it at the end of its tick."""
+    with Interrupt(progress) as interrupt:
+        results = run_into(
+            simulation,
+            place,
+            interrupt,
+            checkpoint=checkpoint,
+            writing=lambda: interrupt.release(signal.SIGINT),
+        )
+    if interrupt.wanted and results.ended == INTERRUPTED:
+        raise KeyboardInterrupt(
+            f"stopped at {results.time:.2f} s; tables and state are in {results.folder}, evac.resume goes on from them"
+        )
+    return results
+
+
+def run_into(
+    simulation: Simulation,
+    place: ResultFolder,
+    progress: Callable[[Progress], None] | None = None,
+    *,
+    checkpoint: float | None = None,
+    writing: Callable[[], None] | None = None,
+) -> Results:
+    """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Created with the folder ``place.running``.
+    place : ResultFolder
+        Locked, and started or reopened.
+    progress : callable, optional
+        Called with a `Progress` at every tick. If it raises `Stopped`, a checkpoint is saved.
+    checkpoint : float, optional
+        As for `run`.
+    writing : callable, optional
+        Called when the run is over, before its outputs are written.
+
+    Returns
+    -------
+    Results
+        Their ``folder`` is RESULT, or RESULT.running if the run was stopped and RESULT holds an earlier result.
+
+    Raises
+    ------
+    EvacError
+        As for `run`.
+    """
+    checkpoints = Checkpoints(simulation, place, checkpoint)
+    first = simulation.step
+
+    def after_tick(state: Progress) -> None:
+        place.check()
+        try:
+            if progress is not None:
+                progress(state)
+        except Stopped:
+            if not simulation.ended:
+                checkpoints.save_last()
+            raise
+        if not simulation.ended:  # a run that has ended cannot be resumed
+            checkpoints.save_if_due()
+
+    with simulation.phases.enter("output"):
+        try:
+            results = simulation.run(after_tick, checkpoints.begin)
+            results = replace(results, plugin_files=simulation.recording.plugin_files())
+            write_tables(results, place.running, simulation.phases)
+            _check_files(simulation, place)
+        except EvacError as error:
+            note(error, simulation.warnings())
+            _keep_failed_run(simulation, place, first, error)
+            raise
+        if results.ended == INTERRUPTED:
+            folder = place.publish_if_new()
+        else:
+            folder = place.publish()
+            (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
+        if writing is not None:
+            writing()
+        draw_pictures(results, folder)
+        results = replace(results, folder=folder, phases=simulation.phases.seconds())
+        with _optional(folder / SUMMARY_NAME):  # again, with the wall time of the pictures
+            results.write_summary(folder)
+        return results
+
+
+def write_tables(results: Results, folder: Path, phases: Phases) -> None:
+    """Write summary.json and, if ``output.tables`` is true, egress.csv and people.csv.
+
+    Parameters
+    ----------
+    results : Results
+    folder : Path
+        An existing folder.
+    phases : Phases
+        Clock of the run, in its phase "output".
+
+    Raises
+    ------
+    ResultError
+        A file cannot be written.
+    """
+    if results.case.output.tables:
+        results.write_tables(folder)
+    replace(results, phases=phases.seconds()).write_summary(folder)
+
+
+def draw_pictures(results: Results, folder: Path) -> None:
+    """Write egress.png if ``output.picture`` is true, and the VTK animation if ``output.animation`` is.
+
+    The results are complete without them: one that cannot be made is a warning.
+    """
+    if results.case.output.picture:
+        with _optional(folder / EGRESS_PICTURE_NAME):
+            from evac.pictures.pictures import draw_egress
+
+            draw_egress(results, folder / EGRESS_PICTURE_NAME)
+    if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
+        with _optional(folder / ANIMATION_NAME):
+            from evac.export.vtk import export_vtk
+
+            export_vtk(read_trajectory(folder), folder)
+
+
+@contextmanager
+def _optional(path: Path) -> Iterator[None]:
+    """Warn of a file that cannot be written."""
+    try:
+        yield
+    except Exception as error:
+        why = str(error) if isinstance(error, EvacError) else f"{path}: {in_one_line(error)}"
+        warnings.warn(f"{why}; the tables of the run are complete", FolderWarning, stacklevel=3)
+
+
+def _check_files(simulation: Simulation, place: ResultFolder) -> None:
+    """Check that all files of the run exist."""
+    place.check()
+    simulation.recording.check_files()
+    tables = (EGRESS_NAME, PEOPLE_NAME) if simulation.case.output.tables else ()
+    check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
+
+
+def _is_whole(simulation: Simulation, place: ResultFolder) -> bool:
+    try:
+        _check_files(simulation, place)
+    except ResultError:
+        return False
+    return True
+
+
+def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
+    """Write the tables of a run that has failed, or remove its folder if it has not made a step since `first`."""
+    with suppress(ResultError, OSError):  # the first failure is reported, not a later one
+        place.check()
+        if simulation.step > first:
+            simulation.ended = simulation.ended or FAILED
+            if not (place.running / SUMMARY_NAME).is_file():
+                results = replace(simulation.results(), plugin_files=simulation.recording.plugin_files())
+                write_tables(results, place.running, simulation.phases)
+            is_complete = simulation.ended not in (FAILED, INTERRUPTED) and _is_whole(simulation, place)
+            folder = place.publish() if is_complete else place.publish_if_new()
+            error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}")
+        elif not first:
+            place.discard(simulation.recording.plugin_files())
+
+
+def _check_differences(path: Path, differences: list[str], is_allowed: bool) -> None:
+    """Raise an error that lists the differences, if there are any and they are not allowed."""
+    if differences and not is_allowed:
+        raise ResultError(
+            f"{path}: the run cannot be resumed with the same results, because of changes since the checkpoint:\n"
+            + "\n".join(f"  {line}" for line in differences)
+            + "\nundo the changes, run the case again, or accept them (--allow-differences)"
+        )
+
+
+def _listed(overrides: Mapping[str, Any] | Iterable[str]) -> dict[str, Any]:
+    """Return overrides as a dictionary."""
+    pairs, problems = parsed(overrides)
+    if problems:
+        raise ScenarioError("; ".join(f"{'.'.join(map(str, problem.key))}: {problem.text}" for problem in problems))
+    return dict(pairs)

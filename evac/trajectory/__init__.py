@@ -1,0 +1,1 @@
+"""The trajectory file: its format, writing and reading; calling of recorders."""

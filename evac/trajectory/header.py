@@ -1,0 +1,302 @@
+"""The header of a trajectory file: conversion of building and people to and from plain JSON, with checks on reading."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.errors import ShapelyError
+from shapely.geometry import mapping, shape
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.building.model.building import Area, Building, Door, Exit, Level, Portal
+from evac.building.model.findings import as_findings
+
+#: Greatest absolute coordinate [m]; far more than in any coordinate system on Earth.
+COORDINATE_MAX = 1e9
+
+KINDS = ("floor", "flight", "landing")
+
+
+class HeaderError(ValueError):
+    """A key of a header is missing or has an invalid value; names the key."""
+
+
+@dataclass(frozen=True)
+class People:
+    """The people in a trajectory.
+
+    Attributes
+    ----------
+    radius : (n,) float64 [m]
+    group : (n,) int32
+        Index in ``groups`` of each person, -1 for none.
+    groups : tuple of str
+    """
+
+    radius: FloatArray
+    group: IntArray
+    groups: tuple[str, ...]
+
+
+def building_to_json(building: Building) -> dict[str, Any]:
+    """Return the building as lists, numbers and strings; floats are exact."""
+    return {
+        "source": building.source.name,
+        "vertices": building.vertices.tolist(),
+        "levels": [_level_to_json(level) for level in building.levels],
+        "portals": [
+            {"name": p.name, "levels": list(p.levels), "segments": p.segments.tolist(), "width": p.width}
+            for p in building.portals
+        ],
+        "exits": [
+            {"name": e.name, "level": e.level, "segments": e.segments.tolist(), "width": e.width}
+            for e in building.exits
+        ],
+        "areas": [{"name": a.name, "level": a.level, "polygon": mapping(a.polygon)} for a in building.areas],
+        "walls": building.walls.tolist(),
+        "wall_level": building.wall_level.tolist(),
+        "stairs": {name: list(levels) for name, levels in building.stairs.items()},
+        "warnings": list(building.warnings),
+        "closed": sorted(building.closed),
+        "doors": [
+            {"name": d.name, "level": d.level, "segment": d.segment.tolist(), "width": d.width} for d in building.doors
+        ],
+    }
+
+
+def building_from_json(data: Any) -> Building:
+    """Return the building from the output of `building_to_json`.
+
+    In files of earlier versions every link is open, and there are no doors.
+
+    Raises
+    ------
+    HeaderError
+        A key is missing, of the wrong kind, or out of range; names it.
+    """
+    vertices = _numbers(data, "building", "vertices", (3,), COORDINATE_MAX)
+    if not len(vertices):
+        raise HeaderError("building.vertices is empty")
+    levels = tuple(
+        _level_from_json(index, level, f"building.levels.{index}", vertices)
+        for index, level in enumerate(_list(data, "building", "levels"))
+    )
+    n = len(levels)
+    if not n:
+        raise HeaderError("building.levels is empty")
+    portals = tuple(_portal(index, p, n) for index, p in enumerate(_list(data, "building", "portals")))
+    exits = tuple(_exit(index, e, n) for index, e in enumerate(_list(data, "building", "exits")))
+    walls = _numbers(data, "building", "walls", (4,), COORDINATE_MAX)
+    wall_level = _rows(data, "building", "wall_level", n)
+    if len(wall_level) != len(walls):
+        raise HeaderError(f"building.wall_level has {len(wall_level)} numbers for {len(walls)} walls")
+    stairs = _get(data, "building", "stairs", dict)
+    closed = _rows(data, "building", "closed", len(portals) + len(exits)) if "closed" in data else ()
+    doors = _list(data, "building", "doors") if "doors" in data else ()
+    return Building(
+        source=Path(_get(data, "building", "source", str)),
+        vertices=vertices,
+        levels=levels,
+        portals=portals,
+        exits=exits,
+        areas=tuple(_area(index, area, n) for index, area in enumerate(_list(data, "building", "areas"))),
+        walls=walls,
+        wall_level=wall_level,
+        stairs={name: tuple(_rows(stairs, "building.stairs", name, n).tolist()) for name in stairs},
+        findings=as_findings(_words(data, "building", "warnings")),
+        closed=frozenset(int(link) for link in closed),
+        doors=tuple(_door(index, d, n) for index, d in enumerate(doors)),
+    )
+
+
+def people_from_json(data: Any) -> People:
+    """Return the people of a header.
+
+    Raises
+    ------
+    HeaderError
+        A key is missing, of the wrong kind, or out of range; names it.
+    """
+    radius = _numbers(data, "", "radius", (), COORDINATE_MAX)
+    if not (radius > 0.0).all():
+        raise HeaderError("radius must be positive")
+    groups = _words(data, "", "groups")
+    group = _rows(data, "", "group", len(groups), least=-1)
+    if len(group) != len(radius):
+        raise HeaderError(f"group has {len(group)} numbers for {len(radius)} people")
+    return People(radius, group, groups)
+
+
+def origin_from_json(data: Any) -> FloatArray:
+    """Return the origin of recorded positions in plan, (2,) [m].
+
+    Raises
+    ------
+    HeaderError
+        The origin is missing or not valid.
+    """
+    origin = _numbers(data, "", "origin", (), COORDINATE_MAX)
+    if origin.shape != (2,):
+        raise HeaderError(f"origin has {len(origin)} numbers instead of 2")
+    return origin
+
+
+def _level_to_json(level: Level) -> dict[str, Any]:
+    return {
+        "name": level.name,
+        "kind": level.kind,
+        "stair": level.stair,
+        "triangles": level.triangles.tolist(),
+        "polygon": mapping(level.polygon),
+        "uphill": level.uphill.tolist(),
+        "slope": level.slope,
+        "z_min": level.z_min,
+        "z_max": level.z_max,
+    }
+
+
+def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> Level:
+    kind, stair = _get(data, key, "kind", str), _get(data, key, "stair", (str, type(None)))
+    if kind not in KINDS:
+        raise HeaderError(f"{key}.kind is {kind!r:.40}; it must be one of {', '.join(KINDS)}")
+    triangles = _rows(data, key, "triangles", len(vertices), (3,))
+    if not len(triangles):
+        raise HeaderError(f"{key}.triangles is empty")
+    a, b, c = vertices[triangles, :2].transpose(1, 0, 2)
+    if ((b - a)[:, 0] * (c - a)[:, 1] == (b - a)[:, 1] * (c - a)[:, 0]).any():
+        raise HeaderError(f"{key}.triangles contains a triangle without area in plan")
+    uphill = _numbers(data, key, "uphill", (), 2.0)
+    if uphill.shape != (2,):
+        raise HeaderError(f"{key}.uphill has {len(uphill)} numbers instead of 2")
+    return Level(
+        index=index,
+        name=_get(data, key, "name", str),
+        kind=kind,
+        stair=stair,
+        triangles=triangles,
+        polygon=_polygon(data, key),
+        uphill=uphill,
+        slope=_number(data, key, "slope", 0.0, 0.5 * pi),
+        z_min=_number(data, key, "z_min", -COORDINATE_MAX, COORDINATE_MAX),
+        z_max=_number(data, key, "z_max", -COORDINATE_MAX, COORDINATE_MAX),
+    )
+
+
+def _portal(index: int, data: Any, levels: int) -> Portal:
+    key = f"building.portals.{index}"
+    ends = _rows(data, key, "levels", levels).tolist()
+    if len(ends) != 2:
+        raise HeaderError(f"{key}.levels has {len(ends)} numbers instead of 2")
+    return Portal(index, _get(data, key, "name", str), (ends[0], ends[1]), *_segments(data, key))
+
+
+def _exit(index: int, data: Any, levels: int) -> Exit:
+    key = f"building.exits.{index}"
+    return Exit(index, _get(data, key, "name", str), _row(data, key, "level", levels), *_segments(data, key))
+
+
+def _area(index: int, data: Any, levels: int) -> Area:
+    key = f"building.areas.{index}"
+    return Area(_get(data, key, "name", str), _row(data, key, "level", levels), _polygon(data, key))
+
+
+def _door(index: int, data: Any, levels: int) -> Door:
+    key = f"building.doors.{index}"
+    segment = _numbers(data, key, "segment", (), COORDINATE_MAX)
+    if segment.shape != (4,):
+        raise HeaderError(f"{key}.segment has {len(segment)} numbers instead of 4")
+    width = _number(data, key, "width", 0.0, COORDINATE_MAX)
+    return Door(_get(data, key, "name", str), _row(data, key, "level", levels), segment, width)
+
+
+def _segments(data: Any, key: str) -> tuple[FloatArray, float]:
+    """Return segments and width of a portal or an exit."""
+    segments = _numbers(data, key, "segments", (4,), COORDINATE_MAX)
+    if not len(segments):
+        raise HeaderError(f"{key}.segments is empty")
+    return segments, _number(data, key, "width", 0.0, COORDINATE_MAX)
+
+
+def _polygon(data: Any, key: str) -> BaseGeometry:
+    geometry = _get(data, key, "polygon", dict)
+    try:
+        polygon = shape(geometry)
+        is_finite = bool(np.isfinite(polygon.bounds).all())
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RecursionError, ShapelyError) as error:
+        raise HeaderError(f"{key}.polygon is not a geometry: {error}") from error
+    if polygon.geom_type not in ("Polygon", "MultiPolygon") or not is_finite:
+        raise HeaderError(f"{key}.polygon is not a polygon with finite corners")
+    return polygon
+
+
+def _get(data: Any, place: str, key: str, kind: type | tuple[type, ...]) -> Any:
+    """Return the value of a key, which must exist and have a certain type."""
+    name = f"{place}.{key}" if place else key
+    if not isinstance(data, Mapping):
+        raise HeaderError(f"{place or 'the header'} is not a table")
+    if key not in data:
+        raise HeaderError(f"{name} is missing")
+    if not isinstance(data[key], kind):
+        raise HeaderError(f"{name} has the wrong type {type(data[key]).__name__}")
+    return data[key]
+
+
+def _list(data: Any, place: str, key: str) -> Sequence[Any]:
+    found: list[Any] = _get(data, place, key, list)
+    return found
+
+
+def _words(data: Any, place: str, key: str) -> tuple[str, ...]:
+    found = _list(data, place, key)
+    if not all(isinstance(word, str) for word in found):
+        raise HeaderError(f"{place + '.' if place else ''}{key} contains a value that is not a string")
+    return tuple(found)
+
+
+def _number(data: Any, place: str, key: str, least: float, greatest: float) -> float:
+    value = _get(data, place, key, (int, float))
+    if isinstance(value, bool) or not least <= value <= greatest:
+        raise HeaderError(f"{place}.{key} is {value!r:.40}; it must be between {least:g} and {greatest:g}")
+    return float(value)
+
+
+def _row(data: Any, place: str, key: str, count: int) -> int:
+    value = _get(data, place, key, int)
+    if isinstance(value, bool) or not 0 <= value < count:
+        raise HeaderError(f"{place}.{key} is {value!r:.40}; it must be between 0 and {count - 1}")
+    return int(value)
+
+
+def _array(data: Any, place: str, key: str, kinds: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return a list of numbers, or of rows of numbers of a given shape, as an array; `kinds` are kinds of numpy."""
+    name = f"{place}.{key}" if place else key
+    values = _list(data, place, key)
+    try:
+        array = np.array(values) if values else np.empty((0, *shape), np.int64)
+    except (ValueError, OverflowError, RecursionError) as error:
+        raise HeaderError(f"{name} is not an array of numbers") from error
+    if array.dtype.kind not in kinds or array.shape[1:] != shape:
+        what = f"rows of {shape[0]} numbers" if shape else "a list of numbers"
+        raise HeaderError(f"{name} must be {what}{'' if 'f' in kinds else ', all of them whole'}")
+    return array
+
+
+def _numbers(data: Any, place: str, key: str, shape: tuple[int, ...], greatest: float) -> FloatArray:
+    """Return finite numbers between -greatest and greatest."""
+    array = _array(data, place, key, "iuf", shape).astype(np.float64)
+    if not (np.abs(array) <= greatest).all():
+        raise HeaderError(f"{place + '.' if place else ''}{key} contains numbers greater than {greatest:g}")
+    return array
+
+
+def _rows(data: Any, place: str, key: str, count: int, shape: tuple[int, ...] = (), least: int = 0) -> IntArray:
+    """Return whole numbers from `least` to below `count`."""
+    array = _array(data, place, key, "iu", shape)
+    if array.size and not (array.min() >= least and array.max() < count):
+        raise HeaderError(f"{place + '.' if place else ''}{key} contains numbers outside of {least} to {count - 1}")
+    return array.astype(np.int32)

@@ -1,0 +1,289 @@
+"""The recorders of a run: starting, calling and finishing them, and their state for checkpoints."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from evac.base.errors import EvacError, PluginError, ResultError, plugin_code
+from evac.base.plugin_state import state_of
+from evac.base.saved import part_of
+from evac.folder.digests import RunningDigest
+from evac.folder.files import sync_file, writing
+from evac.folder.manifest import note_written
+from evac.folder.resultfolder import files_of_others, is_written
+from evac.trajectory.recorder import Recorder
+
+if TYPE_CHECKING:
+    from evac.contract.registry import Registry
+    from evac.results.results import Results
+    from evac.simulation.simulation import Simulation
+
+#: Remedy for a recorder that has written to an array of the simulation.
+READ = "only read the simulation, and copy arrays before changing them"
+
+
+class Recording:
+    """Calls the recorders of a run; errors name the recorder.
+
+    Parameters
+    ----------
+    recorders : sequence of Recorder
+    folder : Path or None
+        Folder to which they write.
+
+    Attributes
+    ----------
+    is_started : bool
+        Whether they have recorded the initial state.
+    """
+
+    def __init__(self, recorders: Sequence[Recorder], folder: Path | None) -> None:
+        self.recorders = list(recorders)
+        self.is_started = False
+        self._folder = folder
+        self._made: set[str] = set()  # files created while plugins started or finished
+        self._digests: dict[str, RunningDigest] = {}  # of the files
+
+    def start(self, simulation: "Simulation") -> None:
+        """Start the recorders, and record the current state."""
+        self.is_started = True
+        with self._noting_files():
+            for recorder in self.recorders:
+                with reading(simulation, f"recorder {recorder.name!r}: start", recorder):
+                    recorder.start(simulation)
+        self.record(simulation)
+
+    def record(self, simulation: "Simulation") -> None:
+        """Check that the files exist, then call every recorder."""
+        self.check_files()
+        for recorder in self.recorders:
+            with reading(simulation, f"t = {simulation.time:.3f} s: recorder {recorder.name!r}", recorder):
+                recorder.record(simulation)
+
+    def finish(
+        self,
+        simulation: "Simulation",
+        registry: "Registry",
+        results: "Results | None",
+        error: BaseException | None,
+    ) -> None:
+        """Call every recorder and plugin to finish; then raise the first error, unless the run has failed already."""
+        calls: list[tuple[str, Any, Callable[[], Any]]] = []
+        if self.is_started and error is None:
+            calls.append(("recorders", self, self.check_files))
+        for recorder in self.recorders if self.is_started else ():
+            finish = partial(recorder.finish, simulation, results)
+            calls.append((f"recorder {recorder.name!r}: finish", recorder, finish))
+        for plugin, hook in registry.calls("evac_finish", simulation=simulation, results=results, error=error):
+            calls.append((f"{plugin}: evac_finish", hook.func, hook))
+        failures = []
+        with self._noting_files():
+            for what, code, call in calls:
+                try:
+                    with reading(simulation, what, code):
+                        call()
+                except EvacError as failure:
+                    failures.append(failure)
+        for one in failures:
+            if error is None:
+                raise one
+            error.add_note(f"then: {one}")
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the recorders' states, by ``NAME.key``."""
+        state: dict[str, NDArray[Any]] = {}
+        for recorder in self.recorders:
+            state |= state_of(recorder, f"recorder {recorder.name!r}", f"{recorder.name}.")
+        return state
+
+    def files(self) -> dict[str, int]:
+        """Return the files that the recorders have written so far and their lengths [bytes]."""
+        files: dict[str, int] = {}
+        for recorder in self.recorders:
+            with plugin_code(f"recorder {recorder.name!r}: files", recorder):
+                files |= {str(name): int(length) for name, length in recorder.files().items()}
+        return files
+
+    def plugin_files(self) -> list[str]:
+        """Return the files of plugins: those named by recorders, and those created when plugins started or finished.
+
+        Files that evac writes itself are not included.
+        """
+        return sorted(name for name in {*self._made, *self.files()} if not is_written(name))
+
+    @contextmanager
+    def _noting_files(self) -> Iterator[None]:
+        """Record which files are created within the context."""
+        before = self._files_there()
+        try:
+            yield
+        finally:
+            self._made |= self._files_there() - before
+            if self._folder is not None and self._folder.is_dir():
+                with writing("the manifest", self._folder):
+                    note_written(self._folder / name for name in self.plugin_files())
+
+    def _files_there(self) -> set[str]:
+        return files_of_others(self._folder) if self._folder is not None and self._folder.is_dir() else set()
+
+    def sync(self) -> dict[str, dict[str, Any]]:
+        """Flush the files to disk and return the length [bytes] and the SHA-256 of each."""
+        files: dict[str, dict[str, Any]] = {}
+        if self._folder is None:
+            return files
+        for name, length in self.files().items():
+            with writing(f"{name} at the checkpoint", self._folder):
+                sync_file(self._folder / name)
+            digest = self._digests.setdefault(name, RunningDigest()).extend(self._folder / name, length)
+            files[name] = {"length": length, "sha256": digest}
+        return files
+
+    def check(
+        self,
+        simulation: "Simulation",
+        state: Mapping[str, NDArray[Any]],
+        folder: Path,
+        files: Mapping[str, tuple[int, str]],
+    ) -> None:
+        """Check that the recorders can be restored, without changing anything.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            A restored simulation.
+        state : mapping of str to array
+            As `state` returned it.
+        folder : Path
+            Where the files are.
+        files : mapping of str to (int, str)
+            Lengths at the checkpoint [bytes], and SHA-256 of the files up to there.
+
+        Raises
+        ------
+        ResultError
+            A file is missing, shorter, or not that of the checkpoint, or a state is not valid.
+        """
+        lengths = {name: length for name, (length, _) in files.items()}
+        check_lengths(folder, lengths)
+        for name, (length, digest) in files.items():
+            if self._digests.setdefault(name, RunningDigest()).extend(folder / name, length) != digest:
+                raise ResultError(
+                    f"{folder / name}: is not the file of the checkpoint, or was changed; run the case from its start"
+                )
+        for recorder in self.recorders:
+            what = f"recorder {recorder.name!r}: check_state"
+            with reading(simulation, what, recorder), part_of(state, f"{recorder.name}.") as own:
+                recorder.check_state(simulation, own, folder, lengths)
+
+    def check_files(self) -> None:
+        """Check that the files of the recorders have the recorded lengths.
+
+        Raises
+        ------
+        ResultError
+            A file is missing or shorter, for example because it was removed or truncated during the run.
+        """
+        if self._folder is not None:
+            check_lengths(self._folder, self.files())
+
+    def restore(
+        self,
+        simulation: "Simulation",
+        state: Mapping[str, NDArray[Any]],
+        files: Mapping[str, int],
+        plugin_files: Iterable[str] = (),
+    ) -> None:
+        """Truncate the files to their lengths at the checkpoint, and restore the recorders.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            A restored simulation.
+        state, files, plugin_files
+            Results of the methods with these names.
+
+        Raises
+        ------
+        ResultError
+            A file is missing or shorter than at the checkpoint.
+        """
+        if self._folder is not None:
+            check_lengths(self._folder, files)
+            for name, length in files.items():
+                with writing(name, self._folder):
+                    os.truncate(self._folder / name, length)
+        self.is_started = True
+        self._made = set(plugin_files)
+        for recorder in self.recorders:
+            what = f"recorder {recorder.name!r}: restore"
+            with reading(simulation, what, recorder), part_of(state, f"{recorder.name}.") as own:
+                recorder.restore(simulation, own)
+        if self._folder is not None and self.files() != files:
+            raise ResultError(
+                f"{self._folder}: the checkpoint has the files {', '.join(files) or 'none'}, the recorders continue "
+                f"{', '.join(self.files()) or 'none'}, or other lengths; run the case from its start"
+            )
+
+
+@contextmanager
+def reading(simulation: "Simulation", what: str, plugin: Any) -> Iterator[None]:
+    """Run code of a plugin that only reads a simulation, whose arrays are read-only within the context.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    what, plugin
+        As for `evac.base.errors.plugin_code`.
+
+    Raises
+    ------
+    PluginError
+        The plugin fails, or writes to an array.
+    """
+    arrays = [*simulation.population.crowd.values().values(), simulation.displacement_velocity]
+    for array in arrays:
+        array.flags.writeable = False
+    try:
+        with plugin_code(what, plugin, READ):
+            yield
+    finally:
+        for array in arrays:
+            array.flags.writeable = True
+
+
+def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any]]:
+    """Yield the result of each plugin's evac_metrics; for a plugin that fails, the error instead."""
+    for plugin, call in registry.calls("evac_metrics", results=results):
+        try:
+            with plugin_code(f"{plugin}: evac_metrics", call.func):
+                yield plugin, call()
+        except PluginError as error:
+            yield plugin, {"error": str(error)}
+
+
+def check_lengths(folder: Path, files: Mapping[str, int]) -> None:
+    """Check that files exist in a folder and have at least certain lengths [bytes].
+
+    Raises
+    ------
+    ResultError
+        A file is missing or shorter; names it.
+    """
+    for name, length in files.items():
+        try:
+            found = (folder / name).stat().st_size
+        except OSError:
+            raise ResultError(
+                f"{folder / name}: the file was removed during the run; run the case again, and do not change the "
+                "folder until it has ended"
+            ) from None
+        if found < length:
+            raise ResultError(
+                f"{folder / name}: the file was truncated during the run: {length} bytes were written, {found} are "
+                "left; run the case again, and do not change the folder until it has ended"
+            )

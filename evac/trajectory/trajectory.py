@@ -1,0 +1,287 @@
+"""Reading of trajectory files: a JSON header and frames. The format is specified in docs/trajectory.md."""
+
+import mmap
+import os
+import stat
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ResultError
+from evac.building.model.building import Building
+from evac.folder.files import TRAJECTORY_NAME
+from evac.trajectory.frames import Bounds, read_frames
+from evac.trajectory.header import HeaderError, building_from_json, origin_from_json, people_from_json
+from evac.trajectory.layout import FIELDS, damaged, read_header
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from pedpy import TrajectoryData, WalkableArea
+
+    from evac.analysis.maps import LevelMaps
+
+#: Positions farther than this outside the bounding rectangle of the building are treated as damage [m].
+FAR_OUTSIDE = 1000.0
+
+
+class Frame(TypedDict):
+    """The c people who are inside at one time.
+
+    Attributes
+    ----------
+    time : float [s]
+    person : (c,) int32
+        Index of the person.
+    level : (c,) int32
+        Index in ``Building.levels``.
+    position : (c, 2) float64 [m]
+        Position in plan.
+    z : (c,) float64 [m]
+    velocity : (c, 3) float64 [m/s]
+        Displacement in the last tick over its length, in space; the vertical component follows from the slope.
+    speed : (c,) float64 [m/s]
+        Magnitude of the velocity, on stairs along the slope.
+    contact_force : (c,) float64 [N]
+        Sum of the contact forces.
+    crowd_pressure : (c,) float64 [N/m]
+        Contact force over the circumference of the body, 2 pi r, as in Helbing, Farkas and Vicsek (2000).
+    """
+
+    time: float
+    person: IntArray
+    level: IntArray
+    position: FloatArray
+    z: FloatArray
+    velocity: FloatArray
+    speed: FloatArray
+    contact_force: FloatArray
+    crowd_pressure: FloatArray
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The content of a trajectory file.
+
+    Attributes
+    ----------
+    path : Path
+        The file, of which the records are views.
+    header : dict
+        Header of the file, see docs/trajectory.md.
+    building : Building
+    group : (n,) int32
+        Index in ``groups`` of each person, -1 for none.
+    groups : tuple of str
+    radius : (n,) float64 [m]
+    time : (f,) float64 [s]
+    records : tuple of (c, 7) float32
+        The records of each frame, columns `FIELDS`.
+    end : int
+        Byte at which the last complete frame ends.
+    dropped_bytes : int
+        Number of bytes after it, which are ignored; 0 for a complete file.
+    """
+
+    path: Path
+    header: dict[str, Any]
+    building: Building
+    group: IntArray
+    groups: tuple[str, ...]
+    radius: FloatArray
+    time: FloatArray
+    records: tuple[NDArray[np.float32], ...]
+    end: int
+    dropped_bytes: int
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.records)
+
+    def __repr__(self) -> str:
+        end = f" from {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else ""
+        return f"<Trajectory {self.path}: {self.number_of_people} people, {len(self)} recorded times{end}>"
+
+    @cached_property
+    def frame(self) -> "DataFrame":
+        """One row for each person and recorded time, with the columns of `evac.analysis.tables.motion_table`."""
+        from pandas import DataFrame
+
+        from evac.analysis.tables import motion_table
+
+        return DataFrame(motion_table(self))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings on data that were ignored at the end of the file; empty for a complete file."""
+        if not self.dropped_bytes:
+            return ()
+        return (
+            f"{self.path}: {self.dropped_bytes} bytes after the last complete frame, from byte {self.end} on, are "
+            "ignored; the run was killed or has not ended",
+        )
+
+    @property
+    def number_of_people(self) -> int:
+        """Number of all people."""
+        return len(self.radius)
+
+    @cached_property
+    def origin(self) -> FloatArray:
+        """Origin of the recorded positions in plan, (2,) [m]."""
+        return np.array(self.header["origin"], np.float64)
+
+    @cached_property
+    def _climb(self) -> FloatArray:
+        """Gradient of the height of each level in plan, (levels, 2): velocity . climb is the vertical velocity."""
+        return np.array([np.tan(level.slope) * level.uphill for level in self.building.levels]).reshape(-1, 2)
+
+    def __getitem__(self, k: int) -> Frame:
+        """Return the people inside in frame `k`; negative indices count from the end."""
+        from evac.building.model.elevation import elevation
+
+        records = self.records[k].astype(np.float64)
+        level = records[:, 1].astype(np.int32)
+        position = records[:, 2:4] + self.origin
+        plan_velocity = records[:, 4:6]
+        rise = np.einsum("ij,ij->i", plan_velocity, self._climb[level])
+        velocity = np.column_stack([plan_velocity, rise])
+        person = records[:, 0].astype(np.int32)
+        return Frame(
+            time=float(self.time[k]),
+            person=person,
+            level=level,
+            position=position,
+            z=elevation(self.building, level, position),
+            velocity=velocity,
+            speed=np.linalg.norm(velocity, axis=1),
+            contact_force=records[:, 6],
+            crowd_pressure=records[:, 6] / (2.0 * np.pi * self.radius[person]),
+        )
+
+    def maps(self, levels: "Iterable[str | int] | None" = None, **options: Any) -> "Mapping[str, LevelMaps]":
+        """Return maps of density, speed, flow, ... of levels: see `evac.analysis.maps.level_maps`."""
+        from evac.analysis.maps import level_maps
+
+        return level_maps(self, levels, **options)
+
+    def to_pedpy(self, level: str | int) -> "tuple[TrajectoryData, WalkableArea]":
+        """Return the motion on a level and its walkable area for PedPy: see `evac.analysis.pedpy_data.to_pedpy`."""
+        from evac.analysis.pedpy_data import to_pedpy
+
+        return to_pedpy(self, level)
+
+    def nearest(self, time: float) -> int:
+        """Return the index of the frame nearest to `time` [s]."""
+        return int(np.abs(self.time - time).argmin())
+
+    @cached_property
+    def position(self) -> FloatArray:
+        """Plan positions, (f, n, 2) [m]; NaN for people who are out."""
+        return self._padded("position", (2,))
+
+    @cached_property
+    def z(self) -> FloatArray:
+        """Heights, (f, n) [m]; NaN for people who are out."""
+        return self._padded("z", ())
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Velocities in space, (f, n, 3) [m/s]; NaN for people who are out."""
+        return self._padded("velocity", (3,))
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """Speeds, along the slope on stairs, (f, n) [m/s]; NaN for people who are out."""
+        return self._padded("speed", ())
+
+    @cached_property
+    def contact_force(self) -> FloatArray:
+        """Sums of contact forces, (f, n) [N]; NaN for people who are out."""
+        return self._padded("contact_force", ())
+
+    @cached_property
+    def crowd_pressure(self) -> FloatArray:
+        """Contact forces over the circumference of the body, (f, n) [N/m]; NaN for people who are out."""
+        return self._padded("crowd_pressure", ())
+
+    @cached_property
+    def level(self) -> IntArray:
+        """Levels, (f, n) int32; -1 for people who are out."""
+        level = np.nan_to_num(self._padded("level", ()), nan=-1.0).astype(np.int32)
+        level.flags.writeable = False
+        return level
+
+    @cached_property
+    def _frames(self) -> list[Frame]:
+        return [self[k] for k in range(len(self))]
+
+    def _padded(self, name: str, shape: tuple[int, ...]) -> FloatArray:
+        values = np.full((len(self), self.number_of_people, *shape), np.nan)
+        for k, frame in enumerate(self._frames):
+            values[k, frame["person"]] = frame[name]  # type: ignore[literal-required]
+        values.flags.writeable = False
+        return values
+
+
+def read_trajectory(path: str | Path) -> Trajectory:
+    """Read a trajectory file, or that of a result folder; an incomplete last frame of a killed run is ignored.
+
+    The file is mapped into memory: everything is checked once, and records are read from the file when they are used.
+    The file must not be truncated while the trajectory is in use; it may grow or be removed.
+
+    Raises
+    ------
+    ResultError
+        The file does not exist, is not a trajectory of a known format, or is damaged before its last frame.
+    """
+    path = Path(path)
+    return read_up_to(path / TRAJECTORY_NAME if path.is_dir() else path)
+
+
+def read_up_to(path: Path, length: int | None = None) -> Trajectory:
+    """Read the first `length` bytes of a trajectory file, or all of them."""
+    data = _mapped(path, length)
+    header, start = read_header(path, data)
+    if header.get("fields") != list(FIELDS):
+        raise damaged(path, f"the header's fields are {header.get('fields')!r:.200}; they must be {list(FIELDS)}")
+    try:
+        building = building_from_json(header.get("building"))
+        people, origin = people_from_json(header), origin_from_json(header)
+    except HeaderError as error:
+        raise damaged(path, f"the header is damaged: {error}") from error
+    plan = building.vertices[:, :2] - origin
+    low, high = plan.min(axis=0) - FAR_OUTSIDE, plan.max(axis=0) + FAR_OUTSIDE
+    bounds = Bounds(len(people.radius), len(building.levels), low, high)
+    time, records, end = read_frames(path, data, start, header["format"], bounds)
+    for array in (people.group, people.radius, time):
+        array.flags.writeable = False
+    return Trajectory(
+        path, header, building, people.group, people.groups, people.radius, time, records, end, len(data) - end
+    )
+
+
+def _mapped(path: Path, length: int | None) -> memoryview:
+    """Return the bytes of a file, mapped into memory; all of them, or the first `length`."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ResultError(f"{path}: not a file; give a {TRAJECTORY_NAME} or the folder that contains one")
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if length is not None and length > size:
+                raise damaged(path, f"the file has {size} bytes, {length} are needed")
+            whole = size if length is None else length
+            # An empty file cannot be mapped.
+            return memoryview(mmap.mmap(file.fileno(), whole, access=mmap.ACCESS_READ) if whole else b"")
+    except FileNotFoundError as error:
+        raise ResultError(
+            f"{path}: no such file; check the path, or run the case with output.trajectory = true"
+        ) from error
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ResultError(f"{path}: cannot read the trajectory: {why}; check the path") from error

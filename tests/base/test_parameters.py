@@ -1,0 +1,67 @@
+import math
+
+import pytest
+
+from evac.base.errors import PluginError
+from evac.base.parameters import Configurable, Parameter, did_you_mean
+
+
+class Spring(Configurable):
+    name = "spring"
+    stiffness = Parameter(1.2e5, "stiffness", unit="kg/s2", above=0)
+    sweeps = Parameter(10, "sweeps", minimum=1, maximum=100)
+    reading = Parameter("isotropic", "reading", choices=("isotropic", "anisotropic"))
+    warm = Parameter(True, "warm start")
+    limit = Parameter(1.0, "limit", infinite=True)
+    time = Parameter({"uniform": [0.0, 10.0]}, "time", unit="s", minimum=0, distribution=True)
+
+
+class Damped(Spring):
+    name = "damped"
+    damping = Parameter(0.0, "damping", minimum=0)
+
+
+def test_defaults_and_given_values_are_typed():
+    spring = Spring(stiffness=200, sweeps=7)
+    assert spring.stiffness == 200.0
+    assert isinstance(spring.stiffness, float)
+    assert spring.sweeps == 7
+    assert spring.reading == "isotropic"
+    assert spring.time.support() == (0.0, 10.0)
+
+
+def test_a_subclass_declares_what_its_base_declares_first():
+    assert list(Damped.declared()) == [*Spring.declared(), "damping"]
+    assert list(Damped().values()) == list(Damped.declared())
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("stiffness", 0, "0 kg/s2.* 0"),
+        ("stiffness", "hard", "number.*'hard'"),
+        ("stiffness", True, "number.*True"),
+        ("stiffness", math.inf, "inf"),
+        ("limit", math.nan, "nan"),
+        ("sweeps", 1.5, r"whole number.* 1\.5"),
+        ("sweeps", math.inf, "inf"),
+        ("sweeps", 0, "1.* 0"),
+        ("sweeps", 101, "100.* 101"),
+        ("reading", "isotropc", "'isotropc'.*'isotropic'"),
+        ("warm", 1, "true or false.* 1"),
+        ("time", -1, "0.* -1"),
+        ("stifness", 1, "'stiffness'"),
+    ],
+)
+def test_a_wrong_value_is_refused_with_key_and_range(key, value, words):
+    with pytest.raises(PluginError, match=rf"^spring\.{key}: .*{words}"):
+        Spring(**{key: value})
+
+
+def test_infinity_is_legal_where_declared():
+    assert Spring(limit=math.inf).limit == math.inf
+
+
+def test_did_you_mean_lists_what_is_known_when_nothing_is_close():
+    assert did_you_mean("xyz", ("dem", "nsm2")) == "known: dem, nsm2"
+    assert did_you_mean("xyz", ()) == "known: none"

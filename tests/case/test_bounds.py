@@ -1,0 +1,120 @@
+"""Every number of a case has bounds, and what would take too much memory or time is refused by its key."""
+
+import numpy as np
+import pytest
+import shapely
+from annotated_types import Ge, Gt, Le, Lt
+
+import evac
+from evac.base.errors import BuildingError, ScenarioError
+from evac.case.case import Case
+from evac.case.keys import FARTHEST
+from evac.case.schema import SimulationSettings
+from evac.contract.registry import Registry
+from evac.directions.grids import build_grids, count_nodes
+from evac.people import placement
+
+REGISTRY = Registry()
+
+
+def _numbers(section):
+    """Yield the sections' keys that are numbers, with their bounds."""
+    from evac.case.problems import section_of
+
+    for name, field in section.model_fields.items():
+        inner = section_of(field.annotation)
+        if inner is not None:
+            yield from _numbers(inner)
+        elif "float" in str(field.annotation) or "int" in str(field.annotation):
+            yield f"{section.__name__}.{name}", field
+
+
+def test_every_number_has_a_lower_and_an_upper_bound():
+    found = list(_numbers(Case))
+    assert len(found) > 15
+    for name, field in found:
+        text = f"{field.metadata} {field.annotation}"
+        # Nobody waits for longer than a run lasts; never to wait is legal.
+        kinds = (Ge, Gt, Le, Lt)
+        assert any(kind.__name__ + "(" in text for kind in kinds[:2]), name
+        assert any(kind.__name__ + "(" in text for kind in kinds[2:]) or name.endswith("no_progress"), name
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("directions.clearance", 100.0),
+        ("directions.clearance", 1e12),
+        ("directions.spacing", 0.001),
+        ("directions.spacing", 5e-324),
+        ("simulation.step", 5e-324),
+        ("simulation.tick", 1e300),
+        ("simulation.duration", 1e300),
+        ("output.every", 1e-9),
+        ("people.people.number", 1_000_000),
+        ("people.people.mass", 1e300),
+        ("people.people.mass", 1e-300),
+        ("people.people.mass", {"lognormal": [11.0, 3.0]}),
+        ("people.people.mass", {"lognormal": [1e9, 1e9]}),
+        ("people.people.mass", {"weibull": [1e-9, 1.0]}),
+        ("people.people.tau", 1e-12),
+        ("people.people.speed", {"uniform": [1.0, 1e6]}),
+        ("people.people.speed_up", {"factor": 1e9}),
+        ("people.people.radius", 1e3),
+        ("building.scale", 1e300),
+        ("contact.nsm2.iterations", 10**18),
+        ("contact.nsm2.normal_dissipation", 1e300),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_meant_is_refused_by_its_key(key, value):
+    changes = {key: value} | ({"output.every": 0.1} if key == "simulation.tick" else {})
+    with pytest.raises(ScenarioError, match=key.replace(".", r"\.")):
+        evac.Simulation(evac.load("square_room", changes, registry=REGISTRY), will_run=False)
+
+
+def test_more_people_than_a_case_holds_are_refused():
+    groups = [{"name": f"g{k}", "number": 600_000, "area": "room"} for k in range(2)]
+    with pytest.raises(ScenarioError, match=r"people: .*1,200,000"):
+        evac.load("square_room", {"people": groups}, registry=REGISTRY)
+
+
+def test_coordinates_beyond_all_are_refused():
+    exit_ = {"name": "far", "segment": [[0.0, 0.0], [2.0 * FARTHEST, 0.0]], "z": 0.0}
+    with pytest.raises(ScenarioError, match=r"building\.exits\.far\.segment"):
+        evac.load("square_room", {"building.exits": [exit_]}, registry=REGISTRY)
+
+
+@pytest.mark.parametrize("scale", [1e5, 1e6])
+def test_a_building_larger_than_any_is_refused(scale):
+    with pytest.raises(BuildingError, match=r"building\.scale"):
+        evac.Simulation(evac.load("square_room", {"building.scale": scale}, registry=REGISTRY), will_run=False)
+
+
+@pytest.mark.parametrize("clearance", [0.0, 0.25, 2.0])
+@pytest.mark.parametrize("name", ["square_room", "classroom"])
+def test_nodes_are_counted_as_they_are_laid(name, clearance):
+    building = evac.Simulation(evac.load(name, registry=REGISTRY), will_run=False).building
+    grids = build_grids(building, 0.1, clearance)
+    assert count_nodes(building, 0.1, clearance) == pytest.approx(grids.size, rel=0.05)
+
+
+def test_a_thin_area_needs_no_more_candidates_than_are_allowed(monkeypatch):
+    monkeypatch.setattr(placement, "MOST_CANDIDATES", 50_000)
+    thin = shapely.LineString([(0.0, 0.0), (1000.0, 1000.0)]).buffer(0.5)
+    radii = np.full(20, 0.2)
+    with np.errstate(all="ignore"):
+        found = placement.place(thin, radii, np.zeros((0, 4)), np.zeros((0, 3)), np.random.default_rng(1), "hall")
+    assert shapely.intersects_xy(thin, *found.T).all()
+
+
+def test_a_run_of_the_longest_duration_has_steps_that_can_be_counted():
+    assert SimulationSettings(step=1e-9, tick=1e-5, duration=1e7).last_step < 2**63
+
+
+@pytest.mark.parametrize(
+    ("step", "tick", "duration", "steps"), [(0.1, 0.3, 0.7, (3, 7)), (0.01, 0.29, 1.13, (29, 113))]
+)
+def test_numbers_of_steps_are_rounded_as_floats_divide(step, tick, duration, steps):
+    settings = SimulationSettings(step=step, tick=tick, duration=duration)
+    assert (settings.steps_per_tick, settings.last_step) == steps

@@ -1,0 +1,141 @@
+"""What no case can hold is refused before anything descends into it, in one line that says where."""
+
+import re
+
+import pytest
+
+from evac.base.errors import ScenarioError
+from evac.case.content import MOST_BYTES, MOST_KEYS, MOST_NESTED, faults
+from evac.case.loading import case_from, load_case
+
+
+@pytest.fixture
+def refusal(case_file, registry):
+    """Return the message with which the case file is refused."""
+
+    def load(*overrides):
+        with pytest.raises(ScenarioError) as caught:
+            load_case(case_file, overrides, registry=registry)
+        return str(caught.value).replace(str(case_file), "case.toml")
+
+    return load
+
+
+def test_a_byte_order_mark_of_utf_8_is_allowed(case_file, registry):
+    case_file.write_bytes(b"\xef\xbb\xbf" + case_file.read_bytes())
+    assert load_case(case_file, registry=registry).simulation.seed == 3
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-32", "latin-1", "cp500"])
+def test_other_encodings_are_refused(case_file, refusal, encoding):
+    case_file.write_bytes(case_file.read_text().replace("Two", "Zwölf").encode(encoding))
+    assert refusal().startswith("case.toml: not valid TOML: ")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "words"), [("utf-16", "UTF-16"), ("utf-32", "UTF-32"), ("latin-1", "line 2 .*0xfc")]
+)
+def test_an_encoding_that_shows_is_named(case_file, refusal, encoding, words):
+    text = case_file.read_text().replace("Two groups", "Prüfung")
+    case_file.write_bytes(text.encode(encoding))
+    assert re.search(f"{words}.* UTF-8", refusal())
+
+
+def test_a_file_too_large_is_not_read(case_file, refusal):
+    case_file.write_text("# " + "x" * MOST_BYTES)
+    assert "MB" in refusal()
+
+
+def test_zeros_in_the_text_are_refused(case_file, refusal):
+    case_file.write_bytes(case_file.read_bytes() + b"\0")
+    assert "not valid TOML" in refusal()
+
+
+@pytest.mark.parametrize("depth", [MOST_NESTED + 1, 5_000])
+def test_deep_nesting_is_refused(case_file, refusal, depth):
+    text = case_file.read_text()
+    case_file.write_text(f"x = {'[' * depth}{']' * depth}\n{text}")
+    assert "deep" in refusal()
+    case_file.write_text(f"{'.'.join('a' * depth)} = 1\n{text}")
+    assert "case.toml: a.a.a: " in refusal()
+    case_file.write_text(text)
+    assert "title" in refusal(f"title={'[' * depth}{']' * depth}")
+    assert "deep" in refusal(f"{'.'.join('b' * depth)}=1")
+
+
+@pytest.mark.parametrize(
+    ("override", "key"),
+    [
+        ("simulation.seed=9223372036854775808", "simulation.seed"),
+        (f"people.pupils.mass=1{'0' * 400}", "people.pupils.mass"),
+        (f"contact.soft.stiffness=1{'0' * 400}", "contact.soft.stiffness"),
+        (f'title="{"x" * 5000}"', "title"),
+        (r'people.pupils.name="a\u0000b"', "people.pupils.name"),
+        (f"forces.{'y' * 5000}={{}}", "forces.yyy"),
+    ],
+    ids=lambda given: given[:25],
+)
+def test_what_no_case_holds_is_refused_by_its_key(refusal, override, key):
+    assert refusal(override).startswith(f"case.toml: {key}")
+
+
+def test_an_integer_of_more_digits_than_python_reads_is_refused(case_file, refusal):
+    text = case_file.read_text()
+    case_file.write_text(f"x = {'9' * 5000}\n{text}")
+    assert "case.toml" in refusal()
+    case_file.write_text(text)
+    assert refusal(f"title=[{'9' * 5000}]").startswith("case.toml: title: ")
+
+
+def test_a_table_of_too_many_keys_is_refused(case_file, refusal):
+    case_file.write_text(case_file.read_text() + "".join(f"unknown{k} = 1\n" for k in range(MOST_KEYS)))
+    assert refusal().startswith("case.toml: simulation: ")
+
+
+def test_of_many_faults_the_first_are_told(case_file, refusal):
+    case_file.write_text(case_file.read_text() + "".join(f"unknown{k} = 1\n" for k in range(9_000)))
+    lines = refusal().splitlines()
+    assert len(lines) == 51
+    assert "simulation.unknown0: " in lines[0]
+    assert "more" in lines[-1]
+
+
+def test_a_long_value_is_not_told_in_full(refusal):
+    assert len(refusal(f"importers.drawn=[{'0.5, ' * 50_000}]")) < 2_000
+
+
+def test_a_dictionary_that_contains_itself_is_refused(case_file, registry):
+    table = {"title": "x"}
+    table["people"] = [table]
+    with pytest.raises(ScenarioError, match="deep"):
+        case_from(table, case_file, registry=registry)
+
+
+def test_names_of_tables_are_words():
+    assert [problem.key for problem in faults({"presets": {1: {}}})] == [("presets", "1")]
+
+
+def test_an_ordinary_case_has_no_faults():
+    assert faults({"a": [1, 2.0, True, "b"], "c": {"d": [[0.0, 1.0]]}}) == []
+
+
+def test_a_name_that_is_no_word_is_told_as_such(case_file, refusal):
+    for value in ("[]", "{}", "1", "[[0, 0]]"):
+        assert "people.0.name: must be a valid string" in refusal(f"people.pupils.name={value}")
+
+
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("area = open plan", 'area = "open plan"'),
+        ("driving = explicit", 'driving = "explicit"'),
+        ("tables = TRUE", "tables = true"),
+        (r'mesh = "C:\Users\room.msh"', "single quotes"),
+        (r'mesh = "C:\data\room.msh"', "single quotes"),
+    ],
+)
+def test_a_line_that_is_no_toml_is_quoted_with_a_hint(case_file, refusal, line, hint):
+    case_file.write_text(f"title = 'x'\n{line}\n")
+    found = refusal()
+    assert f": {line}; " in found
+    assert hint in found

@@ -1,0 +1,147 @@
+"""Writing the default of a key is the same as leaving the key out."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+
+from evac.base.distributions import Distribution
+from evac.case import Case, load_case
+from evac.case.problems import section_at
+from evac.contract.registry import Registry
+from evac.people.groups import default_clearance, reference_speeds
+from evac.simulation.assembly import make_behaviours, make_contact_model, make_forces, make_recorders
+from evac.simulation.simulation import Simulation
+
+REGISTRY = Registry()
+
+TABLE = {
+    "building": {
+        "mesh": "room.obj",
+        "exits": [{"name": "door", "segment": [[0.0, 2.0], [0.0, 3.0]], "z": 0.0}],
+        "areas": [{"name": "room", "polygon": [[1, 1], [4, 1], [4, 4], [1, 4]], "z": 0.0}],
+        "obstacles": [{"name": "post", "polygon": [[4.5, 4.5], [4.7, 4.5], [4.7, 4.7]], "z": 0.0}],
+    },
+    "directions": {},
+    "people": [
+        {"name": "anywhere", "number": 3, "area": "room"},
+        {"name": "here", "positions": [[4.0, 0.5], [4.5, 1.5]], "z": 0.0, "preset": "slow"},
+    ],
+    "presets": {"slow": {"speed": 0.8}},
+    "contact": {"model": "nsm2"},
+    "forces": {"social": {}},
+    "behaviours": {"response_time": {}},
+    "simulation": {},
+    "output": {},
+    "plugins": {},
+}
+
+#: One table of each section.
+SECTIONS = (
+    (),
+    ("building",),
+    ("building", "exits", 0),
+    ("building", "areas", 0),
+    ("building", "obstacles", 0),
+    ("directions",),
+    ("people", 0),
+    ("presets", "slow"),
+    ("contact",),
+    ("simulation",),
+    ("output",),
+    ("plugins",),
+)
+
+
+def plain(default):
+    """Return a default as a case.toml or a dictionary says it."""
+    if isinstance(default, Distribution):
+        return default.to_value()
+    if hasattr(default, "model_dump"):
+        return default.model_dump(mode="json")
+    return list(default) if isinstance(default, tuple) else copy.deepcopy(default)
+
+
+def table_at(table, path):
+    for step in path:
+        table = table[step]
+    return table
+
+
+def defaults():
+    """Yield every key that has a default and that `TABLE` leaves out, with its default."""
+    for path in SECTIONS:
+        for name, field in section_at(path).model_fields.items():
+            if not field.is_required() and name not in table_at(TABLE, path):
+                yield pytest.param(path, name, plain(field.default), id=".".join(map(str, (*path, name))))
+
+
+@pytest.fixture
+def load(tmp_path, monkeypatch):
+    (tmp_path / "room.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 5 0\nv 0 5 0\nf 1 2 3 4\n")
+    monkeypatch.chdir(tmp_path)
+    return lambda table: load_case(table, registry=REGISTRY)
+
+
+def everything(case):
+    """Return all that a run starts from, and where it is after three ticks."""
+    simulation = Simulation(case)
+    for _ in range(3):
+        simulation.advance_tick()
+    plugins = [make_contact_model(case), *make_forces(case), *make_behaviours(case), *make_recorders(case)]
+    settings = {
+        "case": case.to_dict(),
+        "plan": [part.as_row() for part in simulation.plan],
+        "plugins": [(one.name, repr(one.values())) for one in plugins],
+        "speeds": reference_speeds(case),
+        "clearance": default_clearance(case),
+        "last": case.simulation.last_step,
+        "warnings": simulation.warnings(),
+    }
+    packed = simulation.fields.packed
+    grids = {"direction": packed.direction, "travel_time": packed.travel_time, "shape": packed.shape}
+    return settings, {**simulation.state(), **grids}
+
+
+@pytest.mark.parametrize(("path", "name", "default"), list(defaults()))
+def test_a_written_default_equals_an_omitted_one(load, path, name, default):
+    table = copy.deepcopy(TABLE)
+    table_at(table, path)[name] = default
+    written, omitted = everything(load(table)), everything(load(TABLE))
+    assert written[0] == omitted[0]
+    for key, value in omitted[1].items():
+        np.testing.assert_array_equal(written[1][key], value, err_msg=key)
+
+
+def test_every_section_is_tried():
+    def sections(section, path=()):
+        yield section
+        for name in section.model_fields:
+            inner = section_at((*path, name))
+            if inner is not None:
+                yield from sections(inner, (*path, name))
+
+    assert {section_at(path) for path in SECTIONS} == set(sections(Case))
+
+
+KINDS = {"forces": REGISTRY.forces, "behaviours": REGISTRY.behaviours, "recorders": REGISTRY.recorders}
+
+
+@pytest.mark.parametrize(
+    ("section", "name"), [("contact", name) for name in REGISTRY.contact_models]
+    + [(section, name) for section, classes in KINDS.items() for name in classes]
+)  # fmt: skip
+def test_a_written_default_of_a_plugin_equals_an_omitted_one(load, section, name):
+    classes = KINDS.get(section, REGISTRY.contact_models)
+    make = {"contact": lambda case: [make_contact_model(case)], "forces": make_forces, "behaviours": make_behaviours,
+            "recorders": make_recorders}[section]  # fmt: skip
+    table = {**copy.deepcopy(TABLE), "forces": {}, "behaviours": {}, section: {name: {}}}
+    if section == "contact":
+        table["contact"]["model"] = name
+    omitted = {one.name: repr(one.values()) for one in make(load(table))}
+    assert name in omitted
+    for key, parameter in classes[name].declared().items():
+        table[section][name] = {key: parameter.default}
+        assert {one.name: repr(one.values()) for one in make(load(table))} == omitted
+        assert json.dumps(load(table).to_dict(), default=str)

@@ -1,0 +1,352 @@
+import json
+import math
+import pickle
+import subprocess
+import sys
+import time
+
+import pytest
+
+from evac.base.distributions import Distribution
+from evac.base.errors import ScenarioError
+from evac.case import case_from, load_case
+from evac.simulation.assembly import make_behaviours, make_contact_model, make_forces
+from tests.case.faults import problems, says
+
+
+def test_a_case_holds_what_the_file_says_and_defaults_elsewhere(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    pupils, teacher = case.people
+    assert case.title == "Two groups in a room"
+    assert (case.source, case.folder, case.mesh) == (case_file, case_file.parent, case_file.parent / "room.msh")
+    assert (pupils.count, pupils.area) == (5, "desks")
+    assert pupils.radius == Distribution("constant", (0.2,))
+    assert pupils.speed_up.factor.mean() == 0.5
+    assert (teacher.count, teacher.positions, teacher.level) == (1, ((1.0, 2.0),), "ground")
+    assert (teacher.strategy, teacher.exits) == ("shortest", ())
+    assert (case.simulation.step, case.simulation.tick, case.simulation.seed) == (0.01, 0.1, 3)
+    assert case.directions.clearance is None
+    assert case.building.options() == {
+        "weld": 0.001, "flat_angle": 3.0, "walkable_angle": 50.0, "scale": 1.0, "up": "z",
+        "headroom": 2.0, "treads": True,
+        "exits": (), "areas": (), "obstacles": (), "closed": (),
+    }  # fmt: skip
+
+
+def test_a_case_is_found_by_folder_and_by_shipped_name(case_file, registry, monkeypatch):
+    assert load_case(case_file.parent, registry=registry).source == case_file
+    monkeypatch.setitem(registry.cases, "two_groups", case_file.parent)
+    assert load_case("two_groups", registry=registry).source == case_file
+    with pytest.raises(ScenarioError, match=r"^two_group: .*'two_groups'"):
+        load_case("two_group", registry=registry)
+    with pytest.raises(ScenarioError, match=r"case\.toml"):
+        load_case(case_file.parent.parent, registry=registry)
+
+
+def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_file, registry, monkeypatch):
+    case = load_case(case_file, registry=registry)
+    model = make_contact_model(case)
+    assert (model.name, model.stiffness) == ("soft", 500.0)
+    assert make_contact_model(case.change(["contact.model=hard"])).solver == "gauss_seidel"
+    (push,) = make_forces(case)
+    assert push.strength == 100.0
+    assert make_forces(case.change(["forces.push=false"])) == []
+    assert [behaviour.name for behaviour in make_behaviours(case)] == ["wait"]
+    both = case.change(["behaviours.follow=true"])
+    assert [behaviour.name for behaviour in make_behaviours(both)] == ["wait", "follow"]
+    monkeypatch.setattr(registry.behaviours["wait"], "acts_last", True)
+    assert [behaviour.name for behaviour in make_behaviours(both)] == ["follow", "wait"]
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("simulation.stp=0.1", "simulation.stp: unknown key; did you mean 'step'?"),
+        ("duration=3", "duration: unknown key; it belongs to simulation: did you mean 'simulation.duration'?"),
+        ("people.pupils.numbr=3", "people.pupils.numbr: unknown key; did you mean 'number'?"),
+        ("people.0.number=-5", "people.pupils.number: must be greater than or equal to 1, got -5"),
+        ("people.0.number=2.5", "people.pupils.number: must be a valid integer, got 2.5"),
+        ("simulation.duration=0", "simulation.duration: must be greater than 0, got 0"),
+        ("simulation.duration=inf", "simulation.duration: must be a finite number, got inf"),
+        ("simulation.no_progress=nan", "simulation.no_progress: must be greater than 0, got nan"),
+        ("simulation.seed=true", "simulation.seed: must be a valid integer, got True"),
+        (
+            "simulation.tick=0.035",
+            "simulation.tick: 0.035 s is not a multiple of simulation.step 0.01 s; "
+            "use tick = 0.03 or 0.04, or step = 0.00875 or 0.0116667",
+        ),
+        ("output.every=0.25", "output.every: 0.25 s is not a multiple of simulation.tick 0.1 s; use 0.2 or 0.3"),
+        ("output.animation=1", "output.animation: must be a valid boolean, got 1"),
+        (
+            "people.teacher.strategy=fastes",
+            "people.teacher.strategy: must be 'shortest', 'fastest' or 'comfortable', got 'fastes'; "
+            "did you mean 'fastest'?",
+        ),
+        ("people.pupils.radius=0", "people.pupils.radius: must be at least 0.01, got 0"),
+        (
+            "people.pupils.speed={unifrm=[1, 2]}",
+            "people.pupils.speed: unknown distribution 'unifrm'; did you mean 'uniform'?",
+        ),
+        ("people.pupils.speed_up={factor=-1}", "people.pupils.speed_up: must be at least 0, got -1"),
+        (
+            "people.pupils.speed_up={factor=1, minimum=0}",
+            "people.pupils.speed_up: factor must be the only key; write { factor = { uniform = [0.4, 0.6] } }",
+        ),
+        (
+            "people.pupils.mass={list=[60.0, 70.0]}",
+            "people.pupils.mass: 2 values for 5 people; give one for each person",
+        ),
+        (
+            "people.pupils.speed_up={factor={list=[1, 1, 1, 1, 1, 1]}}",
+            "people.pupils.speed_up: 6 values for 5 people; give one for each person",
+        ),
+        ("people.teacher.number=2", "people.teacher.number: 2 people but 1 positions; remove number or correct it"),
+        ("people.teacher.velocity=[[1,0],[0,1]]",
+         "people.teacher.velocity: 2 velocities for 1 positions; give one per position"),
+        ("people.pupils.level=ground",
+         "people.pupils.level: can be used only with positions, not with area and number; remove it"),
+        ("people.teacher.name=pupils", "people.1.name: 'pupils' names two groups; rename one"),
+        ("people=[]", "people: must have at least 1 item, not 0, got []"),
+        ("people=3", "people: must be a list, got 3"),
+        ("simulation=3", "simulation: must be a table, got 3"),
+        ("building.flat_angle=60", "building.flat_angle: must be less than walkable_angle 50, got 60"),
+        ("directions.spacing=0", "directions.spacing: must be greater than or equal to 0.001, got 0"),
+        ("directions.clearance=-1", "directions.clearance: must be greater than or equal to 0, got -1"),
+        ("directions.stairs_up=0", "directions.stairs_up: must be greater than or equal to 0.001, got 0"),
+        ("directions.comfort=0.5", "directions.comfort: must be greater than or equal to 1, got 0.5"),
+        ("directions.order=3", "directions.order: must be 1 or 2, got 3"),
+        (
+            'building.exits=[{name="door", segment=[[0,0],[0,0]], z=0}]',
+            "building.exits.door.segment: its two ends are the same point [0.0, 0.0]; draw it along the door",
+        ),
+        (
+            'building.areas=[{name="hall", polygon=[[0,0],[1,0],[1,1]]}]',
+            "building.areas.hall.level: give the level by name, or its height z",
+        ),
+        ("people.pupils.number=1000001", "people.pupils.number: must be less than or equal to 1000000, got 1000001"),
+        ("simulation.step=1e-9", "simulation.step: 1e-09 s gives 1e+08 steps in a tick of 0.1 s, more than 100,000; "
+         "use a longer step or a shorter tick"),
+        ("simulation.duration=0.004", "simulation.duration: 0.004 s is less than half of simulation.step 0.01 s, "
+         "so that no step is made; use a longer duration"),
+        ("contact.modle=soft", "contact.modle: unknown key; did you mean 'model'?"),
+        ("contact.model=sofd", "contact.model: unknown contact model 'sofd'; did you mean 'soft'?"),
+        ("contact.hrad.solver=cg", "contact.hrad: unknown contact model; did you mean 'hard'?"),
+        ("contact.soft.stiffness=-1", "contact.soft.stiffness: must be greater than 0 N/m, got -1"),
+        ("contact.hard.solver=c", "contact.hard.solver: unknown value 'c'; did you mean 'cg'?"),
+        ("contact.hard.xyz=1",
+         "contact.hard.xyz: 'hard' has no such parameter; known: solver"),
+        ("forces.pusch.strength=1", "forces.pusch: unknown force; did you mean 'push'?"),
+        ("forces.push.strenght=1", "forces.push.strenght: 'push' has no such parameter; did you mean 'strength'?"),
+        ("forces.push=3", "forces.push: must be a table of parameters, or false to switch it off, got 3"),
+        ("behaviours.wait.time={uniform=[-1, 1]}", "behaviours.wait.time: must be at least 0, got -1"),
+        ("behaviours.wai.time=1", "behaviours.wai: unknown behaviour; did you mean 'wait'?"),
+        ("people.pupils.behaviours.wait.time=-2", "people.pupils.behaviours.wait.time: must be at least 0, got -2"),
+        ("people.pupils.behaviours.wait.shared=true",
+         "people.pupils.behaviours.wait.shared: 'wait' has no such parameter; known: leader, time"),
+        ("people.pupils.behaviours.wiat.time=2",
+         "people.pupils.behaviours.wiat: unknown behaviour; did you mean 'wait'?"),
+        ("importers.drawn.unit=feet", "importers.drawn.unit: unknown value 'feet'; known: m, mm"),
+        ("importers.drwan={}", "importers.drwan: unknown importer; did you mean 'drawn'?"),
+        ("plugins.files=[3]", "plugins.files.0: must be a valid string, got 3"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_one_line_with_file_key_and_fix(case_file, registry, override, line):
+    (found,) = problems(case_file, [override], registry)
+    assert says(found, case_file, line)
+    assert found.endswith(" (set by an override)")
+
+
+def test_one_velocity_is_not_for_everybody(case_file, registry):
+    overrides = ["people.teacher.positions=[[1,1],[2,2],[3,3]]", "people.teacher.velocity=[[1,0]]"]
+    (line,) = problems(case_file, overrides, registry)
+    assert says(line, case_file, "people.teacher.velocity: 1 velocities for 3 positions")
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        (
+            "people.pupils.positions=[[0,0]]",
+            "people.pupils.area: give either area or positions, not both; remove one",
+        ),
+        (
+            "people.teacher.z=0.0",
+            "people.teacher.level: give the level of the positions by name, or its height z, not both",
+        ),
+        ("simulation.step=0.2", "simulation.tick: 0.1 s is not a multiple of simulation.step 0.2 s; "
+         "use tick = 0.2 or 0.4, or step = 0.05 or 0.1"),
+    ],
+)  # fmt: skip
+def test_keys_that_contradict_each_other_are_refused(case_file, registry, override, line):
+    (found,) = problems(case_file, [override], registry)
+    assert says(found, case_file, line)
+    assert not found.endswith("(set by an override)")
+
+
+def test_a_fault_of_the_file_itself_blames_no_override(case_file, registry):
+    case_file.write_text(case_file.read_text().replace("seed = 3", "sed = 3"))
+    assert problems(case_file, (), registry) == [f"{case_file}: simulation.sed: unknown key; did you mean 'seed'?"]
+
+
+def test_a_missing_key_says_what_is_asked_for(case_file, registry):
+    case_file.write_text(case_file.read_text().replace('model = "soft"', ""))
+    assert problems(case_file, (), registry) == [
+        f'{case_file}: contact.model: missing; write model = "NAME", where NAME is one of hard, soft'
+    ]
+
+
+def test_a_missing_contact_table_names_the_models(case_file, registry):
+    text = case_file.read_text()
+    start, end = text.index("[contact]"), text.index("[forces.push]")
+    case_file.write_text(text[:start] + text[end:])
+    (found,) = problems(case_file, (), registry)
+    assert found.startswith(f"{case_file}: contact: missing; ")
+    assert "[contact]" in found
+    assert "hard, soft" in found
+
+
+def test_a_list_given_as_text_is_shown_as_a_list(case_file, registry):
+    (found,) = problems(case_file, ["building.closed=back"], registry)
+    assert 'closed = ["back"]' in found
+
+
+def test_a_name_like_no_other_may_be_that_of_a_plugin(case_file, registry):
+    (found,) = problems(case_file, ["behaviours.zzzzzz={}"], registry)
+    assert "behaviours.zzzzzz: unknown behaviour; known: " in found
+    assert "--plugin FILE" in found
+
+
+def test_all_faults_are_reported_at_once(case_file, registry):
+    overrides = ["simulation.stp=1", "contact.model=sofd", "people.pupil.number=3", "people.pupils.speed=-1"]
+    assert [line.split(": ")[1] for line in problems(case_file, overrides, registry)] == [
+        "people.pupil", "people.pupils.speed", "simulation.stp", "contact.model",
+    ]  # fmt: skip
+
+
+def test_a_setting_for_a_behaviour_not_in_use_is_refused_but_not_for_one_switched_off(case_file, registry):
+    load_case(case_file, ["people.pupils.behaviours.follow.leader=teacher"], registry=registry)
+    case_file.write_text(case_file.read_text().replace("follow = false", ""))
+    (line,) = problems(case_file, ["people.pupils.behaviours.follow.leader=teacher"], registry)
+    assert "people.pupils.behaviours.follow: the behaviour is not in use; add [behaviours.follow]" in line
+
+
+def test_missing_files_are_named(case_file, registry):
+    lines = problems(case_file, {"building.mesh": "rom.msh", "plugins.files": ["none.py"]}, registry)
+    folder = case_file.parent
+    assert lines == [
+        f"{case_file}: plugins.files.0: no such file {folder / 'none.py'}; check the path (set by an override)",
+        f"{case_file}: building.mesh: no such file {folder / 'rom.msh'}; check the path (set by an override)",
+    ]
+
+
+@pytest.mark.parametrize("content", [b"v 0 0 0\n", b"\x80\xff"])
+def test_a_building_in_place_of_a_case_is_told(tmp_path, registry, content):
+    path = tmp_path / "house.obj"
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError, match=r"house\.obj: .* evac import .*house\.obj"):
+        load_case(path, registry=registry)
+
+
+def test_what_is_no_toml_is_refused_with_the_line(case_file, registry):
+    case_file.write_text("title = \n")
+    with pytest.raises(ScenarioError, match=r"case\.toml: .*line 1"):
+        load_case(case_file, registry=registry)
+
+
+def test_change_makes_another_checked_case_and_leaves_the_first(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    other = case.change({"simulation.seed": 9, "people.pupils.number": 2})
+    assert (case.simulation.seed, case.people[0].count) == (3, 5)
+    assert (other.simulation.seed, other.people[0].count) == (9, 2)
+    assert other.change(["title=new"]).simulation.seed == 9
+    with pytest.raises(ScenarioError, match=r"simulation\.seed: .* 0"):
+        case.change({"simulation.seed": -1})
+
+
+def test_to_dict_is_complete_plain_and_makes_the_same_case_again(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    table = json.loads(json.dumps(case.to_dict()))
+    assert table["contact"] == {"model": "soft", "soft": {"stiffness": 500}, "hard": {"solver": "gauss_seidel"}}
+    assert table["behaviours"]["follow"] is False
+    assert table["behaviours"]["wait"] == {"time": {"uniform": [0.0, 10.0]}, "shared": True}
+    assert table["people"][0]["radius"] == 0.2
+    assert table["people"][0]["speed_up"] == {"factor": 0.5}
+    assert table["people"][1]["radius"] == {"uniform": [0.2, 0.25]}
+    again = case_from(table, case.source, registry=registry)
+    assert again.to_dict() == case.to_dict()
+    assert again.people == case.people
+
+
+def test_a_case_travels_to_another_process(case_file, registry, monkeypatch):
+    files = [row.origin for row in registry.provenance]
+    monkeypatch.setattr("evac.contract.registry.Registry.__init__.__kwdefaults__", {"builtins": ()})
+    case = load_case(case_file, ["simulation.seed=8"], plugin_files=files, registry=registry)
+    copy = pickle.loads(pickle.dumps(case))
+    assert copy.to_dict() == case.to_dict()
+    assert copy.simulation.seed == 8
+
+
+def test_frozen(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    with pytest.raises(ValueError, match="frozen"):
+        case.simulation.seed = 4
+
+
+def test_infinite_patience_is_legal(case_file, registry):
+    case = load_case(case_file, ["simulation.no_progress=inf"], registry=registry)
+    assert case.simulation.no_progress == math.inf
+    assert case.to_dict()["simulation"]["no_progress"] == math.inf
+
+
+def test_loading_is_quick(case_file, registry):
+    load_case(case_file, registry=registry)
+    start = time.perf_counter()
+    load_case(case_file, ["simulation.seed=1"], registry=registry)
+    assert time.perf_counter() - start < 0.05
+
+
+def test_importing_pulls_in_nothing_heavy():
+    heavy = "numba", "scipy", "shapely", "pyvista", "matplotlib", "meshio", "networkx"
+    code = f"import sys, evac.case; print([name for name in {heavy} if name in sys.modules])"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == "[]"
+
+
+def test_an_unknown_solver_is_refused_with_its_key():
+    with pytest.raises(ScenarioError, match=r"contact\.nsm2\.solver: unknown solver 'uzava'; did you mean 'uzawa'\?"):
+        load_case("square_room", {"contact.nsm2.solver": "uzava"})
+
+
+def test_a_plan_in_memory_becomes_data_of_the_case():
+    import pickle
+
+    import shapely
+
+    from evac.building.plan.plan import Plan
+
+    plan = Plan()
+    plan.storey("room", shapely.box(0, 0, 6, 4))
+    plan.exit("door", "room", [(0, 1), (0, 2)])
+    people = [{"name": "people", "level": "room", "number": 3}]
+    table = {"building": plan, "people": people, "contact": {"model": "nsm2"}}
+    case = load_case(table)
+    assert case.mesh is None
+    assert case.building.plan["exits"] == [{"name": "door", "storey": "room", "segment": [[0.0, 1.0], [0.0, 2.0]]}]
+    assert pickle.loads(pickle.dumps(case)).to_dict() == case.to_dict()
+    closed = load_case({**table, "building": {"plan": plan, "weld": 0.002}})
+    assert (closed.building.plan, closed.building.weld) == (case.building.plan, 0.002)
+    assert isinstance(table["building"], Plan)
+
+
+@pytest.mark.parametrize("building", [{}, {"mesh": "a.msh", "plan": {}}])
+def test_a_building_is_given_in_one_way(building):
+    with pytest.raises(ScenarioError, match=r"building\.mesh"):
+        load_case({"building": building, "people": [], "contact": {"model": "nsm2"}})
+
+
+def test_a_level_alone_is_where_people_start():
+    people = [{"name": "people", "level": "room", "number": 20}]
+    case = load_case("square_room", {"people": people})
+    assert (case.people[0].level, case.people[0].count) == ("room", 20)
+    with pytest.raises(ScenarioError, match=r"people\.people\.number"):
+        case.change({"people": [{"name": "people", "level": "room"}]})

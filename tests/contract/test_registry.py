@@ -1,0 +1,278 @@
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evac.base.errors import BuildingError, PluginError
+from evac.contract.hooks import INTERFACE
+from evac.contract.registry import BUILTIN_PLUGINS, KINDS, Registry
+from evac.physics.contact.model import ContactModel
+
+SPRING = """
+    from evac.contract.hooks import hookimpl
+    evac_interface = 3
+    from evac.base.parameters import Parameter
+    from evac.physics.contact.model import ContactModel
+
+    class Spring(ContactModel):
+        '''A spring.'''
+        name = "spring"
+        stiffness = Parameter(1.0, "stiffness", unit="N/m", above=0)
+
+    @hookimpl
+    def evac_contact_models():
+        return [Spring]
+"""
+
+
+def written(folder, name, text):
+    path = folder / name
+    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    return path
+
+
+def bare(*files):
+    return Registry(files, builtins=())
+
+
+def test_built_in_plugins_fill_every_table():
+    registry = Registry()
+    assert {"dem", "nsm1", "nsm2"} <= set(registry.contact_models)
+    assert set(registry.solvers) >= {"accelerated_sweeps", "conjugate_faces", "gauss_seidel", "uzawa"}
+    assert set(registry.forces) >= {"social"}
+    assert {"response_time", "teacher_following", "route_choice"} <= set(registry.behaviours)
+    assert "trajectory" in registry.recorders
+    assert {"square_room", "classroom", "primary_school"} <= set(registry.cases)
+    assert [row.plugin for row in registry.provenance[: len(BUILTIN_PLUGINS)]] == list(BUILTIN_PLUGINS)
+    for kind in KINDS:
+        for name in registry._tables[kind]:
+            assert registry.get(kind, name) is registry._tables[kind][name]
+
+
+def test_a_file_is_registered_and_described(tmp_path):
+    path = written(tmp_path, "spring.py", SPRING)
+    registry = bare(path)
+    spring = registry.get("contact_model", "spring")
+    assert spring(stiffness=2).stiffness == 2.0
+    assert sys.modules[spring.__module__].__file__ == str(path)
+    (row,) = registry.describe()
+    assert (row["source"], row["origin"]) == ("file", str(path))
+    assert len(row["version"]) == 16
+    assert row["provides"] == [
+        {
+            "kind": "contact_model",
+            "name": "spring",
+            "doc": "A spring.",
+            "parameters": {"stiffness": {"default": 1.0, "unit": "N/m", "range": "> 0", "doc": "stiffness"}},
+        }
+    ]
+
+
+def test_a_file_named_twice_is_registered_once(tmp_path):
+    path = written(tmp_path, "spring.py", SPRING)
+    registry = bare(path, path)
+    registry.add_file(path)
+    assert len(registry.provenance) == 1
+    assert bare(path).contact_models["spring"] is registry.contact_models["spring"]
+
+
+def test_a_kernel_in_a_file_is_compiled(tmp_path):
+    path = written(
+        tmp_path,
+        "kernels.py",
+        """
+        from evac.contract.hooks import hookimpl
+        evac_interface = 3
+        from evac.jit import Floats, kernel
+
+        @hookimpl
+        def evac_forces():
+            return []
+
+        @kernel
+        def twice(values: Floats) -> None:
+            for i in range(len(values)):
+                values[i] *= 2.0
+        """,
+    )
+    bare(path)
+    module = next(module for name, module in sys.modules.items() if name.startswith("evac_plugin_kernels_"))
+    values = np.array([1.0, 2.0])
+    module.twice(values)
+    assert values.tolist() == [2.0, 4.0]
+    assert module.twice.is_ready
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_contact_model():\n    return []\n",
+         ["there is no hook 'evac_contact_model'", "did you mean 'evac_contact_models'?"]),
+        ("def evac_forces():\n    return []\n", ["evac_forces", "@hookimpl"]),
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces(scene):\n    return []\n",
+         ["scene", "see evac.contract.hooks"]),
+        ("from evac import hookimpl\n@hookimpl(wrapper=True)\ndef evac_finish():\n    yield\n",
+         ["evac_finish is a hook wrapper"]),
+        ("gravity = 9.81\n", ["evac_contact_models"]),
+        ("import no_such_module\n", ["cannot be loaded", "ModuleNotFoundError", "no_such_module"]),
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return 1 / 0\n",
+         ["evac_forces(): ZeroDivisionError: division by zero"]),
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return 'social'\n",
+         ["evac_forces() returns 'social'"]),
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return [int]\n",
+         ["evac_forces() returns int", "derive it from evac.Force"]),
+        ("from evac import Behaviour, hookimpl\n"
+         "class A(Behaviour):\n    name = 'a b'\n@hookimpl\ndef evac_behaviours():\n    return [A]\n",
+         ["A.name is 'a b'"]),
+        ("from evac import Behaviour, hookimpl\n"
+         "class A(Behaviour):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
+         ["evac_forces() returns", "derive it from evac.Force"]),
+        ("from evac import Force, hookimpl\n"
+         "class A(Force):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
+         ["A has no cutoff(), which every Force needs"]),
+        ("from evac import ContactModel, hookimpl\n"
+         "class A(ContactModel):\n    name = 'model'\n@hookimpl\ndef evac_contact_models():\n    return [A]\n",
+         ["A.name is 'model', a key of its section"]),
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_building_cases():\n    return ['/nowhere']\n",
+         ["/nowhere", "case.toml"]),
+        ("from evac import Importer, hookimpl\n"
+         "class A(Importer):\n    name = 'a'\n    suffixes = '.a'\n    def read(self, path):\n        pass\n"
+         "@hookimpl\ndef evac_importers():\n    return [A]\n",
+         ["A.suffixes is '.a'"]),
+    ],
+)  # fmt: skip
+def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
+    path = written(tmp_path, "broken.py", "evac_interface = 3\n" + text)
+    with pytest.raises(PluginError) as caught:
+        bare(path)
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ("", ["does not state", "Interface versions", f"evac_interface = {INTERFACE}"]),
+        ("evac_interface = 1", ["version 1", f"version {INTERFACE}", "Interface versions"]),
+        (f"evac_interface = {INTERFACE + 1}", [f"version {INTERFACE + 1}", f"version {INTERFACE}", "later evac"]),
+        ("evac_interface = '2'", ["whole number", "'2'"]),
+    ],
+)
+def test_a_plugin_of_another_interface_is_refused_by_name(tmp_path, stated, words):
+    path = written(tmp_path, "spring.py", textwrap.dedent(SPRING).replace(f"evac_interface = {INTERFACE}", stated))
+    with pytest.raises(PluginError) as caught:
+        bare(path)
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+
+
+def test_the_interface_is_told_before_a_hook_that_it_no_longer_has(tmp_path):
+    text = "from evac import hookimpl\nevac_interface = 1\n@hookimpl\ndef evac_read_building(path):\n    return None\n"
+    with pytest.raises(PluginError, match="Interface versions"):
+        bare(written(tmp_path, "old.py", text))
+
+
+IMPORTER = """
+    from evac import Importer, hookimpl
+
+    evac_interface = 3
+
+    class {name}(Importer):
+        '''Nothing.'''
+        name = "{word}"
+        suffixes = (".plan", ".plan.txt")
+
+        def read(self, path):
+            raise ValueError("nothing")
+
+    @hookimpl
+    def evac_importers():
+        return [{name}]
+"""
+
+
+def test_the_importer_registered_last_reads_a_file(tmp_path):
+    one, other = (
+        written(tmp_path, f"{word}.py", IMPORTER.format(name=word.title(), word=word)) for word in ("one", "other")
+    )
+    registry = bare(one, other)
+    assert registry.importer_for(Path("House.PLAN.TXT")) is registry.importers["other"]
+    assert registry.importer_for(Path("house.plan"), without=["other"]) is registry.importers["one"]
+    with pytest.raises(BuildingError, match=r"house\.dxf: .*'\.dxf'.*\.plan, \.plan\.txt"):
+        registry.importer_for(Path("house.dxf"))
+
+
+def test_a_module_that_failed_is_not_kept(tmp_path):
+    path = written(tmp_path, "half.py", "x = 1\nraise RuntimeError('half way')\n")
+    for _ in range(2):
+        with pytest.raises(PluginError, match="half way"):
+            bare(path)
+
+
+def test_one_name_claimed_twice_names_both(tmp_path):
+    first, second = written(tmp_path, "first.py", SPRING), written(tmp_path, "second.py", SPRING)
+    with pytest.raises(PluginError) as caught:
+        bare(first, second)
+    message = str(caught.value)
+    assert "contact model 'spring'" in message
+    assert str(first) in message
+    assert str(second) in message
+
+
+def test_an_unknown_name_gets_the_closest_one(tmp_path):
+    registry = bare(written(tmp_path, "spring.py", SPRING))
+    with pytest.raises(PluginError, match=r"'sprig'.*'spring'"):
+        registry.get("contact_model", "sprig")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(PluginError, match=r"none\.py"):
+        bare(tmp_path / "none.py")
+
+
+def test_an_unknown_built_in_is_named():
+    with pytest.raises(PluginError, match=r"evac_plugins\.none"):
+        Registry(builtins=("evac_plugins.none",))
+
+
+def test_an_installed_plugin_is_registered_with_its_distribution(tmp_path, monkeypatch):
+    written(tmp_path, "installed_spring.py", SPRING)
+    info = tmp_path / "evac_spring-2.5.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evac-spring\nVersion: 2.5\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text("[evac]\nspring = installed_spring\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    registry = bare()
+    (row,) = registry.provenance
+    assert (row.plugin, row.source, row.origin, row.version) == (
+        "installed_spring",
+        "distribution",
+        "evac-spring",
+        "2.5",
+    )
+    assert "spring" in registry.contact_models
+    (info / "entry_points.txt").write_text("[evac]\nspring = no_such_module\n", encoding="utf-8")
+    with pytest.raises(PluginError, match=r"no_such_module .* evac-spring"):
+        bare()
+
+
+def test_a_class_is_registered_by_itself():
+    class Spring(ContactModel):
+        """A spring."""
+
+        name = "spring"
+
+    registry = bare()
+    registry.add_class(Spring)
+    registry.add_class(Spring)
+    (row,) = registry.describe()
+    assert (row["source"], row["origin"]) == ("class", __name__)
+    assert [item["name"] for item in row["provides"]] == ["spring"]
+    (provider,) = registry.providers([Spring()])
+    assert "Spring" in provider
+    with pytest.raises(PluginError, match="contact model 'spring'"):
+        registry.add_class(type("Other", (ContactModel,), {"name": "spring"}))
+    with pytest.raises(PluginError, match=r"int.*ContactModel"):
+        registry.add_class(int)

@@ -1,0 +1,89 @@
+import errno
+import os
+from pathlib import PurePath
+
+import pytest
+
+import evac
+from evac.base.errors import ResultError
+from evac.contract.registry import BUILTIN_EXPORTERS, Registry
+from evac.export.exporter import export
+from evac.folder.files import FRAMES, WRITTEN, frame_name, replacing, writing
+from evac.replay.writer import replay_trajectory
+
+
+def test_frames_are_found_by_their_pattern():
+    assert PurePath(frame_name(7)).match(FRAMES)
+    assert FRAMES in WRITTEN
+
+
+def test_what_the_system_refuses_names_the_place_and_the_way_out(tmp_path):
+    place = tmp_path / "absent" / "file"
+    with pytest.raises(ResultError, match=r"file: .*the table"), writing("the table", place):
+        place.write_text("a")
+
+
+def test_other_errors_pass(tmp_path):
+    with pytest.raises(ZeroDivisionError), writing("the table", tmp_path):
+        1 / 0  # noqa: B018
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("links") / "r"
+    evac.run(evac.load("square_room", {"simulation.duration": 0.2, "output.picture": False}), folder)
+    return folder
+
+
+def test_a_file_that_cannot_be_written_whole_stays_as_it_was(tmp_path, monkeypatch):
+    path = tmp_path / "people.csv"
+    path.write_text("before")
+
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ResultError, match=r"people\.csv: .*No space left"), replacing(path, "the table") as new:
+        new.write_text("aft")
+    assert path.read_text() == "before"
+    assert [path.name for path in tmp_path.iterdir()] == ["people.csv"]
+
+
+def test_files_can_be_read_as_others_are(tmp_path):
+    (tmp_path / "other").touch()
+    with replacing(tmp_path / "file", "it") as new:
+        new.write_text("it")
+    assert (tmp_path / "file").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+@pytest.mark.parametrize(
+    "name", ["replay.html", "export/trajectory.csv", "export/building.geojson", "export/jupedsim/room.sqlite"]
+)
+def test_links_in_a_result_are_replaced_and_not_followed(result, tmp_path, name):
+    thesis, place = tmp_path / "thesis.txt", result / name
+    thesis.write_text("precious")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.unlink(missing_ok=True)
+    place.symlink_to(thesis)
+    trajectory = evac.read_trajectory(result)
+    if name == "replay.html":
+        replay_trajectory(trajectory, place)
+    else:
+        exporters = Registry(builtins=BUILTIN_EXPORTERS)
+        kind = {"trajectory.csv": "csv", "building.geojson": "geojson", "room.sqlite": "jupedsim"}[place.name]
+        assert export(trajectory, exporters.get("exporter", kind)()) == [place]
+    assert thesis.read_text() == "precious"
+    assert place.is_file()
+    assert not place.is_symlink()
+
+
+@pytest.mark.parametrize("kind", ["csv", "jupedsim"])
+def test_a_linked_folder_of_a_result_is_not_written_to(tmp_path, kind):
+    folder, elsewhere = tmp_path / "r", tmp_path / "elsewhere"
+    evac.run(evac.load("square_room", {"simulation.duration": 0.2, "output.picture": False}), folder)
+    elsewhere.mkdir()
+    (folder / "export").symlink_to(elsewhere, target_is_directory=True)
+    exporter = Registry(builtins=BUILTIN_EXPORTERS).get("exporter", kind)()
+    with pytest.raises(ResultError, match="is a link"):
+        export(evac.read_trajectory(folder), exporter)
+    assert not [path for path in elsewhere.rglob("*") if path.is_file()]

@@ -1,0 +1,225 @@
+"""A result is replaced as a whole, and nothing that others have put there is lost; wherever a process is killed."""
+
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from evac.base.errors import ResultError
+from evac.folder.manifest import COMPLETE, MANIFEST_NAME, RUNNING, mark, note_written
+from evac.folder.resultfolder import ResultFolder, files_of_others, find_result, is_written
+
+SUMMARY = json.dumps({"versions": {"evac": "1"}, "plugin_files": ["inside.csv", "sub/more.csv"]})
+
+
+def write(folder, **texts):
+    for name, text in texts.items():
+        path = folder / name.replace("__", "/").replace("_", ".")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+def write_noted(folder, **texts):
+    """Write files as evac does."""
+    write(folder, **texts)
+    note_written(folder / name.replace("__", "/").replace("_", ".") for name in texts)
+
+
+def contents(folder):
+    files = [path for path in folder.rglob("*") if path.is_file() and path.name != MANIFEST_NAME]
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in files}
+
+
+@pytest.fixture
+def earlier(tmp_path):
+    """An earlier result with files of plugins and of others."""
+    folder = tmp_path / "r"
+    folder.mkdir()
+    mark(folder, COMPLETE, "r")
+    write_noted(folder, summary_json=SUMMARY, people_csv="old", egress_csv="old", inside_csv="old", sub__more_csv="old")
+    write(folder, notes_txt="mine", frames__own_vtp="mine", deep__er__notes_txt="mine", sub__own_txt="mine")
+    return folder
+
+
+def run_into(folder):
+    with ResultFolder(folder) as place:
+        place.start()
+        before = contents(folder) if folder.exists() else {}
+        write_noted(place.running, summary_json=SUMMARY, people_csv="new", notes_txt="of a plugin", deep="new")
+        assert files_of_others(place.running) == {"notes.txt", "deep"}
+        assert not before or contents(folder) == before
+        place.publish()
+
+
+OTHERS = {"frames/own.vtp": "mine", "deep.earlier/er/notes.txt": "mine", "sub/own.txt": "mine"}
+AFTER = {"summary.json": SUMMARY, "people.csv": "new", "notes.txt": "of a plugin", "deep": "new"} | OTHERS
+AFTER |= {"notes.txt.earlier": "mine"}
+
+
+def test_a_new_result_takes_the_place_of_an_earlier_one(earlier):
+    run_into(earlier)
+    assert contents(earlier) == AFTER
+    assert [path.name for path in earlier.parent.iterdir()] == ["r"]
+
+
+@pytest.mark.parametrize("renames", range(8))
+def test_a_kill_during_the_replacement_loses_nothing(earlier, monkeypatch, renames):
+    """Killed before each rename in turn: the next to take the folder finishes what was begun."""
+    real, left = os.rename, [renames]
+
+    class Killed(BaseException):
+        pass
+
+    def rename(source, target):
+        if not left[0]:
+            raise Killed
+        left[0] -= 1
+        real(source, target)
+
+    before = contents(earlier)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "rename", rename)
+        try:
+            run_into(earlier)
+            assert renames > 5
+        except Killed:
+            assert find_result(earlier).is_dir()
+    with ResultFolder(earlier):
+        pass
+    assert contents(earlier) == (AFTER if renames else before)
+    assert not earlier.with_name("r.replaced").exists()
+
+
+def test_what_a_killed_run_has_left_goes_but_for_files_of_others(tmp_path):
+    (tmp_path / "r.running").mkdir()
+    mark(tmp_path / "r.running", RUNNING, "r")
+    write_noted(tmp_path / "r.running", trajectory_evac="EVACTRJ2", checkpoint_evac="old", people_csv="old")
+    write(tmp_path / "r.running", mine_txt="mine")
+    with ResultFolder(tmp_path / "r") as place:
+        assert place.is_left_over
+        place.start()
+        assert contents(place.running) == {"mine.txt": "mine"}
+        place.publish()
+    assert contents(tmp_path / "r") == {"mine.txt": "mine"}
+
+
+def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
+    write(tmp_path / "r", thesis_txt="precious")
+    with pytest.raises(ResultError, match=r"r: .*--out"), ResultFolder(tmp_path / "r"):
+        pass
+    assert contents(tmp_path) == {"r/thesis.txt": "precious"}
+
+
+def test_the_home_folder_is_to_be_written_in_full(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("~", "~/r"):
+        with pytest.raises(ResultError, match=r"~.*--out"), ResultFolder(Path(name)):
+            pass
+    assert contents(tmp_path) == {}
+
+
+def test_a_file_where_results_are_to_be_written_is_refused(tmp_path):
+    write(tmp_path, r_running="mine")
+    with pytest.raises(ResultError, match=r"r\.running: not a folder"), ResultFolder(tmp_path / "r"):
+        pass
+    assert contents(tmp_path) == {"r.running": "mine"}
+
+
+def test_a_run_that_has_not_begun_leaves_nothing_but_files_of_others(tmp_path):
+    write(tmp_path / "r.running", mine_txt="mine")
+    with ResultFolder(tmp_path / "r") as place:
+        place.start()
+        write_noted(place.running, inside_csv="of a plugin", trajectory_evac="EVACTRJ2")
+        place.discard(["inside.csv"])
+    assert contents(tmp_path) == {"r.running/mine.txt": "mine"}
+
+
+@pytest.mark.parametrize("name", ["../thesis.txt", "/thesis.txt", "linked/thesis.txt", "link.txt"])
+def test_a_manifest_cannot_make_files_outside_go(tmp_path, earlier, name):
+    write(tmp_path / "other", thesis_txt="precious")
+    (earlier / "linked").symlink_to(tmp_path / "other", target_is_directory=True)
+    (earlier / "link.txt").symlink_to(tmp_path / "other" / "thesis.txt")
+    name = name.replace("..", "../other") if name.startswith("..") else name
+    name = str(tmp_path / "other" / "thesis.txt") if name.startswith("/") else name
+    with (earlier / MANIFEST_NAME).open("a") as file:
+        file.write("\n" + json.dumps({"file": name}) + "\nno json\n[]\n")
+    run_into(earlier)
+    assert (tmp_path / "other" / "thesis.txt").read_text() == "precious"
+    assert (earlier / "link.txt").is_symlink()
+    assert (earlier / "linked").is_symlink()
+
+
+def test_files_of_others_with_the_names_of_maps_and_exports_stay(earlier):
+    write(earlier, map_png="mine", export__notes_md="mine", export__sub__notes_md="mine")
+    run_into(earlier)
+    assert {"map.png", "export/notes.md", "export/sub/notes.md"} <= contents(earlier).keys()
+
+
+@pytest.mark.parametrize("suffix", [".running", ".replaced"])
+def test_results_with_the_names_of_folders_of_a_run_are_left_alone(tmp_path, suffix):
+    own = tmp_path / f"r{suffix}"
+    run_into(own)
+    before = contents(tmp_path)
+    with pytest.raises(ResultError, match=rf"r{re.escape(suffix)}: .*move it away"), ResultFolder(tmp_path / "r"):
+        pass
+    assert contents(tmp_path) == before
+
+
+def test_the_runs_of_a_stopped_study_are_left_alone(tmp_path):
+    with ResultFolder(tmp_path / "r") as place:
+        place.start()
+        write_noted(place.running, study_json="{}", runs_arrows="rows")
+    before = contents(tmp_path)
+    with pytest.raises(ResultError, match=r"r\.running: .*--resume"), ResultFolder(tmp_path / "r") as place:
+        place.start()
+    assert contents(tmp_path) == before
+
+
+def test_a_folder_that_is_removed_during_the_run_is_noticed(earlier):
+    with ResultFolder(earlier) as place:
+        place.start()
+        place.check()
+        shutil.rmtree(place.running)
+        for again in (False, True):  # another folder of that name is not the same
+            if again:
+                place.running.mkdir()
+            with pytest.raises(ResultError, match=r"r\.running: .*removed"):
+                place.publish()
+    assert "people.csv" in contents(earlier)
+
+
+def test_what_has_not_come_to_its_end_stays_beside_an_earlier_result(earlier, tmp_path):
+    for folder, where in ((earlier, "r.running"), (tmp_path / "other", "other")):
+        with ResultFolder(folder) as place:
+            place.start()
+            write(place.running, people_csv="new")
+            assert place.publish_if_new().name == where
+    assert contents(earlier)["people.csv"] == "old"
+
+
+def test_a_link_stays_a_link(tmp_path):
+    write(tmp_path / "disk" / "r", summary_json=SUMMARY)
+    (tmp_path / "r").symlink_to(tmp_path / "disk" / "r", target_is_directory=True)
+    run_into(tmp_path / "r")
+    assert (tmp_path / "r").is_symlink()
+    assert contents(tmp_path / "disk" / "r")["people.csv"] == "new"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["disk", "r"]
+
+
+@pytest.mark.parametrize("name", [".", "..", "/"])
+def test_folders_that_cannot_be_replaced_are_refused(tmp_path, monkeypatch, name):
+    (tmp_path / "within").mkdir()
+    monkeypatch.chdir(tmp_path / "within")
+    with pytest.raises(ResultError, match=rf"^{re.escape(name)}: "), ResultFolder(Path(name)):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("people.csv", True), ("frames/frame_00012.vtp", True), ("frames/own.vtp", False), ("sub/people.csv", False)],
+)
+def test_files_of_evac_are_told_by_their_names(name, expected):
+    assert is_written(name) is expected

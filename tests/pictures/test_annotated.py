@@ -1,0 +1,78 @@
+"""Pictures of levels: each storey has a panel, and each finding a mark on the right one."""
+
+import pytest
+import shapely
+
+from evac import Plan
+from evac.building.model.findings import Finding
+from evac.building.model.storeys import storeys
+from evac.pictures.annotated import Mark, draw_levels, panel_of
+
+
+@pytest.fixture
+def building():
+    plan = Plan()
+    plan.storey("ground", shapely.box(0, 0, 12, 6))
+    plan.storey("first", shapely.box(0, 0, 12, 6), z=3.0)
+    plan.storey("gallery", shapely.box(14, 0, 16, 6), z=3.4)
+    plan.stair("main", "ground", [(2, 1), (2, 2.5)], "first", length=6.0, direction=(1, 0))
+    plan.exit("door", "ground", [(0, 3), (0, 4)])
+    return plan.building()
+
+
+def test_floors_at_one_height_are_a_storey_with_the_stairs_up_from_it(building):
+    names = [[level.name for level in own] for _, own in storeys(building)]
+    assert names == [["ground", "main flight z=0.00..3.00"], ["first"], ["gallery"]]
+
+
+@pytest.mark.parametrize(
+    ("level", "place", "panel"),
+    [("first", (1.0, 1.0), 1), (None, (1.0, 5.0, 0.1), 0), (None, (1.0, 5.0, 2.9), 1), (None, (15.0, 1.0), 2)],
+)
+def test_a_finding_is_marked_on_its_storey(building, level, place, panel):
+    assert (
+        panel_of(
+            building,
+            [[level.index for level in own] for _, own in storeys(building)],
+            Finding("warning", "odd", level, place),
+        )
+        == panel
+    )
+
+
+def test_marks_and_findings_are_in_the_picture(building, tmp_path):
+    findings = [
+        Finding("warning", "a narrow place", "ground", (10.0, 3.0)),
+        Finding("found", "a door", "ground", (0.0, 3.5)),
+        Finding("repaired", "a gap", place=(11.0, 3.0, 3.0)),
+        Finding("left out", "nothing of note"),
+    ]
+    marks = [Mark("7: 6.00 m", 0, building.walls[0])]
+    import matplotlib as mpl
+
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        draw_levels(building, tmp_path / "a.svg", findings, marks, "a title")
+    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    for word in (
+        "a title",
+        "ground",
+        "door 1.00 m",
+        "main",
+        "7: 6.00 m",
+        "1  warning",
+        "2  repaired",
+        "3  left",
+    ):
+        assert word in text, word
+    assert "a door" not in text
+
+
+def test_doors_between_rooms_are_in_the_picture_with_their_widths(tmp_path):
+    plan = Plan()
+    plan.storey("ground", [shapely.box(0, 0, 5, 4), shapely.box(5.2, 0, 9, 4)])
+    plan.door("inner", "ground", [(5.1, 1), (5.1, 1.95)])
+    import matplotlib as mpl
+
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        draw_levels(plan.building(need_exit=False), tmp_path / "a.svg")
+    assert "inner 0.95 m" in (tmp_path / "a.svg").read_text(encoding="utf-8")

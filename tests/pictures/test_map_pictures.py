@@ -1,0 +1,76 @@
+"""Pictures of maps, looked at by their pixels."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evac.analysis.maps import QUANTITIES
+from evac.base.errors import ResultError
+from evac.pictures import palette
+from evac.pictures.floorplan import draw_plans
+from evac.pictures.map_pictures import NEVER, draw_map, write_maps
+from evac.trajectory.trajectory import read_trajectory
+
+
+@pytest.fixture
+def trajectory(descent):
+    return read_trajectory(descent(people=6, frames=5).path)
+
+
+def pixels(figure):
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int)
+
+
+def has_colour(image, colour, tolerance=3):
+    return (np.abs(image - np.array(palette.rgb([colour])[0])).max(axis=2) <= tolerance).mean()
+
+
+def test_every_quantity_is_drawn_on_a_plan_of_every_storey(trajectory, tmp_path):
+    maps = trajectory.maps(spacing=0.5)
+    paths = write_maps(trajectory, maps, QUANTITIES, tmp_path)
+    assert [path.name for path in paths] == [f"map_{name}.png" for name in QUANTITIES]
+    assert all(np.asarray(Image.open(path)).std() > 5.0 for path in paths)
+    figure = draw_map(trajectory, "density", maps)
+    assert [axes.get_title(loc="left") for axes in figure.axes[:3]] == ["floor 0", "floor 1", "floor 2"]
+
+
+def test_what_is_not_cleared_has_a_colour_of_its_own(written):
+    stays = written(np.full((3, 1, 2), [5.0, 3.0]))
+    leaves = written(np.full((3, 1, 2), [5.0, 3.0]), [[0], [0], [-1]])
+    assert has_colour(pixels(draw_map(stays, "time_to_clear")), NEVER) > 1e-4
+    assert has_colour(pixels(draw_map(leaves, "time_to_clear")), NEVER) == 0.0
+
+
+def test_one_level_and_the_formats(trajectory, tmp_path):
+    maps = trajectory.maps(["floor 1"])
+    (path,) = write_maps(trajectory, maps, ["speed"], tmp_path / "one.svg", ["floor 1"])
+    assert path.read_text(encoding="utf-8").startswith("<?xml")
+    with pytest.raises(ResultError, match="'mood'"):
+        draw_map(trajectory, "mood", maps)
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(ResultError, match="taken"):
+        write_maps(trajectory, maps, ["speed"], tmp_path / "taken" / "map.png", ["floor 1"])
+
+
+def test_plans_share_one_scale_and_one_frame(building):
+    plans = draw_plans(building, "Three storeys")
+    assert [[level.name for level in levels] for levels in plans.levels] == [
+        ["floor 0", "flight 1"],
+        ["floor 1", "flight 2"],
+        ["floor 2"],
+    ]
+    assert len({axes.get_xlim() for axes in plans.axes}) == 1
+    figure = plans.figure
+    for axes in plans.axes:
+        box = axes.get_position()
+        width, height = figure.get_size_inches()
+        wide, high = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+        assert box.width * width / wide == pytest.approx(box.height * height / high, rel=1e-6)
+
+
+def test_ticks_of_people_are_whole_numbers(written):
+    figure = draw_map(written([[[3.0, 3.0]], [[4.0, 3.0]]]), "usage")
+    ticks = figure.axes[-1].get_yticks()
+    assert len(ticks) > 1
+    assert (ticks == np.round(ticks)).all()

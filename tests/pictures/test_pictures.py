@@ -1,0 +1,69 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evac.base.errors import ResultError
+from evac.pictures.pictures import draw_egress
+
+
+def test_picture_shows_the_curve_of_everybody(results, tmp_path):
+    draw_egress(results, tmp_path / "egress.png")
+    pixels = np.asarray(Image.open(tmp_path / "egress.png").convert("RGB")).astype(int)
+    assert pixels.shape == (750, 1200, 3)
+    dark = (np.abs(pixels - [0x1F, 0x29, 0x33]) < 12).all(axis=2)
+    rows, columns = np.nonzero(dark)
+    assert dark.sum() > 1000
+    assert np.ptp(columns) > 600  # from zero to the end of the run
+    assert np.ptp(rows) > 150  # and from nobody to two of five
+
+
+def test_each_group_has_its_own_curve(results, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("evac.pictures.pictures.save", lambda figure, path: drawn.append(figure))
+    draw_egress(results, tmp_path / "egress.png")
+    (axes,) = drawn[0].axes
+    curves = {line.get_label(): [list(values) for values in line.get_data()] for line in axes.get_lines()[1:]}
+    assert curves == {
+        "low": [[0.0, 4.0, 9.0, 20.0], [0, 1, 2, 2]],
+        "high": [[0.0, 20.0], [0, 0]],
+        "everybody": [[0.0, 4.0, 9.0, 20.0], [0, 1, 2, 2]],
+    }
+
+
+@pytest.mark.parametrize("people", [5, 136, 99_999])
+@pytest.mark.parametrize("words", [1, 12, 60])
+@pytest.mark.parametrize("groups", [1, 2, 12])
+def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, words, groups):
+    drawn = []
+    monkeypatch.setattr("evac.pictures.pictures.save", lambda figure, path: drawn.append(figure))
+    rows = np.array([0, 1])
+    many = replace(
+        results,
+        crowd=SimpleNamespace(exit_time=np.linspace(1.0, 9.0, people), level=np.full(people, -1)),
+        groups=[SimpleNamespace(name=f"group {k} with a name", rows=rows) for k in range(groups)],
+        case=SimpleNamespace(title="evacuation " * words),
+    )
+    draw_egress(many, tmp_path / "egress.png")
+    (figure,) = drawn
+    inner = figure.get_tightbbox()
+    assert inner.x0 > 0.0
+    assert inner.y0 > 0.0
+    assert inner.x1 < figure.get_figwidth()
+    assert inner.y1 < figure.get_figheight()
+    assert np.ptp(figure.axes[0].get_position(), axis=0).min() > 0.5
+
+
+def test_a_name_wider_than_the_picture_leaves_half_of_it_to_the_curve(results, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("evac.pictures.pictures.save", lambda figure, path: drawn.append(figure))
+    long = [SimpleNamespace(name=letter * 300, rows=np.array([0, 1])) for letter in "mn"]
+    draw_egress(replace(results, groups=long), tmp_path / "egress.png")
+    assert drawn[0].axes[0].get_position().x1 == 0.5
+
+
+def test_unwritable_place_is_named(results, tmp_path):
+    with pytest.raises(ResultError, match="absent"):
+        draw_egress(results, tmp_path / "absent" / "egress.png")

@@ -1,0 +1,228 @@
+"""Pictures and films, in three dimensions and in plan."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evac.base.errors import ResultError
+from evac.building.model.links import close_links
+from evac.pictures import palette
+from evac.pictures.camera import Camera, aim, hides
+from evac.pictures.colouring import COLOURINGS, colouring
+from evac.pictures.pawns import HIDDEN, draw_people
+from evac.pictures.render import Renderer, render_animation, render_picture
+from evac.trajectory.header import building_to_json
+from evac.trajectory.trajectory import read_trajectory
+from evac.trajectory.writer import TrajectoryWriter
+from tests.three_storeys import crowd_at
+
+SIZE = (320, 240)
+EVEN, ODD = (np.array(colour) for colour in palette.rgb(palette.GROUPS[:2]))
+
+
+@pytest.fixture
+def trajectory(descent):
+    return read_trajectory(descent(people=6, frames=5).path)
+
+
+def share_of_hue(pixels, colour):
+    """Share of pixels whose colour is `colour`, brighter or darker."""
+    pixels = pixels.reshape(-1, 3).astype(float)
+    norm = np.linalg.norm(pixels, axis=1) * np.linalg.norm(colour)
+    return float(((pixels @ colour) > 0.998 * norm).mean())
+
+
+@pytest.mark.parametrize("view", ["3d", "plan"])
+def test_picture_shows_floors_and_the_people_of_both_groups(trajectory, tmp_path, view):
+    render_picture(Renderer(trajectory, (640, 480), view), tmp_path / "run.png")
+    pixels = np.asarray(Image.open(tmp_path / "run.png"))
+    assert pixels.shape[2] == 3
+    assert 640 in pixels.shape or 480 in pixels.shape
+    assert 0.2 < (pixels == 255).all(axis=2).mean() < 0.95
+    beside_the_legend = pixels[:, :500]
+    assert share_of_hue(beside_the_legend, EVEN) > 3e-4
+    assert share_of_hue(beside_the_legend, ODD) > 3e-4
+
+
+def test_picture_is_of_the_asked_time(trajectory, tmp_path):
+    renderer = Renderer(trajectory, SIZE, "plan")
+    for name, time in (("early", 0.0), ("near", 0.2), ("late", 2.0)):
+        render_picture(renderer, tmp_path / f"{name}.png", time=time)
+    early, near, late = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("early", "near", "late"))
+    np.testing.assert_array_equal(early, near)
+    assert (early != late).any(axis=2).mean() > 1e-3
+
+
+@pytest.mark.parametrize("name", [name for name in COLOURINGS if name != "group"])
+def test_a_quantity_colours_the_people(trajectory, name):
+    image = Renderer(trajectory, (640, 480), "plan", colour_by=name).image(2)
+    assert share_of_hue(image, ODD) < 1e-4
+    found = colouring(trajectory, name)
+    frame = trajectory[2]
+    values = {"speed": frame["speed"], "contact_force": frame["contact_force"] / 1e3}.get(name)
+    if values is not None:
+        expected = found.scale()[np.clip(255 * values / found.top, 0, 255).astype(int)]
+        np.testing.assert_array_equal(found.of(frame), expected)
+
+
+def test_waiting_counts_the_time_at_which_people_stood(written):
+    stands, walks = [[1.0, 1.0]] * 5, [[2.0 + k, 3.0] for k in range(5)]
+    trajectory = written(np.stack([stands, walks], axis=1), interval=2.0)
+    waiting = colouring(trajectory, "waiting")
+    assert waiting.top == 8.0
+    scale = waiting.scale()
+    for k in range(5):
+        expected = scale[[int(255 * 2.0 * k / 8.0), 0]]
+        np.testing.assert_array_equal(waiting.of(trajectory[k]), expected)
+
+
+def test_levels_are_drawn_alone(trajectory):
+    for view in ("plan", "3d"):
+        top = Renderer(trajectory, SIZE, view, levels=["floor 2"])
+        places = top._view.project(np.arange(5), np.zeros((5, 3)))
+        assert np.isfinite(places[:, 0]).tolist() == [False, False, False, False, True]
+    with pytest.raises(ResultError, match="'floor 7'"):
+        Renderer(trajectory, SIZE, levels=["floor 7"])
+
+
+@pytest.mark.parametrize("view", ["3d", "plan"])
+def test_people_are_drawn_where_they_are_and_as_wide_as_they_are(first_out, view):
+    """The pixels of the person of group b, at (3, 3) on the ground, radius 0.4 m, and nobody else of that colour."""
+    camera = Camera(azimuth=-90.0, elevation=40.0)
+    renderer = Renderer(read_trajectory(first_out), (1200, 900), view, camera, ["floor 0"])
+    colour = np.array(palette.rgb([palette.GROUPS[1]])[0])
+    x, y, _ = renderer._view.project(np.array([0]), np.array([[3.0, 3.0, 0.0]]))[0]
+    image = renderer.image(0).astype(float)
+    image[:, renderer._view.side[0] :] = 255.0  # without the legend
+    norm = np.linalg.norm(image, axis=2) * np.linalg.norm(colour)
+    rows, columns = np.nonzero((image @ colour > 0.996 * norm) & (np.ptp(image, axis=2) > 60))
+    assert columns.mean() == pytest.approx(x, abs=2.0)
+    assert np.ptp(columns) + 1 == pytest.approx(2 * 0.4 * renderer._view.scale, rel=0.12)
+    lowest = 0.4 if view == "plan" else 0.55 * 0.4 * np.sin(np.radians(40.0))  # feet are narrower than shoulders [m]
+    assert rows.max() == pytest.approx(y + lowest * renderer._view.scale, abs=6.0)
+
+
+def test_people_behind_a_floor_show_through():
+    pictures = []
+    for wall in (-np.inf, np.inf):
+        image = np.full((60, 60, 3), 255, np.uint8)
+        place, radius = np.array([[30.0, 50.0, 0.0]]), np.array([8.0])
+        draw_people(image, place, radius, np.array([[0, 0, 200]], np.uint8), 0.6, np.full((60, 60), wall))
+        pictures.append(255.0 - image[35, 30, 0])
+    assert pictures[1] == pytest.approx(HIDDEN * pictures[0], rel=0.05)
+
+
+def test_storeys_are_pulled_apart_and_looked_at_from_where_stairs_and_exits_are_seen(trajectory):
+    building = trajectory.building
+    chosen = aim(building, building.levels, Camera())
+    assert chosen.stretch > 1.0
+    door = np.array([[0.0, 1.5, 0.0]])
+    assert not hides(building.levels, door, chosen)[0]
+    from_afar = aim(building, building.levels, Camera(azimuth=0.0, stretch=1.0))
+    assert hides(building.levels, door, from_afar)[0]
+    given = aim(building, building.levels, Camera(azimuth=30.0, elevation=20.0, stretch=2.0))
+    assert (given.stretch, given.elevation) == (2.0, pytest.approx(np.radians(20.0)))
+    np.testing.assert_allclose(given.axes[2], [0.8138, 0.4698, 0.3420], atol=1e-4)
+
+
+def test_film_has_as_many_pictures_as_its_speed_asks_for(trajectory, tmp_path):
+    render_animation(Renderer(trajectory, SIZE, "plan"), tmp_path / "run.gif", fps=4.0, speed=2.0)
+    with Image.open(tmp_path / "run.gif") as film:
+        assert film.n_frames == 5  # 2 s of people shown in 1 s, both ends included
+        assert film.info["duration"] == 250
+        pictures = []
+        for k in range(film.n_frames):
+            film.seek(k)
+            pictures.append(np.asarray(film.convert("RGB")))
+    assert all((a != b).any() for a, b in pairwise(pictures))
+
+
+def test_frame_without_people_is_drawn(descent, tmp_path):
+    empty = read_trajectory(descent(people=1, frames=1).path)
+    render_picture(Renderer(empty, SIZE), tmp_path / "empty.png")
+    assert np.asarray(Image.open(tmp_path / "empty.png")).std() > 5.0
+
+
+def test_what_cannot_be_drawn_is_refused(trajectory, tmp_path, monkeypatch):
+    renderer = Renderer(trajectory, SIZE, "plan")
+    with pytest.raises(ResultError, match=r"run\.avi"):
+        render_animation(renderer, tmp_path / "run.avi")
+    with pytest.raises(ResultError, match=r"run\.gif"):
+        render_picture(renderer, tmp_path / "run.gif")
+    with pytest.raises(ResultError, match=r"99 s .* 0 to [0-9]"):
+        render_picture(renderer, tmp_path / "run.png", time=99.0)
+    for name, value in (("fps", 0.0), ("fps", 1e6), ("fps", 1e-300), ("speed", 0.0), ("speed", 1e-9)):
+        with pytest.raises(ResultError, match=f"^{name}: "):
+            render_animation(renderer, tmp_path / "run.gif", **{name: value})
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(ResultError, match="pip install imageio-ffmpeg"):
+        render_animation(renderer, tmp_path / "run.mp4")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"colour_by": "mood"}, "'mood'"), ({"view": "side"}, "'side'"), ({"size": (0, 100)}, "size: 0 x 100")]
+    + [({"size": size}, f"size: {size[0]} x") for size in ((30_000, 30_000), (100_000, 64), (8000, 8000))]
+    + [({"size": (4000, 3000), "camera": Camera(zoom=100.0)}, "^zoom: ")],
+)
+def test_looks_that_are_none_are_refused(trajectory, options, words):
+    with pytest.raises(ResultError, match=words):
+        Renderer(trajectory, **options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"stretch": -1.0},
+        {"stretch": 1e300},
+        {"zoom": 0.0},
+        {"zoom": 1e300},
+        {"elevation": 90.0},
+        {"azimuth": float("nan")},
+    ],
+)
+def test_cameras_that_are_none_are_refused(options):
+    with pytest.raises(ResultError, match=next(iter(options))):
+        Camera(**options)
+
+
+def closed(path, *names):
+    """A trajectory of nobody, with links of the building closed."""
+    building = close_links(read_trajectory(path).building, names)
+    header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
+    writer = TrajectoryWriter(path.with_name("closed.evac"), header, np.zeros(2))
+    writer.append(0.0, crowd_at(np.zeros((0, 2)), []), np.zeros((0, 2)))
+    writer.close()
+    return read_trajectory(path.with_name("closed.evac"))
+
+
+def test_closed_exits_and_portals_are_not_drawn_open(trajectory, tmp_path):
+    shares = {}
+    for names in ((), ("door",), ("portal 3",)):
+        drawn = closed(trajectory.path, *names)
+        render_picture(Renderer(drawn, (640, 480)), tmp_path / "run.png")
+        pixels = np.asarray(Image.open(tmp_path / "run.png"))
+        red, green, blue = pixels.reshape(-1, 3).astype(int).T
+        shares[names] = np.mean(green > 1.3 * np.maximum(red, blue)), np.mean(red > 1.6 * np.maximum(green, blue))
+    assert shares[()][0] > 2e-4
+    assert shares[()][1] == 0.0
+    assert shares[("door",)][0] == 0.0
+    assert shares[("door",)][1] > 2e-4
+    assert shares[("portal 3",)][0] == shares[()][0]
+    assert shares[("portal 3",)][1] > 2e-4
+
+
+def test_unwritable_places_are_named(trajectory, tmp_path):
+    with pytest.raises(ResultError, match="absent"):
+        render_picture(Renderer(trajectory, SIZE, "plan"), tmp_path / "absent" / "run.png")
+    with pytest.raises(ResultError, match="absent"):
+        render_animation(Renderer(trajectory, SIZE, "plan"), tmp_path / "absent" / "run.gif")
+
+
+def test_trajectory_without_frames_is_refused(tmp_path, building):
+    header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
+    TrajectoryWriter(tmp_path / "none.evac", header, np.zeros(2)).close()
+    with pytest.raises(ResultError, match=r"none.evac"):
+        Renderer(read_trajectory(tmp_path / "none.evac"))

@@ -1,0 +1,392 @@
+"""The page in a real browser: what it draws, says and does."""
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from shapely import box
+
+import evac
+from evac.analysis.maps import level_maps
+from evac.building.model.elevation import elevation
+from evac.pictures.palette import group_colours
+from evac.replay.account import account_of_run
+from evac.replay.motion import GRAIN, PER_OCTAVE
+from evac.replay.writer import ReplayWriter, replay_trajectory
+from evac.trajectory.trajectory import read_trajectory
+
+
+def show(browser, folder):
+    """Open the page of a result folder, or set the one that is open back to how it opens."""
+    page = folder / "replay.html"
+    if browser.page != page:
+        browser.open(page)
+    browser.run("replay.act.restart()")
+    browser.settle()
+
+
+def pixels(browser):
+    return np.array(Image.open(io.BytesIO(browser.picture())).convert("RGB")).astype(int)
+
+
+def place_of(browser, person):
+    """Where somebody's figure is drawn, a little above the middle of the body, in pixels of the page."""
+    found = browser.run(
+        f"""(() => {{
+          const {{ people, record, camera }} = replay, box = document.getElementById("view").getBoundingClientRect();
+          const k = [...people.shown.subarray(0, people.count)].findIndex((i) => record.now.person[i] === {person});
+          const [x, y, z] = people.bodies.subarray(4 * k, 4 * k + 3);
+          const at = camera.project([x, y, z + 0.75]);
+          return [box.left + (at[0] + 1) / 2 * box.width, box.top + (1 - at[1]) / 2 * box.height];
+        }})()"""
+    )
+    return found
+
+
+def hue_of(colour):
+    """Direction of a colour off grey."""
+    off = np.array(colour, float) - np.mean(colour)
+    return off / max(np.linalg.norm(off), 1e-9)
+
+
+def test_people_are_where_and_when_they_were(browser, storeys):
+    page, trajectory = storeys
+    browser.open(page)
+    for k in range(len(trajectory)):
+        frame = trajectory[k]
+        found = browser.run(
+            f"""(() => {{
+              const {{ motion, origin }} = replay.record, [a, b] = motion.first.subarray({k}, {k} + 2);
+              const part = (name) => Array.from(motion[name].subarray(a, b));
+              return {{ time: motion.times[{k}], origin, person: part("person"), level: part("level"),
+                        x: part("x"), y: part("y"), z: part("z"),
+                        force: part("force").map((code) => replay.record.forceOfCode(code)) }};
+            }})()"""
+        )
+        assert found["time"] == frame["time"]
+        assert found["person"] == frame["person"].tolist()
+        assert found["level"] == frame["level"].tolist()
+        position = np.column_stack([found["x"], found["y"]]) + found["origin"]
+        np.testing.assert_allclose(position, frame["position"], atol=0.51 * GRAIN)
+        np.testing.assert_allclose(found["z"], frame["z"], atol=1.1 * GRAIN)
+        octaves = np.log2(np.maximum(found["force"], 1.0) / np.maximum(frame["contact_force"], 1.0))
+        assert np.abs(octaves).max() <= 0.51 / PER_OCTAVE
+
+
+def test_heights_on_an_uneven_level_are_those_of_its_cells(browser, tmp_path, building, room):
+    vertices = building.vertices.copy()
+    vertices[6, 2] += 0.4  # a corner of the lower flight, which becomes two planes
+    building = replace(building, vertices=vertices)
+    person, level = np.arange(20, dtype=np.int32), np.full(20, 1, np.int32)
+    position = np.column_stack([np.linspace(10.1, 13.9, 20), np.linspace(1.9, 0.1, 20)])
+    writer = ReplayWriter(20, building)
+    writer.add(0.0, person, level, position, np.zeros(20), frozenset())
+    writer.write(tmp_path / "replay.html", replace(account_of_run(room[1]), exit_time=None, exit_used=None))
+    browser.open(tmp_path / "replay.html")
+    z = browser.run("Array.from(replay.record.motion.z)")
+    np.testing.assert_allclose(z, elevation(building, level, position), atol=0.01)
+    assert np.ptp(np.array(z) - np.interp(position[:, 0], [10, 14], [0, 3])) > 0.1
+
+
+def test_counts_and_curves_are_those_of_the_run(browser, room):
+    folder, results = room
+    show(browser, folder)
+    exit_time = results.crowd.exit_time
+    for time in (0.0, 2.6, 5.05, results.time):
+        out = int((exit_time <= time).sum())
+        browser.run(f"replay.act.seek({time})")
+        browser.settle()
+        assert browser.text("#time") == f"{time:.1f} s"
+        assert (browser.text("#inside"), browser.text("#outside")) == (str(20 - out), str(out))
+        assert browser.text("#exits tbody td:nth-child(2)") == str(out)
+    heights = browser.run("[...document.querySelector('#chart .total').points].map((point) => [point.x, point.y])")
+    assert len({y for _, y in heights}) > 15
+    assert browser.run("document.title") == results.case.title
+
+
+def test_a_closed_exit_is_marked_in_the_table(browser, tmp_path):
+    plan = evac.Plan()
+    plan.storey("hall", box(0, 0, 6, 4))
+    plan.exit("front", "hall", [(0, 1), (0, 3)])
+    plan.exit("back", "hall", [(6, 1), (6, 3)])
+    people = [{"name": "people", "level": "hall", "number": 2}]
+    case = {"building": {"plan": plan, "closed": ["back"]}, "people": people, "contact": {"model": "nsm2"}}
+    evac.run(evac.load(case, {"simulation.duration": 1.0}), tmp_path / "result")
+    browser.open(tmp_path / "result" / "replay.html")
+    rows = browser.run("[...document.querySelectorAll('#exits tbody tr')].map((row) => [row.innerText, row.className])")
+    assert {name.split()[0]: mark for name, mark in rows} == {"front": "", "back": "closed"}
+
+
+def test_people_are_drawn_in_the_colour_of_their_group_at_their_place(browser, storeys):
+    page, trajectory = storeys
+    browser.open(page)
+    browser.run("replay.act.view(true); replay.act.storey(2)")
+    image = pixels(browser)
+    x, y = (round(value) for value in place_of(browser, 3))
+    colour = group_colours(2)[trajectory.group[3]]
+    assert hue_of(image[y, x]) @ hue_of([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) > 0.9
+    # Nobody stands in the middle of the floor: it has one colour.
+    corner = browser.run(
+        """(() => { const box = document.getElementById("view").getBoundingClientRect();
+             const [x, y] = replay.record.origin;
+             const at = replay.camera.project(replay.layout.place(4, 6.0 - x, 4.0 - y, 6.0));
+             return [box.left + (at[0] + 1) / 2 * box.width, box.top + (1 - at[1]) / 2 * box.height]; })()"""
+    )
+    x, y = (round(value) for value in corner)
+    assert np.ptp(image[y - 3 : y + 3, x - 3 : x + 3].reshape(-1, 3), axis=0).max() <= 2
+
+
+def test_all_levels_are_in_the_picture_and_one_alone(browser, storeys):
+    page, _ = storeys
+    browser.open(page)
+    assert browser.run("replay.people.count") == 6
+    browser.press("p", "KeyP")
+    assert browser.run("document.getElementById('view-plan').getAttribute('aria-pressed')") == "true"
+    boxes = browser.run(
+        """replay.layout.storeys.map((_, k) =>
+             replay.layout.shift[replay.layout.building.levels.findIndex((level) => level.storey === k)])"""
+    )
+    assert len({tuple(box) for box in boxes}) == 3  # side by side
+    browser.press("PageUp", "PageUp")
+    assert browser.run("replay.state.storey") == 0
+    assert browser.run("replay.people.count") == 2
+    browser.press("PageDown", "PageDown")
+    assert browser.run("replay.people.count") == 6
+
+
+def test_keys_play_and_pause_and_step(browser, room):
+    folder, results = room
+    show(browser, folder)
+    browser.press(" ", "Space")
+    browser.wait("replay.state.time > 0.05")
+    assert browser.run("document.getElementById('play').getAttribute('aria-label')") == "Pause"
+    browser.press(" ", "Space")
+    assert browser.run("document.getElementById('play').getAttribute('aria-label')") == "Play"
+    before = browser.run("replay.state.time")
+    browser.settle()
+    assert browser.run("replay.state.time") == before
+    browser.press("Home", "Home")
+    browser.press("ArrowRight", "ArrowRight")
+    assert browser.run("replay.state.time") == 0.5
+    browser.press("End", "End")
+    assert browser.run("Number(document.getElementById('slider').value)") == pytest.approx(results.time)
+    browser.press("]", "BracketRight")
+    assert browser.run("document.getElementById('speed').value") == "2"
+    browser.press("?", "Slash")
+    assert browser.run("document.getElementById('help').open")
+    browser.press("Escape", "Escape")
+    assert not browser.run("document.getElementById('help').open")
+
+
+def test_the_pointer_turns_moves_and_zooms(browser, room):
+    folder, _ = room
+    show(browser, folder)
+    view = "[replay.camera.azimuth, replay.camera.tilt, replay.camera.size, ...replay.camera.target]"
+
+    def drag(**more):
+        browser.mouse("mousePressed", 400, 400, 1, **more)
+        browser.mouse("mouseMoved", 450, 420, 1, **more)
+        browser.mouse("mouseReleased", 450, 420, **more)
+        browser.settle()
+        return browser.run(view)
+
+    start = browser.run(view)
+    turned = drag()
+    assert abs(turned[0] - start[0]) > 0.1
+    assert turned[1] > start[1]
+    assert turned[2:] == start[2:]
+    moved = drag(modifiers=8)
+    assert moved[:3] == turned[:3]
+    assert np.hypot(*np.subtract(moved[3:5], turned[3:5])) > 0.1
+    browser.mouse("mouseWheel", 500, 400, deltaX=0, deltaY=-200)
+    browser.settle()
+    assert browser.run(view)[2] < 0.9 * moved[2]
+    assert browser.run("document.getElementById('person').hidden")  # a drag is no click
+
+
+def test_a_click_tells_who_somebody_is(browser, room):
+    folder, results = room
+    show(browser, folder)
+    person = int(np.argmax(results.crowd.exit_time))
+    browser.run("replay.act.view(true); replay.act.seek(1.0)")
+    browser.settle()
+    browser.click(*place_of(browser, person))
+    assert browser.text("#person-name") == f"Person {person}"
+    facts = browser.text("#person-facts")
+    for word in ("people", "room", f"{results.crowd.exit_time[person]:.2f} s", "door", "m/s"):
+        assert word in facts
+    browser.press("Escape", "Escape")
+    assert browser.run("document.getElementById('person').hidden")
+
+
+@pytest.mark.parametrize("quantity", ["speed", "density", "contact force", "waiting time"])
+def test_colours_follow_the_quantity(browser, room, quantity):
+    folder, _ = room
+    show(browser, folder)
+    browser.run(f"replay.act.seek(4.0); replay.act.colour({json.dumps(quantity)})")
+    browser.settle()
+    assert browser.text("#legend").startswith("0")
+    values = browser.run(
+        f"""Array.from({{ length: replay.people.count }},
+             (_, k) => replay.people.valueOf({json.dumps(quantity)}, replay.record.now, k))"""
+    )
+    assert max(values) > min(values) >= 0.0
+    colours = browser.run("Array.from(replay.people.words.subarray(0, replay.people.count))")
+    assert len(set(colours)) > 1
+
+
+def test_density_is_a_number_of_people_and_lies_on_the_floor(browser, room):
+    folder, _ = room
+    show(browser, folder)
+    browser.run("replay.act.view(true); replay.act.seek(3.0)")
+    browser.settle()
+    before = pixels(browser)
+    browser.press("l", "KeyL")
+    after = pixels(browser)
+    assert (np.abs(after - before).max(axis=2) > 60).sum() > 2000
+    people = browser.run(
+        """(() => { const { density } = replay; let sum = 0;
+             density.sums.forEach((value, k) => { sum += value * density.cover[k]; });
+             return [sum * density.cell ** 2, replay.record.now.count]; })()"""
+    )
+    assert 0.75 * people[1] < people[0] <= 1.01 * people[1]  # what of the kernel lies beyond the walls is missing
+
+
+def show_map(browser, name):
+    """Choose a map of the floors and wait until it is there."""
+    browser.run(f"replay.act.layer({json.dumps(name)})")
+    browser.wait("replay.state.isLayered")
+    browser.settle()
+
+
+def on_floors(browser, name):
+    """Values of a map at the nodes on the floors, and the area of a node."""
+    values, cell = browser.run(
+        f"""(() => {{ const {{ density, maps }} = replay, values = maps.values[{json.dumps(name)}];
+              return [Array.from(values.filter((_, k) => density.inside[k])), density.cell]; }})()"""
+    )
+    return np.array(values), cell**2
+
+
+def test_flights_are_seen_from_their_upper_side_in_the_first_view(browser, storeys):
+    page, _ = storeys
+    browser.open(page)
+    seen = browser.run(
+        """(() => { const { camera, record, state } = replay;
+             return record.building.levels.filter(({ kind }) => kind === "flight").map(({ plane: [, a, b] }) => {
+               const normal = [-a * state.spread, -b * state.spread, 1];
+               return camera.toward.reduce((sum, value, i) => sum + value * normal[i], 0) / Math.hypot(...normal);
+             }); })()"""
+    )
+    assert len(seen) > 1
+    assert min(seen) >= 0.3 - 1e-6
+
+
+def person_seconds_below(speed_limit, trajectory):
+    """Time that people are slower [s], by differences of recorded positions: the page has no other speeds."""
+    time, total = trajectory.time, 0.0
+    for person in range(trajectory.number_of_people):
+        position = trajectory.position[:, person]
+        position = position[np.isfinite(position[:, 0])]
+        last = len(position) - 1
+        for k in range(last + 1):
+            a, b = max(0, k - 1), min(last, k + 1)
+            speed = np.linalg.norm(position[b] - position[a]) / (time[b] - time[a]) if b > a else 0.0
+            total += (speed < speed_limit) * 0.5 * (time[min(len(time) - 1, k + 1)] - time[a])
+    return total
+
+
+def test_maps_of_the_run_are_those_of_evac_map(browser, room):
+    folder, _ = room
+    trajectory = read_trajectory(folder)
+    (maps,) = level_maps(trajectory).values()
+    show(browser, folder)
+    show_map(browser, "mean density")
+    values, area = on_floors(browser, "mean density")
+    assert values.sum() * area == pytest.approx(np.nansum(maps.density) * maps.spacing**2, rel=0.08)
+    values, area = on_floors(browser, "waiting")
+    waited = [person_seconds_below(0.2 + GRAIN * sign, trajectory) for sign in (-1, 1)]  # positions are rounded
+    assert waited[0] - 1e-3 <= values.sum() * area <= waited[1] + 1e-3
+    clear, _ = on_floors(browser, "time to clear")
+    assert clear.max() == pytest.approx(np.nanmax(maps.time_to_clear[np.isfinite(maps.time_to_clear)]), abs=0.5)
+    usage, _ = on_floors(browser, "usage")
+    assert usage.max() == pytest.approx(np.nanmax(maps.usage), abs=1)
+    pressure, _ = on_floors(browser, "contact pressure")
+    assert pressure.max() == pytest.approx(np.nanmax(maps.contact_pressure), rel=2 ** (1 / PER_OCTAVE) - 1)
+    smooth = {"mean speed": maps.speed, "specific flow": maps.flow, "maximum density": maps.max_density}
+    for name, array in smooth.items():
+        values, _ = on_floors(browser, name)
+        assert np.quantile(values[values > 0], 0.9) == pytest.approx(np.nanquantile(array[array > 0], 0.9), rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["density now", "mean speed", "time to clear", "contact pressure", "usage"])
+def test_a_map_is_drawn_on_the_floor_with_its_scale(browser, room, name):
+    folder, _ = room
+    show(browser, folder)
+    browser.run("replay.act.view(true); replay.act.seek(3.0)")
+    browser.settle()
+    before = pixels(browser)
+    show_map(browser, name)
+    assert (np.abs(pixels(browser) - before).max(axis=2) > 40).sum() > 2000
+    assert name.split()[0] in browser.text("#layer-legend").lower()
+    browser.run("replay.act.layer('plain')")
+    browser.settle()
+    assert np.abs(pixels(browser) - before)[:, :900].max() == 0
+
+
+def test_dark_and_narrow_pages_have_all_controls_in_sight(browser, room):
+    folder, _ = room
+    browser.open(folder / "replay.html", width=400, height=800, dark=True)
+    assert browser.run("document.documentElement.dataset.theme") == "dark"
+    assert browser.run("document.documentElement.scrollWidth <= innerWidth")
+    assert browser.run("getComputedStyle(document.getElementById('play')).visibility") == "visible"
+    assert pixels(browser)[300:500, :, :].mean() < 110
+
+
+def test_text_has_contrast_in_both_themes(browser, room):
+    folder, _ = room
+    show(browser, folder)
+    ratio = """(() => {
+      const light = (name) => {
+        const hex = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+        const [r, g, b] = [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255)
+          .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4);
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+      };
+      const pairs = [["--text", "--panel"], ["--soft", "--panel"], ["--soft", "--ground"], ["--exit", "--panel"],
+                     ["--accent-text", "--accent"], ["--error", "--error-ground"], ["--notice", "--notice-ground"]];
+      return Math.min(...pairs.map((pair) => {
+        const [low, high] = pair.map(light).sort((a, b) => a - b);
+        return (high + 0.05) / (low + 0.05);
+      }));
+    })()"""
+    assert browser.run(ratio) >= 4.5
+    browser.press("t", "KeyT")
+    assert browser.run(ratio) >= 4.5
+
+
+def test_every_control_has_a_name_and_can_be_reached(browser, room):
+    folder, _ = room
+    show(browser, folder)
+    tree = browser.send("Accessibility.getFullAXTree")["nodes"]
+    controls = [node for node in tree if node.get("role", {}).get("value") in ("button", "slider", "combobox")]
+    assert len(controls) >= 10
+    assert [node for node in controls if not node.get("name", {}).get("value")] == []
+
+
+def test_a_run_that_was_killed_says_so(browser, room, tmp_path):
+    folder, _ = room
+    (tmp_path / "trajectory.evac").write_bytes((folder / "trajectory.evac").read_bytes()[:-700])
+    trajectory = read_trajectory(tmp_path)
+    assert replay_trajectory(trajectory, tmp_path / "replay.html") == len(trajectory)
+    browser.open(tmp_path / "replay.html")
+    assert "killed" in browser.text("#banner")
+    assert browser.run("document.getElementById('banner').className") == "error"
+    browser.run("replay.act.seek(Infinity)")
+    browser.settle()
+    last = trajectory[-1]
+    assert browser.text("#inside") == str(len(last["person"]))
+    assert browser.text("#outside") == str(20 - len(last["person"]))

@@ -1,0 +1,104 @@
+"""The file: what it holds, without a browser."""
+
+import base64
+import re
+import zlib
+
+import numpy as np
+import pytest
+
+import evac
+from evac.base.errors import ResultError
+from evac.pictures.palette import group_colours
+from evac.replay.motion import STREAMS, MotionPacker
+from evac.replay.writer import replay_trajectory
+from evac.trajectory.trajectory import read_trajectory
+
+PEOPLE = 30
+
+
+def states(count):
+    """Where everybody is on floor 0 at each time; the last ones leave one after the other."""
+    random = np.random.default_rng(3)
+    position = random.uniform(1.0, 5.0, (PEOPLE, 2))
+    for k in range(count):
+        rows = np.arange(PEOPLE - k, dtype=np.int32)
+        position = position + random.normal(0.0, 0.2, position.shape)
+        yield 0.5 * k, rows, np.zeros(len(rows), np.int32), position[rows], random.uniform(0.0, 3000.0, len(rows))
+
+
+def test_packing_goes_on_from_its_state_to_the_same_bytes(building):
+    whole, first, second = (MotionPacker(PEOPLE, building, np.zeros(2)) for _ in range(3))
+    for k, state in enumerate(states(9)):
+        whole.add(*state)
+        if k < 4:
+            first.add(*state)
+            continue
+        if k == 4:
+            second.restore(first.state())
+        second.add(*state)
+    assert second.streams() == whole.streams()
+    assert (second.frames, whole.frames) == (9, 9)
+    assert set(whole.streams()) == set(STREAMS)
+
+
+def test_the_page_asks_nothing_of_a_network_and_shows_titles_as_they_are(descent):
+    path = descent().path
+    trajectory = read_trajectory(path)
+    trajectory.header["title"] = "<b>Two & two</b>"
+    replay_trajectory(trajectory, path.with_name("replay.html"))
+    text = path.with_name("replay.html").read_text()
+    assert "<title>&lt;b&gt;Two &amp; two&lt;/b&gt;</title>" in text
+    assert "default-src 'none'" in text
+    scripts = zlib.decompress(base64.b64decode(re.search(r'id="data-scripts">([^<]*)<', text)[1])).decode()
+    for place in (text, scripts):
+        assert not re.search(r"https?://|\bfetch\(|XMLHttpRequest|@import|url\(", place)
+
+
+def test_states_are_chosen_by_time(descent):
+    path = descent(frames=9).path  # every 0.5 s to 4 s
+    trajectory = read_trajectory(path)
+    assert replay_trajectory(trajectory, path.with_name("all.html")) == 9
+    assert replay_trajectory(trajectory, path.with_name("few.html"), every=1.0) == 5
+    # Nearest to 0, 0.8, ... 3.2 s are 0, 1, 1.5, 2.5 and 3 s.
+    assert replay_trajectory(trajectory, path.with_name("few.html"), every=0.8) == 6
+    assert replay_trajectory(trajectory, path.with_name("few.html"), every=100.0) == 2
+
+
+@pytest.mark.parametrize("every", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_time_between_states_that_is_none_is_refused(descent, every):
+    path = descent().path
+    with pytest.raises(ResultError, match="between two states"):
+        replay_trajectory(read_trajectory(path), path.with_name("replay.html"), every)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("summary.json", '{"seed": 99, "people": 4}'),
+        ("summary.json", "no json"),
+        ("summary.json", "{}"),
+        ("summary.json", '{"seed": 99, "people": "four"}'),
+        ("people.csv", "speed,response_time,exit,exit_time\n1,0,,\n"),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + "1,0,nowhere,2\n" * 4),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + "-1e308,0,,\n" * 4),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + f"{'1' * 200_000},0,,\n" * 4),
+        ("people.csv", "speed\n1\n1\n1\n1\n"),
+    ],
+)
+def test_tables_of_another_run_are_refused_by_name(descent, name, text):
+    path = descent().path
+    path.with_name(name).write_text(text)
+    with pytest.raises(ResultError, match=name):
+        replay_trajectory(read_trajectory(path), path.with_name("replay.html"))
+
+
+def test_groups_keep_their_colours_when_there_are_more():
+    assert group_colours(30)[:7] == group_colours(7)[:7]
+    assert len(set(group_colours(18))) == 19  # and that of people of no group
+
+
+def test_a_response_time_as_large_as_a_float_can_be_is_written(tmp_path):
+    changes = {"behaviours.response_time.time": 1e308, "simulation.duration": 0.2, "people.people.number": 2}
+    evac.run(evac.load("square_room", changes | {"output.picture": False, "output.animation": False}), tmp_path / "r")
+    assert (tmp_path / "r" / "replay.html").is_file()

@@ -1,0 +1,35 @@
+"""The building section: doors between rooms with their widths, or the checklist asks the author for them."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from shapely import box
+
+from evac import Plan
+from evac.report.building import building_section
+from evac.report.page import BLANK, Head, page
+from evac.report.source import BuildingTable
+
+from .conftest import Page
+
+
+def section_of(with_door):
+    plan = Plan()
+    plan.storey("floor", [box(0, 0, 5, 4), box(5.2, 0, 9, 4)])
+    plan.door("inner", "floor", [(5.1, 1), (5.1, 1.95)])
+    plan.exit("out", "floor", [(0, 1), (0, 2)])
+    building = plan.building()
+    building = building if with_door else replace(building, doors=())
+    summary = SimpleNamespace(table=SimpleNamespace(building=BuildingTable()))
+    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building), summary=summary))
+
+
+@pytest.mark.parametrize("with_door", [True, False])
+def test_doors_are_listed_or_asked_for(with_door):
+    shown = Page(page(Head("title", "kind", "", {}), BLANK, [section_of(with_door)], "evac"))
+    (row,) = [row for row in shown.table("Numbers of sections") if row[1].startswith("Doors")]
+    assert (row[-1] == "nothing") == with_door
+    assert ("doors between rooms" in row[-1]) != with_door
+    if with_door:
+        assert shown.table("Doors between rooms")[1:] == [["inner", "floor", "0.95"]]

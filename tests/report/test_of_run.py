@@ -1,0 +1,229 @@
+"""The report of a run: its numbers are those of the files, nothing in it comes from a network, all text is escaped."""
+
+import csv
+import json
+import re
+import tomllib
+
+import numpy as np
+import pytest
+
+from evac.analysis.congestion import DENSITY
+from evac.base.errors import ResultError
+from evac.case.loading import load_case
+from evac.report.html import escaped
+from evac.report.model import case_text
+from evac.report.of_run import run_report
+from evac.report.page import Labels
+from evac.report.source import CaseTable
+from evac.report.times import SHARES, time_of_share
+from evac.report.verification import evidence, subject_like
+
+from .conftest import HOSTILE, Page
+
+
+@pytest.fixture(scope="module")
+def text(finished):
+    return run_report(finished, Labels(project="A hall", author=HOSTILE), density=DENSITY)
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+@pytest.fixture(scope="module")
+def summary(finished):
+    return json.loads((finished / "summary.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def people(finished):
+    with (finished / "people.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_nothing_is_executed_and_nothing_is_fetched(page, text):
+    assert not {"script", "link", "iframe", "object", "base"} & set(page.tags)
+    assert not [name for _, name, _ in page.attributes if name.startswith("on")]
+    assert all(source.startswith("data:image/") for source in page.of("src"))
+    assert len(page.of("src")) >= 8
+    assert "url(" not in text
+    assert "@import" not in text
+    assert "http://" not in text
+    assert "https://" not in text
+
+
+def test_text_of_files_and_options_is_escaped(page, text):
+    assert "<script" not in text
+    assert HOSTILE in page.text
+    assert page.fact("Author") == HOSTILE
+
+
+def test_links_lead_to_sections_and_ids_are_unique(page):
+    targets = {target.removeprefix("#") for target in page.of("href")}
+    ids = page.of("id")
+    assert targets <= set(ids)
+    assert len(ids) == len(set(ids))
+    assert {"building", "occupants", "model", "verification", "times", "congestion", "maps", "limits"} <= targets
+
+
+def test_fields_are_filled_in_or_empty(page):
+    assert page.fact("Project") == "A hall"
+    assert page.fact("Reviewer") == ""
+    assert page.fact("Signature") == ""
+
+
+def test_main_results_are_those_of_the_summary(page, summary):
+    assert page.fact("Out") == f"{summary['evacuated']} of {summary['people']}"
+    assert page.fact("Last person out") == f"{summary['last_out']:.1f} s"
+    assert page.fact("Quality warnings") == str(len(summary["quality_warnings"]))
+    assert page.fact("seed") == str(summary["seed"])
+    assert page.fact("numpy") == summary["versions"]["numpy"]
+    assert all(warning in page.text for warning in summary["quality_warnings"])
+
+
+def test_times_of_shares_groups_and_exits(page, summary, people):
+    times = np.sort([float(row["exit_time"]) for row in people])
+    for row, share in zip(page.table("share of all people")[1:], SHARES, strict=True):
+        rank = int(np.ceil(share / 100 * len(times)))
+        assert row == [f"{share} %", str(rank), f"{times[rank - 1]:.1f}"]
+    groups = {row[0]: row for row in page.table("each group left")[1:]}
+    late = [float(row["exit_time"]) for row in people if row["group"] == "late"]
+    assert groups["late"][1:5] == ["6", "6", f"{min(late):.1f}", f"{np.mean(late):.1f}"]
+    assert groups["everybody"][-1] == f"{times[-1]:.1f}"
+    door = summary["exits"]["door"]
+    (row,) = page.table("Exits; the flow")[1:]
+    assert row[:2] == ["door", str(door["people"])]
+    assert row[3:5] == [f"{door['last_out']:.1f}", f"{door['width']:.2f}"]
+
+
+def test_occupants_as_set_and_as_drawn(page, people):
+    rows = {row[0]: row for row in page.table("14 people")[1:]}
+    speed = [float(row["speed"]) for row in people]
+    assert rows["desired speed on the flat"][1:] == [
+        "m/s",
+        "uniform from 1.2 to 2",
+        f"{min(speed):.2f}",
+        f"{np.mean(speed):.2f}",
+        f"{max(speed):.2f}",
+    ]
+    responses = {row[0]: row[1:] for row in page.table("Response times drawn")[1:]}
+    assert responses == {"early": ["0.0"] * 3, "late": ["2.0"] * 3}
+
+
+def test_the_building_has_levels_exits_widths_and_areas(page):
+    assert page.table("Levels")[1] == ["room", "floor", "-", "0.00", "0.00", "-", "25.0"]
+    assert page.table("Exits, with")[1][:2] == ["door", "room"]
+    assert page.table("Areas in which")[1] == ["room", "room", "25.0"]
+
+
+def test_the_case_of_the_appendix_is_the_case(page, summary, tmp_path, finished):
+    table = tomllib.loads(case_text(summary["case"]))
+    assert table == summary["case"]
+    assert case_text(summary["case"]) in page.text
+    shipped = load_case("square_room")
+    (tmp_path / "case.toml").write_text(case_text(summary["case"]), encoding="utf-8")
+    (tmp_path / shipped.mesh.name).write_bytes(shipped.mesh.read_bytes())
+    assert load_case(tmp_path / "case.toml").to_dict() == load_case(tmp_path / "case.toml", summary["case"]).to_dict()
+    assert load_case(tmp_path / "case.toml").people[1].behaviours == {"response_time": {"time": 2.0}}
+
+
+def test_infinity_and_odd_names_of_a_case_are_kept():
+    case = {"title": 'a "b"\\ \x7f', "simulation": {"no_progress": None, "step": 1e-05}, "x y": {"a": [{"b": True}]}}
+    read = tomllib.loads(case_text(case))
+    assert read["title"] == case["title"]
+    assert read["simulation"] == {"no_progress": float("inf"), "step": 1e-05}
+    assert read["x y"] == case["x y"]
+
+
+def test_every_failed_verdict_is_shown(page):
+    (shown,) = (table["rows"][1:] for table in page.tables if table["caption"] == "Verdicts")
+    wanted = [
+        [name, row["question"], row["measured"], row["wanted"], row["verdict"]]
+        for name, kind in evidence()["kinds"].items()
+        for row in kind["verdicts"]
+        if row["verdict"].startswith(("not met", "undecided"))
+    ]
+    assert shown == wanted
+    tests = page.table("Criteria of the standard tests")[1:]
+    assert [row[-1] for row in tests] == [row["NSM2"] for row in evidence()["tests"]]
+
+
+@pytest.mark.parametrize(
+    ("contact", "behaviours", "subject"),
+    [
+        ({"model": "nsm2", "nsm2": {}}, {}, "NSM2"),
+        ({"model": "nsm1", "nsm1": {"variant": "inertial"}}, {"headway": {}}, "NSM1 inertial, headway"),
+        ({"model": "nsm1", "nsm1": {"variant": "overdamped"}}, {}, None),
+        ({"model": "dem", "dem": {"stiffness": 1.0}}, {"headway": False}, "DEM"),
+        ({"model": "own"}, {}, None),
+    ],
+)
+def test_a_model_is_shown_as_it_was_tested(contact, behaviours, subject):
+    case = CaseTable(
+        building={}, directions={}, people=[], contact=contact, behaviours=behaviours, simulation={}, output={}
+    )
+    subjects = [column for column in evidence()["tests"][0] if column not in ("test", "measured", "expected", "by")]
+    assert subject_like(case, subjects) == subject
+
+
+def test_shares_of_people_who_are_not_all_out():
+    times = np.array([4.0, np.nan, 1.0, 2.0])
+    assert [time_of_share(times, share) for share in (25, 50, 51, 75, 76, 100)] == [1.0, 2.0, 4.0, 4.0, None, None]
+
+
+def test_an_interrupted_run_has_a_banner(result):
+    data = json.loads((result / "summary.json").read_text(encoding="utf-8"))
+    data |= {"ended": "interrupted", "evacuated": 10}
+    (result / "summary.json").write_text(json.dumps(data), encoding="utf-8")
+    page = Page(run_report(result, density=DENSITY, maps=()))
+    assert "interrupted" in page.text.partition("Project")[0]
+    assert "4 of 14 people" in page.text.partition("Project")[0]
+
+
+def test_without_a_trajectory_the_checklist_says_what_is_missing(result):
+    (result / "trajectory.evac").unlink()
+    page = Page(run_report(result, density=DENSITY))
+    assert page.lacks("building")
+    assert page.lacks("congestion", "maps")
+    assert not page.lacks("times", "statistics")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("summary.json", None, "summary.json"),
+        ("summary.json", lambda text: text[: len(text) // 2], "summary.json"),
+        ("summary.json", lambda text: text.replace('"people": 14', '"people": "many"', 1), "people"),
+        ("summary.json", lambda text: re.sub(r'"closed": \[\]', '"closed": 5', text, count=1), "closed"),
+        ("people.csv", None, "people.csv"),
+        ("people.csv", lambda text: text.replace("exit_time", "left", 1), "exit_time"),
+        ("people.csv", lambda text: text.rstrip().rpartition("\n")[0] + "\n", "13 people"),
+        ("people.csv", lambda text: text.replace("room,0.2", "room,wide0.2", 1), "radius"),
+    ],
+)
+def test_damaged_files_are_named(result, name, change, words):
+    path = result / name
+    text = path.read_text(encoding="utf-8")
+    path.unlink()
+    if change is not None:
+        assert change(text) != text
+        path.write_text(change(text), encoding="utf-8")
+    with pytest.raises(ResultError, match=name) as error:
+        run_report(result, density=DENSITY)
+    assert words in str(error.value)
+
+
+def test_the_same_files_give_the_same_page(finished, text):
+    again = run_report(finished, Labels(project="A hall", author=HOSTILE), density=DENSITY, maps=("max_density",))
+    head, _, rest = again.partition('<section id="congestion"')
+    assert head.partition("<nav>")[0] in text
+    assert rest.partition("</section>")[0] in text
+
+
+def test_long_words_can_be_broken_and_stay_what_they_are():
+    word = "<&>" + 40 * "x"
+    found = escaped(word)
+    assert "<wbr>" in found
+    assert Page(f"<p>{found}</p>").text == word

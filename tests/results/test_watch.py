@@ -1,0 +1,115 @@
+"""What is noticed of people during a run: means over spans of time, by person, with time and place."""
+
+import numpy as np
+import pytest
+
+from evac.physics.state import make_crowd
+from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, FEWEST_FRAMES, Watch
+
+
+def crowd_of(speeds, forces=0.0, **of):
+    places = np.column_stack([np.arange(len(speeds)), np.full(len(speeds), 5.0)])
+    crowd = make_crowd(places, [(speed, 0.0) for speed in speeds], **of)
+    crowd.contact_force[:] = forces
+    return crowd
+
+
+def displaced(*speeds):
+    return np.array([(0.0, speed) for speed in speeds])
+
+
+def test_velocities_that_nobody_moves_with_are_chatter():
+    """Three people for 4 s: in the second span of 2 s the last two chatter, the last one more."""
+    watch = Watch(np.full(3, 0.2), 0.5, 0.5)
+    calm = crowd_of([1.0, 1.0, 1.0])
+    for k in range(1, 5):
+        watch.look_at_velocities(0.5 * k, calm, displaced(1.0, 0.9, 0.81))
+    assert watch.chatter() is None
+    for k in range(5, 9):
+        watch.look_at_velocities(0.5 * k, calm, displaced(1.0, 0.4, 0.3))
+    found = watch.chatter()
+    assert (found.people, found.since, found.until, found.begin, found.end) == (2, 2.0, 4.0, 2.0, 4.0)
+    assert (found.person, found.level, found.x, found.y) == (2, 0, 2.0, 5.0)
+    assert found.values == pytest.approx((1.0, 0.3))
+    assert watch.crushing() is None
+
+
+@pytest.mark.parametrize(
+    ("velocity", "moved", "is_chatter"), [(0.41, 0.2, True), (0.39, 0.2, False), (0.2, 0.01, False)]
+)
+def test_chatter_is_more_than_twice_as_fast_and_by_more_than_a_fifth_of_a_metre_per_second(velocity, moved, is_chatter):
+    watch = Watch(np.full(1, 0.2), 2.0, 2.0)
+    watch.look_at_velocities(2.0, crowd_of([velocity]), displaced(moved))
+    assert (watch.chatter() is not None) == is_chatter
+
+
+def test_who_leaves_within_a_span_is_left_out_of_it():
+    watch = Watch(np.full(2, 0.2), 1.0, 1.0)
+    crowd = crowd_of([1.0, 1.0])
+    watch.look_at_velocities(1.0, crowd, displaced(0.0, 0.0))
+    crowd.level[0] = -1
+    watch.look_at_velocities(2.0, crowd, displaced(0.0, 0.0))
+    assert (watch.chatter().people, watch.chatter().person) == (1, 1)
+
+
+def test_people_are_counted_once_and_the_greatest_span_is_kept():
+    watch = Watch(np.full(1, 0.2), 2.0, 2.0)
+    for k, velocity in enumerate((1.0, 2.0, 1.5, 0.0), 1):
+        watch.look_at_velocities(2.0 * k, crowd_of([velocity]), displaced(0.1))
+    found = watch.chatter()
+    assert (found.people, found.since, found.until, found.begin, found.end) == (1, 0.0, 6.0, 2.0, 4.0)
+    assert found.values == pytest.approx((2.0, 0.1))
+
+
+def press(forces, radius):
+    """Ten recorded times, 1 s apart, with the same contact forces."""
+    watch = Watch(np.asarray(radius), 0.1, 1.0)
+    crowd = crowd_of(np.zeros(len(forces)), forces, radius=radius)
+    for k in range(1, FEWEST_FRAMES + 1):
+        assert watch.crushing() is None
+        watch.look_at_forces(float(k), crowd)
+    return watch.crushing()
+
+
+def test_the_force_through_a_body_is_half_the_sum_over_its_contacts():
+    """Pressed between two walls by F the sum is 2 F, and the load F over the diameter."""
+    load = 1.01 * CRUSHING_LOAD
+    found = press([2.0 * 0.4 * load, 2.0 * 0.5 * 0.99 * CRUSHING_LOAD], [0.2, 0.25])
+    assert (found.people, found.person, found.begin, found.end) == (1, 0, 0.0, 10.0)
+    assert found.values == pytest.approx((0.4 * load, load))
+
+
+def test_a_wide_body_is_crushed_by_the_force_on_a_person():
+    wide = 2.0
+    assert press([2.0 * 0.99 * CRUSHING_FORCE], [wide]) is None
+    assert press([2.0 * 1.01 * CRUSHING_FORCE], [wide]).values[0] == pytest.approx(1.01 * CRUSHING_FORCE)
+
+
+def test_a_single_impact_crushes_nobody():
+    """A man of 80 kg who meets a wall at 1.5 m/s is stopped within a step of 0.01 s by 12 kN."""
+    watch = Watch(np.full(1, 0.2), 0.1, 0.5)
+    for k in range(1, 21):
+        watch.look_at_forces(0.5 * k, crowd_of([0.0], 12e3 if k == 7 else 0.0))
+    assert watch.crushing() is None
+
+
+def test_a_watch_restored_in_the_middle_of_a_span_finds_the_same():
+    generator = np.random.default_rng(3)
+    looks = [(generator.uniform(0.0, 2.0, 4), generator.uniform(0.0, 9e3, 4)) for _ in range(60)]
+
+    def look(watch, numbers):
+        for k in numbers:
+            crowd = crowd_of(*looks[k])
+            crowd.level[0] = -1 if k > 40 else 0
+            watch.look_at_velocities(0.5 * k, crowd, displaced(*(0.2 * looks[k][0])))
+            watch.look_at_forces(0.5 * k, crowd)
+
+    whole, other = (Watch(np.full(4, 0.2), 0.5, 0.5) for _ in range(2))
+    look(whole, range(33))
+    state = whole.state()
+    look(whole, range(33, 60))
+    other.restore(state, 1)
+    look(other, range(33, 60))
+    assert whole.chatter() is not None
+    assert whole.crushing() is not None
+    assert (whole.chatter(), whole.crushing()) == (other.chatter(), other.crushing())

@@ -1,0 +1,118 @@
+import pickle
+
+import numpy as np
+import pytest
+
+import evac
+from evac.base.errors import BuildingError, PluginError
+from evac.contract.registry import Registry
+from evac.simulation.assembly import make_building, make_importers, read_building
+
+PLUGIN = """
+from evac import Importer, SurfaceMesh, hookimpl
+
+evac_interface = 3
+
+
+class Odd(Importer):
+    name = "odd"
+    suffixes = (".odd",)
+
+    def read(self, path):
+        return {"bug": lambda: 1 / 0, "other": lambda: "a building"}[path.read_text()]()
+
+
+@hookimpl
+def evac_importers():
+    return [Odd]
+"""
+
+
+@pytest.fixture
+def registry(tmp_path):
+    (tmp_path / "odd.py").write_text(PLUGIN)
+    return Registry([tmp_path / "odd.py"], builtins=())
+
+
+@pytest.mark.parametrize(
+    ("content", "error", "words"),
+    [
+        ("bug", PluginError, r"importer 'odd': ZeroDivisionError: .*odd\.py, line 12"),
+        ("other", PluginError, "importer 'odd': read\\(\\) returns an object of class str"),
+        ("", BuildingError, "the file is empty"),
+        (None, BuildingError, "no such file"),
+    ],
+)
+def test_an_importer_that_fails_is_named(tmp_path, registry, content, error, words):
+    path = tmp_path / "a.odd"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(error, match=words) as caught:
+        read_building(path, registry=registry)
+    assert str(caught.value).startswith(str(path))
+
+
+def square(folder):
+    """Return a case as a dictionary, whose mesh lies in a folder."""
+    (folder / "room.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 5 0\nv 0 5 0\nf 1 2 3 4\n")
+    return {
+        "building": {
+            "mesh": "room.obj",
+            "exits": [{"name": "door", "segment": [(0.0, 2.0), (0.0, 3.0)], "z": 0.0}],
+            "areas": [{"name": "room", "polygon": [(1, 1), (4, 1), (4, 4), (1, 4)], "z": 0.0}],
+        },
+        "people": [{"name": "people", "number": 3, "area": "room"}],
+        "contact": {"model": "nsm2"},
+    }
+
+
+def test_a_case_comes_from_a_dictionary(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    table = square(tmp_path)
+    case = evac.load(table, {"people.people.number": 5})
+    table["people"][0]["number"] = 7  # the case is its own
+    assert (case.mesh, case.people[0].count) == (tmp_path / "room.obj", 5)
+    assert [one.name for one in make_importers(case)] == ["obj"]
+    assert make_building(case).exits[0].width == 1.0
+    assert case.change({"building.closed": ["door"]}).building.closed == ("door",)
+    assert evac.run(case).evacuated == 5
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    again = pickle.loads(pickle.dumps(case))
+    assert (again.mesh, again.to_dict()) == (case.mesh, case.to_dict())
+
+
+def test_a_dictionary_and_a_file_of_the_same_content_start_alike(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    table = square(tmp_path)
+    (tmp_path / "case.toml").write_text(
+        'building.mesh = "room.obj"\n'
+        '[[building.exits]]\nname = "door"\nsegment = [[0.0, 2.0], [0.0, 3.0]]\nz = 0.0\n'
+        '[[building.areas]]\nname = "room"\npolygon = [[1, 1], [4, 1], [4, 4], [1, 4]]\nz = 0.0\n'
+        '[[people]]\nname = "people"\nnumber = 3\narea = "room"\n'
+        '[contact]\nmodel = "nsm2"\n'
+    )
+    one, other = (evac.Simulation(evac.load(source)).state() for source in (table, tmp_path))
+    assert one.keys() == other.keys()
+    for key, value in one.items():
+        np.testing.assert_array_equal(value, other[key])
+
+
+def test_a_fault_of_a_dictionary_names_the_key(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(evac.ScenarioError, match=r"<dictionary>: people\.people\.numbr: unknown key"):
+        evac.load(square(tmp_path), {"people.people.numbr": 5})
+
+
+def test_plans_that_name_each_other_are_refused(tmp_path):
+    for name, other in (("a", "b"), ("b", "a")):
+        (tmp_path / f"{name}.plan.toml").write_text(
+            f'[[storeys]]\nname = "{name}"\nz = 0.0\nfile = "{other}.plan.toml"\n'
+        )
+    case = {
+        "building": {"mesh": str(tmp_path / "a.plan.toml")},
+        "contact": {"model": "dem"},
+        "people": [{"name": "p", "number": 1, "level": "a"}],
+    }
+    with pytest.raises(BuildingError, match=r"a\.plan\.toml: storey 'a': .*b\.plan\.toml takes its own storeys"):
+        make_building(evac.load(case))

@@ -1,0 +1,156 @@
+"""The plan: which parts a scene needs, and why."""
+
+import textwrap
+
+import numpy as np
+import pytest
+
+from evac.base.errors import PluginError
+from evac.case.loading import load_case
+from evac.directions.routes import STRATEGIES, Route
+from evac.simulation.assembly import make_forces
+from evac.simulation.needed import needed_forces, needed_routes
+from evac.simulation.simulation import Simulation
+
+
+def plan_of(case, changes=(), full=False):
+    simulation = Simulation(load_case(case, dict(changes)), full=full)
+    return {part.name: (part.is_in, part.why) for part in simulation.plan}, simulation
+
+
+def test_square_room_needs_next_to_nothing():
+    plan, simulation = plan_of("square_room")
+    needed = {name for name, (is_in, _) in plan.items() if is_in}
+    outputs = {"tables", "picture", "replay", "trajectory", "animation"}
+    assert needed == {"fields: fastest", "contact solves", "solver accelerated_sweeps", *outputs}
+    assert plan["portals"][1] == "0 portals, 1 level"
+    assert simulation.fields.routes == (Route(),)
+    assert simulation.forces == []
+    assert simulation.behaviours == []
+
+
+def test_the_school_needs_its_stairs_its_force_and_its_behaviours():
+    plan, simulation = plan_of("primary_school")
+    for name in (
+        "portals",
+        "stair speeds",
+        "force: social",
+        "behaviour: response_time",
+        "behaviour: teacher_following",
+    ):
+        assert plan[name][0], name
+    assert plan["behaviour: response_time"][1] == "once, before the first step"
+    assert plan["behaviour: teacher_following"][1] == "at every tick"
+    assert plan["force: social"][1].endswith(f"{0.08 * np.log(2000.0):.2f} m")
+    assert [behaviour.name for behaviour, _ in simulation.behaviours] == ["response_time", "teacher_following"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "part", "why"),
+    [
+        ({"forces.social.strength": 0.0}, "force: social", "it is zero everywhere"),
+        ({"behaviours.response_time.time": {"constant": 0}}, "behaviour: response_time", "it affects nobody"),
+        ({"behaviours.teacher_following.lag": 5.0}, "behaviour: teacher_following", "it affects nobody"),
+        ({"contact.nsm2.tangential_dissipation": 0.0}, "tangential contact", "K_T = 0 kg"),
+        ({"output.picture": False}, "picture", "output.picture = false"),
+    ],
+)
+def test_what_would_change_nothing_is_out(changes, part, why):
+    plan, simulation = plan_of("square_room", changes)
+    assert plan[part] == (False, why)
+    assert simulation.forces == []
+    assert simulation.behaviours == []
+
+
+def test_full_puts_everything_in():
+    changes = {"forces.social.strength": 0.0, "behaviours.response_time.time": {"constant": 0}}
+    _, simulation = plan_of("square_room", changes, full=True)
+    assert [force.name for force in simulation.forces] == ["social"]
+    assert [behaviour.name for behaviour, _ in simulation.behaviours] == ["response_time"]
+    assert {route.strategy for route in simulation.fields.routes} == set(STRATEGIES)
+    assert simulation.engine.full
+
+
+def test_a_route_is_needed_where_somebody_takes_it():
+    case = load_case("square_room", {"people.people.strategy": "shortest"})
+    assert needed_routes(case, [], False) == (Route((), "shortest"),)
+    assert needed_routes(case, [], True)[0] == Route((), "shortest")
+    assert len(needed_routes(case, [], True)) == 3
+
+
+def test_forces_without_strength_are_not_needed():
+    case = load_case("square_room", {"forces.social.strength": 0.0})
+    forces = make_forces(case)
+    assert needed_forces(forces, False) == []
+    assert needed_forces(forces, True) == forces
+
+
+def test_full_is_told_as_it_was_done():
+    changes = {"forces.social.strength": 0.0, "behaviours.response_time.time": {"constant": 0}}
+    plan, _ = plan_of("square_room", changes, full=True)
+    assert plan["force: social"] == (True, "acts up to a gap of 0.00 m")
+    assert plan["behaviour: response_time"] == (True, "once, before the first step")
+
+
+ODD = """
+    from evac import Behaviour, ContactModel, hookimpl
+    evac_interface = 3
+
+    class Odd(Behaviour):
+        '''Fails where it is asked.'''
+        name = "odd"
+        asked = 0
+        def is_needed(self, scene):
+            Odd.asked += 1
+            if Odd.asked > 1:
+                raise ValueError("asked again")
+            return False
+        def prepare(self, scene):
+            pass
+
+    class Fails(Behaviour):
+        '''Fails where it is asked.'''
+        name = "fails"
+        def acts_at_ticks(self):
+            raise ValueError("oops")
+        def prepare(self, scene):
+            pass
+
+    class Parts(ContactModel):
+        '''Fails where it is asked.'''
+        name = "parts"
+        def parts(self):
+            raise ValueError("oops")
+
+    @hookimpl
+    def evac_behaviours():
+        return [Odd, Fails]
+
+    @hookimpl
+    def evac_contact_models():
+        return [Parts]
+"""
+
+
+def odd_case(tmp_path, changes):
+    path = tmp_path / "odd.py"
+    path.write_text(textwrap.dedent(ODD), encoding="utf-8")
+    return load_case("square_room", changes, plugin_files=[path])
+
+
+def test_a_plugin_is_asked_once_whether_it_is_needed(tmp_path):
+    simulation = Simulation(odd_case(tmp_path, {"behaviours.odd": {}}))
+    (part,) = (part for part in simulation.plan if part.name == "behaviour: odd")
+    assert part.as_row()[1] == "out"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"behaviours.fails": {}}, "behaviour 'fails': acts_at_ticks: ValueError: oops"),
+        ({"contact.model": "parts"}, "contact model 'parts': parts: ValueError: oops"),
+    ],
+)
+def test_a_plugin_that_fails_when_asked_is_named(tmp_path, changes, words):
+    with pytest.raises(PluginError, match=words):
+        Simulation(odd_case(tmp_path, changes))

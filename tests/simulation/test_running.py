@@ -1,0 +1,372 @@
+"""From a case to a folder: what others put there stays, and a run that fails leaves what it has."""
+
+import json
+import os
+import signal
+import textwrap
+import threading
+import time
+from pathlib import Path
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+
+import evac
+from evac.base.errors import FolderWarning, PluginError, ResultError, ScenarioError, SimulationError
+from evac.results.ending import INTERRUPTED, Stopped
+from evac.results.results import Results
+from evac.simulation.running import run
+from evac.simulation.simulation import Simulation
+
+
+def with_plugin(tmp_path, text, changes=()):
+    path = tmp_path / "odd.py"
+    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    return evac.load("square_room", dict(changes), plugin_files=[path])
+
+
+@pytest.mark.parametrize("summary", ['{"mine": 1}', '{"versions": null}', '{"versions": "evac"}', "[1]", "no json"])
+def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path, summary):
+    for name, text in (("summary.json", summary), ("picture.png", "mine"), ("trajectory.evac", "mine")):
+        (tmp_path / name).write_text(text)
+    with pytest.raises(ResultError, match=f"{tmp_path.name}: .*summary.json"):
+        run(evac.load("square_room"), tmp_path)
+    assert (tmp_path / "picture.png").read_text() == "mine"
+
+
+def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
+    changes = {
+        "people.people.number": 2,
+        "simulation.duration": 0.1,
+        "output.animation": False,
+        "output.picture": False,
+    }
+    case = evac.load("square_room", changes)
+    evac.repeat(case, 1, workers=1, folder=tmp_path / "r")
+    assert (tmp_path / "r" / "runs.parquet").is_file()
+    run(case, tmp_path / "r")
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html", "manifest.jsonl"}
+
+
+def test_a_script_is_told_what_the_command_tells(tmp_path):
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    case = evac.load("square_room", {"output.picture": False, **late})
+    for folder in (None, tmp_path / "r"):
+        with pytest.warns(evac.RunWarning) as told:
+            results = evac.run(case, folder)
+        lines = [str(one.message) for one in told]
+        assert lines == [*results.warnings, *results.remarks, *results.quality_warnings]
+        assert "simulation.duration is 1 s" in lines[0]
+        assert "20 of 20 people still inside" in lines[-1]
+        assert {one.filename for one in told} == {__file__}
+
+
+@pytest.mark.filterwarnings("error::evac.base.errors.RunWarning")
+def test_warnings_about_a_case_can_be_made_errors_that_leave_nothing(tmp_path):
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    with pytest.raises(evac.RunWarning, match="duration"):
+        run(evac.load("square_room", late), tmp_path / "r")
+    assert not list(tmp_path.glob("r*/*"))
+
+
+def interrupting(at):
+    """A progress display that sends this process Ctrl-C, as a terminal or a notebook does."""
+
+    def progress(state):
+        if state.time >= at - 1e-9:
+            signal.raise_signal(signal.SIGINT)
+
+    return progress
+
+
+def test_ctrl_c_in_python_leaves_tables_and_a_state(tmp_path):
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background
+    try:
+        case = evac.load("square_room", {"output.picture": False, "output.animation": False})
+        whole = evac.run(case, tmp_path / "whole")
+        with pytest.raises(KeyboardInterrupt, match=r"evac\.resume"):
+            evac.run(case, tmp_path / "r", progress=interrupting(2.0))
+        summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+        assert (summary["ended"], summary["simulated_time"]) == (INTERRUPTED, 2.0)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        resumed = evac.resume(tmp_path / "r")
+        assert resumed.crowd.exit_time.tobytes() == whole.crowd.exit_time.tobytes()
+    finally:
+        signal.signal(signal.SIGINT, handler)
+
+
+RECORDER = """
+    from evac import Recorder, hookimpl
+    evac_interface = 3
+
+    class Odd(Recorder):
+        '''Fails.'''
+        name = "odd"
+
+        def {method}:
+            raise ValueError("oops")
+        {more}
+
+    @hookimpl
+    def evac_recorders():
+        return [Odd]
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "more", "words"),
+    [
+        ("record(self, simulation)", "", r"t = 0\.000 s: recorder 'odd': ValueError: oops"),
+        ("start(self, simulation)", "def record(self, simulation): pass", r"recorder 'odd': start: ValueError: oops"),
+        (
+            "finish(self, simulation, results)",
+            "def record(self, simulation): pass",
+            r"recorder 'odd': finish: ValueError: oops",
+        ),
+    ],
+    ids=["record", "start", "finish"],
+)
+def test_a_recorder_that_fails_is_named(tmp_path, method, more, words):
+    case = with_plugin(tmp_path, RECORDER.format(method=method, more=more), {"simulation.duration": 0.5})
+    with pytest.raises(PluginError, match=words):
+        run(case, tmp_path / "r")
+    if "finish" in method:
+        summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+        assert summary["ended"] == "duration over"
+        assert (tmp_path / "r" / "people.csv").is_file()
+
+
+def test_a_run_that_fails_leaves_its_tables(tmp_path):
+    case = with_plugin(
+        tmp_path,
+        """
+        from evac import Behaviour, hookimpl
+        evac_interface = 3
+
+        class Odd(Behaviour):
+            '''Fails late.'''
+            name = "odd"
+
+            def act(self, crowd, time):
+                if time > 1.0:
+                    raise ValueError("oops")
+
+        @hookimpl
+        def evac_behaviours():
+            return [Odd]
+        """,
+        {"behaviours.odd": {}},
+    )
+    with pytest.raises(PluginError, match="oops"):
+        run(case, tmp_path / "r")
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["ended"] == "failed"
+    assert summary["simulated_time"] == pytest.approx(1.1)
+
+
+def test_a_run_that_fails_tells_the_warnings_it_may_come_of(tmp_path):
+    case = evac.load("square_room", {"people.people.speed": 100.0, "people.people.tau": 0.01, "simulation.step": 0.01})
+    with pytest.raises(SimulationError) as caught:
+        run(case, tmp_path / "result")
+    assert any("people.people.speed is" in line for line in caught.value.__notes__)
+
+
+def test_evac_finish_sees_how_it_ended_and_is_named_where_it_fails(tmp_path):
+    text = """
+        from evac import hookimpl
+        evac_interface = 3
+
+        @hookimpl
+        def evac_finish(results, error):
+            raise KeyError(results.ended if error is None else type(error).__name__)
+    """
+    case = with_plugin(tmp_path, text, {"simulation.duration": 0.5})
+    with pytest.raises(PluginError, match=r"odd\.py: evac_finish: KeyError: 'duration over'"):
+        Simulation(case).run()
+
+
+def test_a_display_can_stop_the_run():
+    def stop(progress):
+        if progress.time >= 1.0:
+            raise Stopped
+
+    results = Simulation(evac.load("square_room")).run(stop)
+    assert results.ended == INTERRUPTED
+    assert results.time == pytest.approx(1.0)
+
+
+def test_pictures_that_fail_do_not_take_the_tables_with_them(tmp_path):
+    case = evac.load("square_room", {"output.animation": True, "simulation.duration": 0.5})
+    running = tmp_path / "r.running"
+    running.mkdir()
+    (running / "frames").write_text("in the way of the folder of that name")
+    (running / "trajectory.evac").write_bytes(b"EVACTRJ1")
+    with pytest.warns(FolderWarning, match="frames"):
+        run(case, tmp_path / "r")
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["people"] == 20
+
+
+def test_a_stop_after_the_last_tick_leaves_how_it_ended():
+    def stop(progress):
+        if progress.out == progress.people:
+            raise Stopped
+
+    assert Simulation(evac.load("square_room")).run(stop).ended == "everybody out"
+
+
+def test_a_recorder_that_fails_after_the_run_has_failed_is_told_too(tmp_path):
+    text = """
+        from evac import Behaviour, Recorder, hookimpl
+        evac_interface = 3
+
+        class Odd(Behaviour):
+            '''Fails.'''
+            name = "odd"
+            def act(self, crowd, time):
+                raise ValueError("first")
+
+        class Also(Recorder):
+            '''Fails at the end.'''
+            name = "also"
+            def record(self, simulation):
+                pass
+            def finish(self, simulation, results):
+                raise ValueError("second")
+
+        @hookimpl
+        def evac_behaviours():
+            return [Odd]
+
+        @hookimpl
+        def evac_recorders():
+            return [Also]
+    """
+    with pytest.raises(PluginError, match="first") as caught:
+        run(with_plugin(tmp_path, text, {"behaviours.odd": {}}), tmp_path / "r")
+    assert "then: recorder 'also': finish: ValueError: second" in caught.value.__notes__[0]
+
+
+def test_the_order_of_the_tables_of_groups_changes_nothing(tmp_path):
+    """The school for 12 s: the same people with the same times at the same places, in the same rows."""
+    quiet = {"output.picture": False, "output.animation": False, "simulation.duration": 12.0, "behaviours.headway": {}}
+    case = evac.load("primary_school", quiet)
+    other = case.change({"people": case.to_dict()["people"][::-1]})
+    for one, folder in ((case, "one"), (other, "other")):
+        assert run(one, tmp_path / folder).evacuated > 0
+    for name in ("people.csv", "egress.csv", "trajectory.evac"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes(), name
+
+
+def test_the_phases_of_a_run_add_up_to_its_wall_time(tmp_path, monkeypatch):
+    """All but taking the folder and putting it in its place; with every output, so that much of it is not the loop."""
+    case = evac.load("square_room")
+    run(case, tmp_path / "first")  # loads kernels and packages
+    written_at = []
+    write = Results.write_summary
+
+    def noting(results, folder):
+        written_at.append(time.perf_counter())
+        write(results, folder)
+
+    monkeypatch.setattr(Results, "write_summary", noting)
+    start = time.perf_counter()
+    results = run(case, tmp_path / "r")
+    wall = written_at[-1] - start
+    assert 0.95 * wall < sum(results.phases.values()) <= wall
+    written = json.loads((tmp_path / "r" / "summary.json").read_text(encoding="utf-8"))["wall_time"]
+    assert written == results.phases
+
+
+def test_every_file_of_a_run_is_written_once_and_the_summary_again_with_the_time_of_the_pictures(tmp_path, monkeypatch):
+    replaced = []
+    real = os.replace
+    monkeypatch.setattr("os.replace", lambda new, path: replaced.append(str(path)) or real(new, path))
+    results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
+    assert results.number_of_people == 20
+    written = [
+        str(path) for path in (tmp_path / "r").rglob("*.*") if path.name not in ("trajectory.evac", "manifest.jsonl")
+    ]
+    assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
+    expected = [*written, str(tmp_path / "r" / "summary.json")]
+    assert sorted(name.replace("r.running", "r") for name in replaced) == sorted(expected)
+
+
+@pytest.mark.parametrize("title", ["$$", "5$ to 10$", "$\\undefined$"])
+def test_titles_and_names_of_groups_are_drawn_as_they_are(tmp_path, title):
+    case = evac.load("square_room", {"simulation.duration": 0.1, "title": title})
+    people = case.to_dict()["people"][0]
+    case = case.change({"people": [{**people, "number": 3, "name": name} for name in (title, "others")]})
+    run(case, tmp_path / "r")
+    assert (tmp_path / "r" / "egress.png").is_file()
+
+
+def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earlier_ones(tmp_path, monkeypatch):
+    case = evac.load("square_room", {"simulation.duration": 0.1})
+    run(case, tmp_path / "r")
+    monkeypatch.setattr("evac.pictures.pictures.draw_egress", Mock(side_effect=ValueError("no picture")))
+    with pytest.warns(FolderWarning, match=r"egress\.png: ValueError: no picture"):
+        run(case.change({"simulation.seed": 5}), tmp_path / "r")
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
+    assert not (tmp_path / "r.running").exists()
+
+
+def test_an_interrupt_while_pictures_are_drawn_leaves_the_result_in_its_place(tmp_path, monkeypatch):
+    case = evac.load("square_room", {"simulation.duration": 0.1})
+    run(case, tmp_path / "r")
+    monkeypatch.setattr("evac.pictures.pictures.draw_egress", Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        run(case.change({"simulation.seed": 5}), tmp_path / "r")
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
+    assert not (tmp_path / "r.running").exists()
+
+
+def test_a_plugin_that_fails_when_the_run_has_ended_leaves_the_result_in_its_place(tmp_path):
+    case = evac.load("square_room", {"simulation.duration": 0.1})
+    run(case, tmp_path / "r")
+    text = """
+        from evac import hookimpl
+        evac_interface = 3
+
+        @hookimpl
+        def evac_finish(simulation, results, error):
+            raise ValueError("at the end")
+    """
+    with pytest.raises(PluginError, match="at the end") as caught:
+        run(with_plugin(tmp_path, text, {"simulation.duration": 0.1, "simulation.seed": 5}), tmp_path / "r")
+    assert any(str(tmp_path / "r") in note for note in caught.value.__notes__)
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
+    assert not (tmp_path / "r.running").exists()
+
+
+def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.physics.threads.threads.PEOPLE_PER_THREAD", 45)
+    monkeypatch.setattr("evac.simulation.simulation.PEOPLE_PER_THREAD", 30)
+    changes = {"people.people.number": 90, "simulation.duration": 2.0, "contact.model": "dem"}
+    case = evac.load("square_room", changes)
+    before = threading.active_count()
+    wanted = run(case, threads=1)
+
+    def stop(state):
+        if state.time > 1.0:
+            raise Stopped
+
+    run(case, tmp_path / "r", threads=2, progress=stop)
+    found = evac.resume(tmp_path / "r", threads=1)
+    assert threading.active_count() == before
+    for name in wanted.crowd.kinds:
+        np.testing.assert_array_equal(getattr(found.crowd, name), getattr(wanted.crowd, name), err_msg=name)
+    assert found.report == wanted.report
+
+
+def test_threads_that_a_small_run_does_not_use_are_told_in_the_summary(tmp_path):
+    results = run("square_room", tmp_path / "r", threads=2)
+    assert [line for line in results.warnings if "threads: 2 given" in line]
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["warnings"] == list(results.warnings)
+
+
+def test_no_threads_are_refused():
+    with pytest.raises(ScenarioError, match="threads"):
+        run("square_room", threads=0)

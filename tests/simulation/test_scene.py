@@ -1,0 +1,122 @@
+"""A scene that changes: an exit closes during a run, and everything derived from the building follows."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.base.errors import BuildingError
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits
+
+
+@pytest.fixture
+def room(tmp_path):
+    """Return a case of a room of 5 m by 4 m with the exits front and back."""
+    path = tmp_path / "room.obj"
+    path.write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n", encoding="utf-8")
+    exits = [
+        {"name": "front", "segment": [[5.0, 1.0], [5.0, 2.5]], "z": 0.0},
+        {"name": "back", "segment": [[0.0, 1.0], [0.0, 2.5]], "z": 0.0},
+    ]
+    table = {
+        "building": {
+            "mesh": str(path),
+            "exits": exits,
+            "areas": [{"name": "all", "polygon": [[0.5, 0.5], [4.5, 0.5], [4.5, 3.5], [0.5, 3.5]], "z": 0.0}],
+        },
+        "contact": {"model": "nsm2"},
+        "simulation": {"duration": 60.0},
+        "people": [{"name": "people", "number": 16, "area": "all"}],
+        "behaviours": {"headway": {}, "route_choice": {}},
+    }
+    return evac.load(table)
+
+
+def ticks(simulation, number):
+    for _ in range(number):
+        simulation.advance_tick()
+
+
+def test_nobody_leaves_by_an_exit_that_has_closed(room):
+    simulation = Simulation(room)
+    ticks(simulation, 10)
+    inside = simulation.population.crowd.level >= 0
+    assert inside.sum() > 4
+    simulation.scene.set_open("front", False)
+    assert simulation.scene.version == 1
+    results = simulation.run()
+    assert results.exit_status == 0
+    assert (results.crowd.exit_used[inside] == 1).all()
+    still = Simulation(room).run()
+    assert set(still.crowd.exit_used.tolist()) == {0, 1}
+
+
+def test_directions_are_those_of_the_building_as_it_is(room):
+    simulation = Simulation(room)
+    before = simulation.fields
+    simulation.scene.set_open("front", False)
+    closed = Simulation(room.change({"building.closed": ["front"]}))
+    assert np.array_equal(simulation.fields.packed.direction, closed.fields.packed.direction)
+    assert simulation.scene.world.fields is simulation.fields.packed
+    simulation.scene.set_open("front", True)
+    assert simulation.scene.version == 2
+    assert np.array_equal(simulation.fields.packed.direction, before.packed.direction)
+    assert np.array_equal(simulation.scene.world.wall_open, Simulation(room).scene.world.wall_open)
+    simulation.scene.set_open("front", True)
+    assert simulation.scene.version == 2
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_a_run_goes_on_to_the_same_bits_behind_a_closure(room, full):
+    one, other, lean = Simulation(room, full=full), Simulation(room, full=full), Simulation(room)
+    for simulation in (one, lean):
+        ticks(simulation, 8)
+        simulation.scene.set_open("back", False)
+        ticks(simulation, 8)
+    other.restore(one.state())
+    for simulation in (one, other, lean):
+        ticks(simulation, 20)
+    assert_same_bits(one, other)
+    assert_same_bits(one, lean)
+
+
+def test_a_name_that_is_none_is_refused(room):
+    with pytest.raises(BuildingError, match=r"'fron'.*'front'"):
+        Simulation(room).scene.set_open("fron", False)
+
+
+@pytest.fixture
+def gap():
+    """Return a case of a hall with a gap of 0.45 m and a door in its middle, and an exit at either end."""
+    hall = "POLYGON ((0 0, 12 0, 12 8, 0 8, 0 0), (6 0.45, 6 6.9, 6.1 6.9, 6.1 0.45, 6 0.45))"
+    exits = [
+        {"name": "east", "storey": "f", "segment": [[12, 0.5], [12, 1.7]]},
+        {"name": "west", "storey": "f", "segment": [[0, 0.5], [0, 0.95]]},
+    ]
+    table = {
+        "building": {"plan": {"storeys": [{"name": "f", "polygons": [hall]}], "exits": exits}},
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 60.0},
+        "people": [{"name": "people", "number": 12, "level": "f"}],
+        "behaviours": {"headway": {}},
+    }
+    return evac.load(table)
+
+
+def test_people_too_wide_for_a_gap_or_an_exit_take_another_and_go_on_to_the_same_bits(gap):
+    """Behind a closure too, and on a ground that runs share."""
+    ground = Simulation(gap, will_run=False).scene.ground
+    one, other = Simulation(gap, ground=ground), Simulation(gap)
+    ticks(one, 10)
+    one.scene.set_open("west", False)
+    ticks(one, 10)
+    one.scene.set_open("west", True)
+    other.restore(one.state())
+    assert one.fields.packed.width.tolist() == other.fields.packed.width.tolist() == pytest.approx([0.45], abs=2e-6)
+    results = [simulation.run() for simulation in (one, other)]
+    assert_same_bits(one, other)
+    assert results[0].exit_status == 0
+    wide = one.population.crowd.radius > 0.225
+    assert 0 < wide.sum() < 12
+    assert (results[0].crowd.exit_used[wide] == 0).all()
+    assert (results[0].crowd.exit_used[~wide] == 1).any()

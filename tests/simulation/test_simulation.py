@@ -1,0 +1,282 @@
+"""The loop: what is left out changes no bit, a run goes on where it stopped, it ends for a reason."""
+
+import itertools
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from evac.base.errors import ScenarioError
+from evac.case.loading import load_case
+from evac.results.ending import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS
+from evac.simulation.simulation import Simulation
+from tests.runs import MODELS, SQUEEZED, assert_same_bits, in_the_room, model_of, run_ticks
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_square_room_empties(model):
+    simulation = Simulation(load_case("square_room", model_of(model)))
+    results = simulation.run()
+    assert simulation.ended == EVERYBODY_OUT
+    assert simulation.time == simulation.step * 0.01
+    assert results.number_of_people == 20
+    crowd = simulation.population.crowd
+    assert (crowd.level == -1).all()
+    assert (crowd.exit_used == 0).all()
+    assert ((crowd.exit_time > 0) & (crowd.exit_time <= simulation.time)).all()
+    assert results.report["unconverged_steps"] == 0
+    assert results.report["wall_crossings_prevented"] == 0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_same_seed_same_bits(model):
+    one, other = (run_ticks(Simulation(load_case("square_room", model_of(model))), 60) for _ in range(2))
+    assert_same_bits(one, other)
+    third = run_ticks(Simulation(load_case("square_room", model_of(model) | {"simulation.seed": 2})), 60)
+    assert not np.array_equal(one.population.crowd.position, third.population.crowd.position)
+
+
+SCENES = {
+    "bare": {},
+    "social": {"forces.social.strength": 2000.0},
+    "social-zero": {"forces.social.strength": 0.0},
+    "response-time": {"behaviours.response_time.time": {"uniform": [0.0, 3.0]}},
+    "response-time-zero": {"behaviours.response_time.time": {"constant": 0.0}},
+    "teacher-without-class": {"behaviours.teacher_following.lag": 5.0},
+    "route-choice": {"behaviours.route_choice": {}},
+}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("model", MODELS)
+def test_leaving_out_changes_no_bit_in_the_square_room(model, scene):
+    case = load_case("square_room", model_of(model) | SCENES[scene])
+    lean, full = (run_ticks(Simulation(case, full=full), 60) for full in (False, True))
+    assert_same_bits(lean, full)
+    assert np.isfinite(lean.population.crowd.exit_time).any()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("tangential_dissipation", 0.0), ("tangential_dissipation", 50.0), ("position_correction", True)]
+)
+def test_leaving_out_parts_of_nsm2_changes_no_bit(key, value):
+    case = load_case("square_room", model_of("nsm2") | {f"contact.nsm2.{key}": value})
+    assert_same_bits(*(run_ticks(Simulation(case, full=full), 60) for full in (False, True)))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_leaving_out_changes_no_bit_in_the_school(model):
+    """Twenty seconds: everybody walks, some are out, the stairs are full."""
+    case = load_case("primary_school", model_of(model))
+    lean, full = (run_ticks(Simulation(case, full=full), 200) for full in (False, True))
+    assert_same_bits(lean, full)
+    assert len(lean.population.crossings[0]) > 50
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_resumed_run_gives_the_same_bits(model):
+    """In the school, with all behaviours, stopped after 15 s and taken up by another simulation."""
+    case = load_case("primary_school", model_of(model))
+    whole = run_ticks(Simulation(case), 150)
+    state = {key: value.copy() for key, value in whole.state().items()}
+    run_ticks(whole, 50)
+    resumed = Simulation(case)
+    resumed.restore(state)
+    assert resumed.step == 1500
+    run_ticks(resumed, 50)
+    assert_same_bits(whole, resumed)
+    assert whole.engine.report() == resumed.engine.report()
+    assert all(isinstance(value, np.ndarray) for value in state.values())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_resuming_square_room_to_its_end(model):
+    case = load_case("square_room", model_of(model) | {"forces.social.strength": 2000.0})
+    whole = run_ticks(Simulation(case), 23)
+    state = whole.state()
+    resumed = Simulation(case)
+    resumed.restore(state)
+    whole.run()
+    resumed.run()
+    assert_same_bits(whole, resumed)
+    assert resumed.ended == EVERYBODY_OUT
+
+
+SCRIPT = """
+import sys
+import numpy as np
+from evac.case.loading import load_case
+from evac.simulation.simulation import Simulation
+changes = {"contact.model": sys.argv[1], "people.people.number": 12, "forces.social.strength": 2000.0,
+           "behaviours.response_time.time": {"uniform": [0.0, 0.5]}, "directions.spacing": 0.4}
+simulation = Simulation(load_case("square_room", changes))
+for _ in range(20):
+    simulation.advance_tick()
+report = simulation.engine.report()
+assert report["contacts"] + report["solves"] > 3
+crowd = simulation.population.crowd
+np.save(sys.argv[2], np.column_stack([crowd.position, crowd.velocity]))
+"""
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_same_answers_without_compilation(model, tmp_path):
+    found = []
+    for off in ("0", "1"):
+        target = tmp_path / f"{off}.npy"
+        subprocess.run(
+            [sys.executable, "-c", SCRIPT, model, str(target)],
+            env=os.environ | {"NUMBA_DISABLE_JIT": off},
+            check=True,
+            timeout=600,
+        )
+        found.append(np.load(target))
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-12)
+
+
+def test_ends_when_the_duration_is_over():
+    simulation = Simulation(load_case("square_room", {"simulation.duration": 2.05, "people.people.speed": 0.1}))
+    results = simulation.run()
+    assert simulation.ended == DURATION_OVER
+    assert (simulation.step, simulation.time) == (205, pytest.approx(2.05))
+    assert results.number_of_people - results.evacuated == 20
+
+
+def test_ends_when_nobody_gets_on():
+    changes = {"people.people.speed": 1e-6, "simulation.no_progress": 3.0, "simulation.duration": 50.0}
+    simulation = Simulation(load_case("square_room", changes))
+    results = simulation.run()
+    assert simulation.ended == NO_PROGRESS
+    assert simulation.time == pytest.approx(4.0, abs=1.01)
+    assert len(results.stuck) == 20
+
+
+def test_who_stands_is_stuck_however_the_run_ends():
+    """Ten seconds without progress, after the response time."""
+    changes = {"people.people.speed": 1e-6, "simulation.duration": 12.0}
+    results = Simulation(load_case("square_room", changes)).run()
+    assert (results.ended, len(results.stuck)) == (DURATION_OVER, 20)
+    short = Simulation(load_case("square_room", changes | {"simulation.duration": 9.0})).run()
+    assert (short.ended, len(short.stuck)) == (DURATION_OVER, 0)
+    late = {"behaviours.response_time.time": {"constant": 60.0}}
+    assert len(Simulation(load_case("square_room", changes | late)).run().stuck) == 0
+
+
+def test_waiting_for_the_response_time_is_no_lack_of_progress():
+    changes = {"behaviours.response_time.time": {"constant": 8.0}, "simulation.no_progress": 3.0}
+    simulation = Simulation(load_case("square_room", changes | model_of("dem")))
+    simulation.run()
+    assert simulation.ended == EVERYBODY_OUT
+    assert np.min(simulation.population.crowd.exit_time) > 8.0
+
+
+def test_somebody_who_got_out_is_progress():
+    """Two people: one cannot move, the other gets out after 8 s and more."""
+    changes = {
+        "people.people.number": 2,
+        "people.people.speed": {"list": [1.5, 1e-6]},
+        "behaviours.response_time.time": {"constant": 0.0},
+        "simulation.no_progress": 6.0,
+        "simulation.duration": 60.0,
+    }
+    simulation = Simulation(load_case("square_room", changes))
+    simulation.population.crowd.start_time[0] = 8.0
+    simulation.run()
+    assert simulation.ended == NO_PROGRESS
+    assert simulation.time >= simulation.population.crowd.exit_time[0] + 6.0 - 1.0
+
+
+def test_the_tick_does_not_change_the_physics():
+    ends = []
+    for tick in (0.01, 0.1, 0.5):
+        changes = {"simulation.tick": tick, "output.every": 0.5, "people.people.number": 1}
+        ends.append(Simulation(load_case("square_room", changes)).run().crowd.exit_time[0])
+    assert ends[0] == ends[1] == ends[2]
+
+
+def test_progress_is_shown_once_a_tick():
+    seen = []
+    Simulation(load_case("square_room")).run(seen.append)
+    assert [state.time for state in seen] == pytest.approx([0.1 * (k + 1) for k in range(len(seen))])
+    assert [state.out for state in seen] == sorted(state.out for state in seen)
+    assert seen[-1].out == seen[-1].people == 20
+
+
+def test_import_is_light():
+    script = "import sys, evac; print(sorted({'numba', 'pyvista', 'matplotlib', 'networkx'} & set(sys.modules)))"
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path.home())
+    assert found.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_last_frame_has_contact_forces(model):
+    changes = {"simulation.duration": 2.3, "output.every": 0.5, **model_of(model)}
+    crowd = Simulation(load_case("square_room", changes)).run().crowd
+    assert crowd.contact_force[crowd.level >= 0].max() > 0.0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_start_half_a_micrometre_beyond_the_exit_is_a_start_at_it(model, tmp_path):
+    case = in_the_room(tmp_path, SQUEEZED, [[5.0000005, 2.5], [3.0, 2.5]], **model_of(model))
+    results = Simulation(case).run()
+    assert results.ended == EVERYBODY_OUT
+    assert results.crowd.exit_time[0] < 0.1
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_distance_ends_at_the_exit(model, tmp_path):
+    changes = {"simulation.step": 0.05, "simulation.tick": 0.15, "output.every": 0.15, **model_of(model)}
+    if model == "dem":
+        changes |= {"simulation.step": 0.005, "simulation.tick": 0.1, "output.every": 0.1}
+    crowd = Simulation(in_the_room(tmp_path, SQUEEZED, [[2.0, 2.5]], **changes)).run().crowd
+    assert crowd.distance[0] == pytest.approx(3.0, abs=1e-6)
+
+
+def test_results_do_not_change_with_the_run():
+    simulation = run_ticks(Simulation(load_case("square_room")), 20)
+    results = simulation.results()
+    out = results.evacuated
+    simulation.run()
+    assert results.evacuated == out < 20
+    assert "overlap_sum" not in results.report
+
+
+def test_warnings_are_those_of_the_start(tmp_path):
+    case = in_the_room(tmp_path, SQUEEZED, [[2.0, 2.5], [2.0, 2.7]]).change({"people.people.speed": 3.5})
+    simulation = Simulation(case)
+    warnings = simulation.warnings()
+    assert any("people.people.speed is" in line for line in warnings)
+    assert any(line.startswith("1 pair of people overlap") for line in warnings)
+    simulation.run()
+    assert simulation.warnings() == warnings
+    narrow = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2})).warnings()
+    assert any("exit 'door'" in line and "a wall for 2 of 2 people" in line for line in narrow)
+    assert any("(4.56, 2.50)" in line and "no other way to an exit" in line for line in narrow)
+
+
+def test_the_border_of_the_explicit_drive_is_that_of_the_people():
+    changes = {"simulation.driving": "explicit", "people.people.tau": 0.004, **model_of("nsm1")}
+    with pytest.raises(ScenarioError, match=r"tau of 0\.004 s; .* 0\.008 s"):
+        Simulation(load_case("square_room", changes))
+
+
+def test_the_mean_overlap_is_over_all_overlaps():
+    simulation = run_ticks(Simulation(load_case("square_room", model_of("dem"))), 30)
+    added, report = simulation.engine.report(), simulation.results().report
+    assert added["overlaps"] > 10
+    assert report["mean_overlap"] == added["overlap_sum"] / added["overlaps"]
+
+
+def test_ticks_charge_their_phases(monkeypatch):
+    """By a clock that goes on by one whenever it is looked at, each time that a phase is entered counts one."""
+    monkeypatch.setattr("evac.base.phases.time", SimpleNamespace(perf_counter=itertools.count(0.0).__next__))
+    simulation = Simulation(load_case("square_room"))
+    before = simulation.phases.seconds()
+    run_ticks(simulation, 3)
+    spent = {name: seconds - before[name] for name, seconds in simulation.phases.seconds().items()}
+    ticks = {"kernels": 1.0, "behaviours": 3.0, "physics": 3.0, "recording": 4.0}
+    assert spent == dict.fromkeys(spent, 0.0) | ticks

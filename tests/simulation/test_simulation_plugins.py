@@ -1,0 +1,341 @@
+"""Plugins in the loop: what they may write, draw and add, and what is told where they fail."""
+
+import textwrap
+
+import numpy as np
+import pytest
+
+from evac.base.errors import PluginError
+from evac.case.loading import load_case
+from evac.simulation.simulation import Simulation
+from tests.runs import SQUEEZED, assert_same_bits, in_the_room, model_of, run_ticks
+
+
+@pytest.mark.parametrize("model", ["dem", "nsm2"])
+def test_a_behaviour_that_reads_contact_forces_does_not_depend_on_the_output(model, tmp_path):
+    changes = {"behaviours.squeezed": {}, "simulation.seed": 2, **model_of(model)}
+    ends = [Simulation(in_the_room(tmp_path, SQUEEZED, **changes, **{"output.every": every})) for every in (0.1, 2.0)]
+    ends = [simulation.run() for simulation in ends]
+    free = Simulation(load_case("square_room", {"simulation.seed": 2, **model_of(model)})).run()
+    assert ends[0].last_out == ends[1].last_out != free.last_out
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("scene.crowd.route[:] = 99999", "'squeezed': .*route 99999 for person 0"),
+        ("scene.crowd.start_time[2] = float('nan')", "nan to start_time of person 2"),
+        ("scene.crowd.speed_factor[1] = -1.0", "-1.0 to speed_factor of person 1"),
+    ],
+)
+def test_what_prepare_writes_is_checked(tmp_path, line, words):
+    text = SQUEEZED.replace("def act(self, crowd, time)", "def prepare(self, scene)")
+    text = text.replace("crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5", line)
+    text = text.replace('("speed_factor",)', '("speed_factor", "start_time", "route")')
+    with pytest.raises(PluginError, match=words):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
+
+
+def test_what_a_behaviour_writes_for_people_outside_is_checked(tmp_path):
+    text = SQUEEZED.replace("def act(self, crowd, time)", "keeps_distance = True\n\n        def prepare(self, scene)")
+    text = text.replace(IN_PLACE, "scene.outside.speed_factor[3] = float('nan')")
+    with pytest.raises(PluginError, match=r"'squeezed': wrote nan to outside\.speed_factor of person 3 .*; it must be"):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
+
+
+def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
+    text = SQUEEZED.replace('writes = ("speed_factor",)', 'writes = ("position",)')
+    with pytest.raises(PluginError, match=r"'squeezed': .*'position'"):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
+
+
+IN_PLACE = "crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5"
+
+
+def test_an_array_that_a_behaviour_would_replace_is_refused(tmp_path):
+    text = SQUEEZED.replace(IN_PLACE, "crowd.speed_factor = 0.5 * crowd.speed_factor")
+    with pytest.raises(PluginError, match=r"crowd\.speed_factor cannot be replaced .*; write into the array"):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})).run()
+
+
+def test_an_array_changed_in_place_is_the_same_array(tmp_path):
+    text = SQUEEZED.replace(IN_PLACE, "crowd.speed_factor *= 0.5")
+    slow = run_ticks(Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})), 10)
+    assert (slow.population.crowd.speed_factor == 0.5).all()
+
+
+def test_a_force_may_call_functions_that_numba_compiles(tmp_path):
+    """The social force, with its size in a function of numba's that calls another one."""
+    text = """
+        import math
+
+        import numba
+
+        from evac import Force, Parameter, hookimpl
+        from evac.jit import pair_force
+
+        evac_interface = 3
+
+
+        @numba.njit
+        def decay(ratio):
+            return math.exp(-ratio)
+
+
+        @numba.njit
+        def size(gap, strength, length):
+            return strength * decay(gap / length)
+
+
+        @pair_force
+        def social_again(gap, nx, ny, ex, ey, parameters):
+            if gap >= parameters[2]:
+                return 0.0, 0.0
+            force = size(gap, parameters[0], parameters[1]) * 0.5
+            return force * nx, force * ny
+
+
+        class SocialAgain(Force):
+            '''The social force in its isotropic reading.'''
+
+            name = "social_again"
+            pair = social_again
+            strength = Parameter(2000.0, "strength", unit="N")
+            length = Parameter(0.08, "range", unit="m")
+            reach = Parameter(0.08 * math.log(2000.0), "cut-off", unit="m")
+
+            def cutoff(self):
+                return self.reach
+
+
+        @hookimpl
+        def evac_forces():
+            return [SocialAgain]
+        """
+    own = run_ticks(Simulation(in_the_room(tmp_path, text, **{"forces.social_again": {}})), 20)
+    shipped = run_ticks(Simulation(load_case("square_room", {"forces.social": {}})), 20)
+    np.testing.assert_allclose(own.population.crowd.position, shipped.population.crowd.position, rtol=0, atol=1e-12)
+    without = run_ticks(Simulation(load_case("square_room")), 20)
+    assert np.abs(own.population.crowd.position - without.population.crowd.position).max() > 0.01
+
+
+def test_an_exception_in_a_function_that_numba_compiles_ends_the_run(tmp_path):
+    text = """
+        import numba
+
+        from evac import Force, hookimpl
+        from evac.jit import pair_force
+
+        evac_interface = 3
+
+
+        @numba.njit
+        def checked(gap):
+            if gap < 5.0:
+                raise ValueError("too near")
+            return 0.0
+
+
+        @pair_force
+        def careful(gap, nx, ny, ex, ey, parameters):
+            return checked(gap), 0.0
+
+
+        class Careful(Force):
+            '''Refuses that people are near.'''
+
+            name = "careful"
+            pair = careful
+
+            def cutoff(self):
+                return 1.0
+
+
+        @hookimpl
+        def evac_forces():
+            return [Careful]
+        """
+    simulation = Simulation(in_the_room(tmp_path, text, [[1.0, 1.0], [1.5, 1.0]], **{"forces.careful": {}}))
+    with pytest.raises(PluginError, match=r"kernel evac_plugin_odd_\w*\.careful"):
+        simulation.advance_tick()
+
+
+def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path):
+    text = """
+        from evac import ContactModel, hookimpl
+        evac_interface = 3
+
+        class Failing(ContactModel):
+            '''Fails at once.'''
+            name = "failing"
+
+            def own(self, people, world):
+                raise ValueError("oops")
+
+        @hookimpl
+        def evac_contact_models():
+            return [Failing]
+        """
+    case = in_the_room(tmp_path, text, **model_of("failing"))
+    with pytest.raises(PluginError, match=r"^contact model 'failing': ValueError: oops \(.*odd\.py, line"):
+        Simulation(case).run()
+
+
+def test_a_promise_that_is_no_length_is_named(tmp_path):
+    text = """
+        from evac import ContactModel, hookimpl
+        evac_interface = 3
+
+        class Vague(ContactModel):
+            '''Promises nothing that can be compared.'''
+            name = "vague"
+
+            def promised_overlap(self, scene):
+                return "little"
+
+        @hookimpl
+        def evac_contact_models():
+            return [Vague]
+        """
+    case = in_the_room(tmp_path, text, **model_of("vague"))
+    with pytest.raises(PluginError, match=r"^contact model 'vague': promised_overlap: ValueError"):
+        Simulation(case)
+
+
+FORCES = """
+    from evac import Force, hookimpl
+    evac_interface = 3
+    from evac.jit import pair_force
+
+    @pair_force
+    def tail(gap, nx, ny, ex, ey, p):
+        f = 100.0 * 2.718281828 ** (-max(gap, 0.0) / 0.5)
+        return f * nx, f * ny
+
+    @pair_force
+    def idle(gap, nx, ny, ex, ey, p):
+        return (1e-12 * nx, 1e-12 * ny) if gap < 3.0 else (0.0, 0.0)
+
+    @pair_force
+    def divides(gap, nx, ny, ex, ey, p):
+        return 1.0 / (gap - gap), 0.0
+
+    class Tail(Force):
+        '''Does not end at its cut-off.'''
+        name = "tail"
+        pair = tail
+        def cutoff(self):
+            return 0.1
+
+    class Idle(Force):
+        '''Next to nothing, far.'''
+        name = "idle"
+        pair = idle
+        def cutoff(self):
+            return 3.0
+
+    class Divides(Force):
+        '''Divides by zero.'''
+        name = "divides"
+        pair = divides
+        def cutoff(self):
+            return 3.0
+
+    @hookimpl
+    def evac_forces():
+        return [Tail, Idle, Divides]
+"""
+
+
+def test_each_force_ends_at_its_own_cutoff(tmp_path):
+    changes = {"forces.tail": {}, "forces.idle": {}, "simulation.duration": 1.0}
+    both = Simulation(in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **changes)).run().crowd.position
+    del changes["forces.idle"]
+    alone = Simulation(in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **changes)).run().crowd.position
+    np.testing.assert_allclose(both, alone, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["is_needed", "cutoff", "packed"])
+def test_a_force_that_fails_is_named(tmp_path, method):
+    fails = f"        def {method}(self):\n            return 1 / 0\n\n    class Idle"
+    with pytest.raises(PluginError, match=r"force 'tail'.*ZeroDivisionError: division by zero \(.*odd\.py, line"):
+        Simulation(in_the_room(tmp_path, FORCES.replace("    class Idle", fails, 1), **{"forces.tail": {}}))
+
+
+def test_a_force_that_divides_by_zero_is_told_of(tmp_path):
+    case = in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **{"forces.divides": {}})
+    with pytest.raises(PluginError, match=r"force 'divides': .*\(inf, .* person 0 .*odd\.py, line \d+"):
+        Simulation(case).run()
+
+
+def test_a_plan_knows_what_a_behaviour_does_at_ticks():
+    case = load_case("square_room", {"behaviours.route_choice": {"change_at": 1.0, "change_to": "shortest"}})
+    (row,) = [part.as_row() for part in Simulation(case).plan if part.name == "behaviour: route_choice"]
+    assert row[2] == "at every tick"
+
+
+RANDOM = """
+    from evac import Behaviour, hookimpl
+    evac_interface = 3
+
+    class One(Behaviour):
+        '''Draws a factor for everybody at each tick.'''
+        name = "one"
+        writes = ("speed_factor",)
+
+        def prepare(self, scene):
+            self.generator = scene.generator
+            self.first = scene.generator.random()
+
+        def act(self, crowd, time):
+            crowd.speed_factor[:] *= self.generator.uniform(0.5, 1.0)
+
+    class Other(One):
+        '''Another one.'''
+        name = "other"
+
+    @hookimpl
+    def evac_behaviours():
+        return [One, Other]
+"""
+
+
+def test_each_behaviour_and_each_seed_draws_of_its_own(tmp_path):
+    case = in_the_room(tmp_path, RANDOM, **{"behaviours.one": {}, "behaviours.other": {}})
+    runs = [Simulation(case.change({"simulation.seed": seed})) for seed in (1, 2)]
+    drawn = [behaviour.first for run in runs for behaviour, _ in run.behaviours]
+    assert len(set(drawn)) == 4
+
+
+def test_a_resumed_run_goes_on_with_the_same_random_numbers(tmp_path):
+    case = in_the_room(tmp_path, RANDOM, **{"behaviours.one": {}})
+    whole = run_ticks(Simulation(case), 3)
+    resumed = Simulation(case)
+    resumed.restore(whole.state())
+    assert_same_bits(run_ticks(whole, 3), run_ticks(resumed, 3))
+    np.testing.assert_array_equal(whole.population.crowd.speed_factor, resumed.population.crowd.speed_factor)
+
+
+def test_what_a_behaviour_adds_to_a_direction_holds_for_one_tick(tmp_path):
+    text = SQUEEZED.replace("speed_factor", "extra_direction")
+    text = text.replace("crowd.extra_direction[crowd.contact_force > 300.0] *= 0.5", "crowd.extra_direction[:] += 0.1")
+    simulation = run_ticks(Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})), 3)
+    assert (simulation.population.crowd.extra_direction == 0.1).all()
+
+
+def test_every_plugin_is_told_of_the_end(tmp_path):
+    text = """
+        from evac import hookimpl
+        evac_interface = 3
+
+        @hookimpl
+        def evac_finish(simulation):
+            simulation.told.append(__file__)
+        """
+    files = [tmp_path / "one.py", tmp_path / "other.py"]
+    for file in files:
+        file.write_text(textwrap.dedent(text), encoding="utf-8")
+    simulation = Simulation(load_case("square_room", {"simulation.duration": 0.1}, plugin_files=files))
+    simulation.told = []
+    simulation.run()
+    assert sorted(simulation.told) == sorted(map(str, files))

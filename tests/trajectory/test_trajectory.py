@@ -1,0 +1,275 @@
+import json
+import signal
+import struct
+import subprocess
+import sys
+import time
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evac.base.errors import ResultError, SimulationError
+from evac.building.model.links import close_links
+from evac.folder.files import TRAJECTORY_NAME
+from evac.trajectory.header import building_from_json, building_to_json
+from evac.trajectory.layout import FIELDS, FRAME_HEAD_BYTES, RECORD_BYTES
+from evac.trajectory.trajectory import read_trajectory
+from evac.trajectory.writer import TrajectoryWriter
+
+
+def frame_bytes(people):
+    return FRAME_HEAD_BYTES + RECORD_BYTES * people
+
+
+def test_round_trip_gives_back_what_was_recorded(descent):
+    run = descent(people=5, frames=4)
+    trajectory = read_trajectory(run.path)
+    assert len(trajectory) == 4
+    assert trajectory.dropped_bytes == 0
+    assert trajectory.time.tolist() == [0.0, 0.5, 1.0, 1.5]
+    for k, crowd in enumerate(run.crowds):
+        inside = crowd.level >= 0
+        np.testing.assert_array_equal(trajectory.level[k], crowd.level)
+        np.testing.assert_allclose(trajectory.position[k][inside], crowd.position[inside], atol=1e-6)
+        np.testing.assert_array_equal(trajectory.contact_force[k][inside], crowd.contact_force[inside])
+        pressure = crowd.contact_force[inside] / (2.0 * np.pi * trajectory.radius[inside])
+        np.testing.assert_allclose(trajectory.crowd_pressure[k][inside], pressure, rtol=1e-12)
+        assert np.isnan(trajectory.position[k][~inside]).all()
+        assert np.isnan(trajectory.z[k][~inside]).all()
+
+
+def test_what_is_closed_is_kept_and_absent_in_earlier_files(building):
+    closed = close_links(building, ["door", "portal 1"])
+    data = json.loads(json.dumps(building_to_json(closed)))
+    assert building_from_json(data).closed == closed.closed == {1, 4}
+    del data["closed"]
+    assert building_from_json(data).closed == frozenset()
+
+
+def test_crowd_pressure_is_over_the_own_circumference(first_out):
+    trajectory = read_trajectory(first_out)
+    assert trajectory[0]["person"].tolist() == [1, 2]
+    expected = np.array([100.0, 200.0]) / (2.0 * np.pi * np.array([0.3, 0.4]))
+    np.testing.assert_allclose(trajectory[0]["crowd_pressure"], expected, rtol=1e-12)
+
+
+def test_result_folder_stands_for_its_trajectory(descent):
+    run = descent()
+    assert run.path.name == TRAJECTORY_NAME
+    np.testing.assert_array_equal(read_trajectory(run.path.parent).time, read_trajectory(run.path).time)
+
+
+def test_heights_are_those_of_three_storeys_and_of_the_flight(descent):
+    trajectory = read_trajectory(descent(people=4, frames=5).path)
+    np.testing.assert_allclose(trajectory.z[0, 1:], [3.0, 0.0, 6.0], atol=1e-6)
+    along_flight = np.array([0.5, 1.0, 1.5, 2.0, 2.5])
+    np.testing.assert_allclose(trajectory.z[:, 0], 6.0 - 0.75 * along_flight, atol=1e-5)
+
+
+def test_velocity_follows_the_slope_and_speed_is_its_length(descent):
+    trajectory = read_trajectory(descent(people=4, frames=2).path)
+    np.testing.assert_allclose(trajectory.velocity[0, 0], [1.0, 0.0, -0.75], atol=1e-6)
+    np.testing.assert_allclose(trajectory.speed[0], [1.25, 1.0, 1.0, 1.0], atol=1e-6)
+
+
+def test_positions_far_from_the_origin_keep_a_tenth_of_a_millimetre(descent):
+    run = descent(shift=(5.0e6, 5.0e6))
+    trajectory = read_trajectory(run.path)
+    inside = run.crowds[0].level >= 0
+    np.testing.assert_allclose(trajectory.position[0][inside], run.crowds[0].position[inside], rtol=0.0, atol=1e-5)
+
+
+def test_building_comes_back_whole(building):
+    back = building_from_json(json.loads(json.dumps(building_to_json(building))))
+    np.testing.assert_array_equal(back.vertices, building.vertices)
+    np.testing.assert_array_equal(back.walls, building.walls)
+    np.testing.assert_array_equal(back.wall_level, building.wall_level)
+    assert back.stairs == building.stairs
+    for level, before in zip(back.levels, building.levels, strict=True):
+        np.testing.assert_array_equal(level.triangles, before.triangles)
+        np.testing.assert_array_equal(level.uphill, before.uphill)
+        assert level.polygon.equals(before.polygon)
+        assert (level.index, level.name, level.kind, level.stair) == (
+            before.index,
+            before.name,
+            before.kind,
+            before.stair,
+        )
+        assert (level.slope, level.z_min, level.z_max) == (before.slope, before.z_min, before.z_max)
+    for portal, before in zip(back.portals, building.portals, strict=True):
+        np.testing.assert_array_equal(portal.segments, before.segments)
+        assert (portal.index, portal.name, portal.levels) == (before.index, before.name, before.levels)
+    assert [(e.index, e.name, e.level) for e in back.exits] == [(0, "door", 0)]
+    np.testing.assert_array_equal(back.exits[0].segments, building.exits[0].segments)
+    assert back.areas[0].polygon.equals(building.areas[0].polygon)
+
+
+def test_a_writer_continues_to_the_same_bytes(descent, tmp_path):
+    run = descent(people=3, frames=4)
+    whole = run.path.read_bytes()
+    second = len(whole) - frame_bytes(2) - frame_bytes(3)
+    path = tmp_path / "cut.evac"
+    path.write_bytes(whole + b"what is behind")
+    writer = TrajectoryWriter.reopen(path, second)
+    assert (writer.length, writer.frames) == (second, 2)
+    for k in (2, 3):
+        writer.append(0.5 * k, run.crowds[k], run.crowds[k].velocity)
+    writer.close()
+    assert path.read_bytes() == whole
+    assert writer.length == len(whole) == read_trajectory(path).end
+
+
+def test_a_writer_continues_no_other_file(descent, tmp_path):
+    run = descent(people=3, frames=4)
+    whole = run.path.read_bytes()
+    for end in (len(whole) + 1, len(whole) - 1, 20):
+        with pytest.raises(ResultError, match=r"run\.evac"):
+            TrajectoryWriter.reopen(_copy(tmp_path / "run.evac", whole), end)
+        assert (tmp_path / "run.evac").read_bytes() == whole
+    old = Path(__file__).with_name("format_1.evac").read_bytes()
+    with pytest.raises(ResultError, match="format 1"):
+        TrajectoryWriter.reopen(_copy(tmp_path / "old.evac", old), len(old))
+
+
+def _copy(path, data):
+    path.write_bytes(data)
+    return path
+
+
+def test_what_is_not_finite_is_not_written(descent, tmp_path):
+    run = descent(people=3, frames=1)
+    before = run.path.read_bytes()
+    header = read_trajectory(run.path).header
+    writer = TrajectoryWriter(tmp_path / "x.evac", header, np.zeros(2))
+    for bad in (np.nan, 1e60):
+        velocity = run.crowds[0].velocity.copy()
+        velocity[1, 0] = bad
+        with pytest.raises(SimulationError, match="velocity_x of person 1"):
+            writer.append(0.0, run.crowds[0], velocity)
+    writer.append(0.0, run.crowds[0], run.crowds[0].velocity)
+    writer.close()
+    assert (tmp_path / "x.evac").read_bytes() == before
+
+
+def test_damage_in_the_last_frame_drops_it(descent, tmp_path):
+    run = descent(people=3, frames=3)
+    data = bytearray(run.path.read_bytes())
+    data[-1] ^= 0x01
+    damaged = tmp_path / "damaged.evac"
+    damaged.write_bytes(data)
+    trajectory = read_trajectory(damaged)
+    assert (len(trajectory), trajectory.dropped_bytes) == (2, frame_bytes(2))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"solid mesh", "not a trajectory"),
+        (b"EVACTRJ1\x05", "header"),
+        (b"EVACTRJ1" + struct.pack("<I", 99) + b"{}", "header"),
+        (b"EVACTRJ1" + struct.pack("<I", 2) + b"{]", "header .* JSON"),
+        (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":2}', r"format 2\b"),
+        (b"EVACTRJ1" + struct.pack("<I", 2) + b"[]", r"format \[\]"),
+        (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":1}', "header's fields .* None"),
+        (b"", "not a trajectory"),
+    ],
+)
+def test_what_is_no_trajectory_is_refused(tmp_path, content, words):
+    path = tmp_path / "x.evac"
+    path.write_bytes(content)
+    with pytest.raises(ResultError, match=words):
+        read_trajectory(path)
+
+
+def test_missing_file_is_named(tmp_path):
+    with pytest.raises(ResultError, match="nowhere"):
+        read_trajectory(tmp_path / "nowhere.evac")
+
+
+def test_file_is_what_the_document_says(descent):
+    """Read with struct and json alone, as a reader in another language would."""
+    run = descent(people=3, frames=1)
+    data = run.path.read_bytes()
+    assert data[:8] == b"EVACTRJ2"
+    length, check = struct.unpack("<II", data[8:16])
+    assert check == zlib.crc32(data[:12] + data[16 : 16 + length])
+    header = json.loads(data[16 : 16 + length])
+    assert tuple(header["fields"]) == FIELDS
+    start = 16 + length
+    seconds, number, count, own, check = struct.unpack("<dIIII", data[start : start + 24])
+    assert (seconds, number, count) == (0.0, 0, 2)
+    assert own == zlib.crc32(data[start : start + 16])
+    assert check == zlib.crc32(data[start + 24 :])
+    person, level, x, y, velocity_x, velocity_y, force = struct.unpack("<7f", data[start + 52 :])
+    assert (person, level, x + header["origin"][0], y, velocity_x, velocity_y) == (1.0, 2.0, 15.0, 0.75, 1.0, 0.0)
+    assert force == 100.0
+
+
+def test_frames_are_on_disk_before_the_writer_is_closed(descent, tmp_path):
+    run = descent(people=3, frames=1)
+    header = read_trajectory(run.path).header
+    path = tmp_path / "open.evac"
+    writer = TrajectoryWriter(path, header, np.zeros(2))
+    writer.append(0.0, run.crowds[0], run.crowds[0].velocity)
+    assert len(read_trajectory(path)) == 1
+    writer.close()
+
+
+def test_unwritable_place_is_named(tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(ResultError, match="taken"):
+        TrajectoryWriter(tmp_path / "taken" / "x.evac", {"radius": [0.2]}, np.zeros(2))
+
+
+def test_a_frame_of_140_people_costs_little(descent):
+    run = descent(people=140, frames=2)
+    header = read_trajectory(run.path).header
+    writer = TrajectoryWriter(run.path, header, np.zeros(2))
+    started = time.perf_counter()
+    for k in range(500):
+        writer.append(0.5 * k, run.crowds[0], run.crowds[0].velocity)
+    spent = (time.perf_counter() - started) / 500
+    writer.close()
+    assert spent < 1e-3  # a bound that a busy machine keeps too; 30 us were measured on an idle one
+
+
+def test_killed_writer_leaves_every_frame_it_announced(descent, tmp_path):
+    run = descent(people=140, frames=2)
+    path = tmp_path / "killed.evac"
+    code = f"""
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+import numpy as np
+from evac.trajectory.trajectory import read_trajectory
+from evac.trajectory.writer import TrajectoryWriter
+header = read_trajectory(Path({str(run.path)!r})).header
+crowd = SimpleNamespace(
+    level=np.zeros(140, np.int32), position=np.ones((140, 2)), contact_force=np.ones(140)
+)
+writer = TrajectoryWriter(Path({str(path)!r}), header, np.zeros(2))
+for k in range(10**9):
+    writer.append(0.5 * k, crowd, np.ones((140, 2)))
+    print(k, flush=True)
+"""
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    for line in child.stdout:
+        if int(line) >= 50:
+            break
+    child.kill()
+    announced = max([50, *(int(line) for line in child.stdout.read().split() if line.isdigit())])
+    child.stdout.close()
+    assert child.wait() == -signal.SIGKILL
+    trajectory = read_trajectory(path)
+    assert len(trajectory) >= announced
+    assert (trajectory.position == 1.0).all()
+
+
+def test_what_is_left_out_is_told(descent, tmp_path):
+    data = descent(people=3, frames=3).path.read_bytes()
+    assert read_trajectory(_copy(tmp_path / "whole.evac", data)).warnings == ()
+    (warning,) = read_trajectory(_copy(tmp_path / "torn.evac", data[:-1])).warnings
+    assert "torn.evac" in warning
+    assert f"byte {len(data) - frame_bytes(2)}" in warning
