@@ -20,7 +20,7 @@ SHOWN = ("title", "examined", "verdicts", "command", "commit", "versions")
 #: The evidence of a checkout, and the copy of its verdicts that is installed with evac, for reports.
 PACKAGE = Path(evac.__file__).parent
 COMMITTED = PACKAGE.parent / "docs" / "evidence"
-INSTALLED = PACKAGE / "output" / "report" / EVIDENCE_NAME
+INSTALLED = PACKAGE / "report" / EVIDENCE_NAME
 
 
 def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, page_only: bool = False) -> Path:
