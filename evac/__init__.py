@@ -14,6 +14,7 @@ from evac.base.moved import refuse_former_names
 
 if TYPE_CHECKING:
     from evac.analysis.maps import LevelMaps as LevelMaps
+    from evac.base.change import Change as Change
     from evac.base.errors import BuildingError as BuildingError
     from evac.base.errors import EvacError as EvacError
     from evac.base.errors import EvacWarning as EvacWarning
@@ -61,6 +62,7 @@ _HOMES = {
     "Building": "evac.building.model.building",
     "BuildingError": "evac.base.errors",
     "Case": "evac.case.case",
+    "Change": "evac.base.change",
     "ContactModel": "evac.physics.contact.model",
     "EvacError": "evac.base.errors",
     "EvacWarning": "evac.base.errors",

@@ -30,7 +30,7 @@ class ReplayRecorder(Recorder):
         if simulation.folder is not None and simulation.case.output.replay:
             from evac.replay.writer import ReplayWriter
 
-            self.writer = ReplayWriter(len(simulation.population.crowd.radius), simulation.building)
+            self.writer = ReplayWriter(len(simulation.population.crowd.radius), simulation.scene.ground.building)
         self._recorded = -1.0
 
     def record(self, simulation: "Simulation") -> None:
@@ -38,8 +38,7 @@ class ReplayRecorder(Recorder):
         if self.writer is not None:
             crowd = simulation.population.crowd
             rows = np.flatnonzero(crowd.level >= 0).astype(np.int32)
-            state = (rows, crowd.level[rows], crowd.position[rows], crowd.contact_force[rows])
-            self.writer.add(simulation.time, *state, simulation.building.closed)
+            self.writer.add(simulation.time, rows, crowd.level[rows], crowd.position[rows], crowd.contact_force[rows])
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
@@ -84,4 +83,4 @@ def evac_finish(simulation: "Simulation", results: "Results | None", error: Base
             from evac.replay.account import account_of_run
 
             account = account_of_run(simulation.results() if results is None else results, error)
-            recorder.writer.write(simulation.folder / REPLAY_NAME, account)
+            recorder.writer.write(simulation.folder / REPLAY_NAME, account, simulation.scene.changes)

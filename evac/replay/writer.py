@@ -4,7 +4,7 @@ import base64
 import html
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.change import Change
 from evac.base.errors import ResultError
-from evac.base.saved import FINITE, taken
 from evac.building.model.building import Building
+from evac.building.model.links import building_at
 from evac.folder.files import replacing
 from evac.pictures import palette
 from evac.replay.account import Account, account_of_folder
@@ -60,7 +61,7 @@ class ReplayWriter:
     ----------
     people : int
     building : Building
-        Building with the portals and exits that are closed at the start.
+        Building as it is before all changes.
     """
 
     def __init__(self, people: int, building: Building) -> None:
@@ -68,7 +69,6 @@ class ReplayWriter:
         self._building = building
         self._origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         self._motion = MotionPacker(people, building, self._origin)
-        self._closed: list[tuple[float, list[int]]] = []
 
     @property
     def frames(self) -> int:
@@ -76,43 +76,28 @@ class ReplayWriter:
         return self._motion.frames
 
     def add(
-        self,
-        time: float,
-        person: IntArray,
-        level: IntArray,
-        position: FloatArray,
-        contact_force: FloatArray,
-        closed: frozenset[int],
+        self, time: float, person: IntArray, level: IntArray, position: FloatArray, contact_force: FloatArray
     ) -> None:
-        """Add the state at one time.
-
-        Parameters
-        ----------
-        time, person, level, position, contact_force
-            As for `MotionPacker.add`.
-        closed : frozenset of int
-            Indices of the closed links.
-        """
-        if not self._closed or self._closed[-1][1] != sorted(closed):
-            self._closed.append((time, sorted(closed)))
+        """Add the state at one time, as `MotionPacker.add`."""
         self._motion.add(time, person, level, position, contact_force)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all data needed to continue."""
-        links = self._building.n_links
-        rows = [[time, *np.isin(np.arange(links), closed)] for time, closed in self._closed]
-        return {"closed": np.array(rows, np.float64).reshape(-1, 1 + links)} | self._motion.state()
+        return self._motion.state()
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned in a writer for the same people and building."""
-        links = self._building.n_links
-        most = np.array([FINITE, *[1.0] * links])
-        closed = taken(state, "closed", np.float64, (None, 1 + links), 0.0, most)
-        self._closed = [(float(row[0]), np.flatnonzero(row[1:]).tolist()) for row in closed]
         self._motion.restore(state)
 
-    def write(self, path: Path, account: Account) -> None:
+    def write(self, path: Path, account: Account, changes: Sequence[Change]) -> None:
         """Write the page.
+
+        Parameters
+        ----------
+        path : Path
+        account : Account
+        changes : sequence of Change
+            All changes of the scene during the run, in order.
 
         Raises
         ------
@@ -124,7 +109,10 @@ class ReplayWriter:
         about = _about(account) | {
             "building": building_for_page(self._building, self._origin),
             "origin": self._origin.tolist(),
-            "closed": self._closed,
+            "closed": [
+                [time, sorted(building_at(self._building, changes, time).closed)]
+                for time in dict.fromkeys([0.0, *(change.time for change in changes)])
+            ],
             "grain": GRAIN,
             "least_force": LEAST_FORCE,
             "codes_per_octave": PER_OCTAVE,
@@ -177,9 +165,8 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
             frame["level"],
             frame["position"],
             frame["contact_force"],
-            trajectory.building.closed,
         )
-    writer.write(path, account_of_folder(trajectory))
+    writer.write(path, account_of_folder(trajectory), ())
     return writer.frames
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from evac.analysis.flows import exit_table
 from evac.analysis.occupancy import Moves, level_table, moves_of, stair_table
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.change import Change
 from evac.building.model.building import Building
 from evac.directions.routes import Route
 from evac.folder.cells import cell_of
@@ -110,6 +111,8 @@ class Results:
         Result folder of the run.
     plugin_files : sequence of str
         Files that plugins have written to the result folder.
+    changes : sequence of Change
+        Changes of the scene during the run, in order.
     resumed : sequence of mapping
         Checkpoints from which the run was resumed, in order.
     """
@@ -137,6 +140,7 @@ class Results:
     metrics: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
     plugin_files: Sequence[str] = ()
+    changes: Sequence[Change] = ()
     resumed: Sequence[Mapping[str, Any]] = ()
 
     def __repr__(self) -> str:
@@ -302,6 +306,7 @@ class Results:
             "wall_time": self.phases,
             "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
             "metrics": self.metrics,
+            "changes": [change.as_row() for change in self.changes],
             "resumed": self.resumed,
             PLUGIN_FILES: self.plugin_files,
             "seed": self.seed,

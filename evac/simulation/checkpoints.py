@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,12 +26,11 @@ from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.results.results import plain
 from evac.simulation.made_with import differences_of, inputs_of, made_of
-from evac.simulation.scene import MOST_VERSIONS
+from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
-    from evac.building.model.building import Building
     from evac.case.case import Case
     from evac.contract.registry import Registry
 
@@ -262,10 +261,10 @@ class Checkpoint:
                 f"{'; '.join(self.header.routes)}; the run cannot be resumed, run the case from its start"
             )
         with self._naming(), part_of(self.arrays, "simulation.") as state:
-            if case_before is not None:
-                state |= _closed_now(state, simulation.building, case_before, simulation.case)
             simulation.restore(state)
             taken({"time": np.array(self.time)}, "time", np.float64, (), simulation.time, simulation.time)
+        if case_before is not None:
+            _switch_links(simulation.scene, case_before.building.closed, simulation.case.building.closed)
         simulation.resumed = list(self.header.resumed)
 
     def check_recorders(self, simulation: Simulation) -> None:
@@ -350,19 +349,16 @@ def without_state(simulation: Simulation) -> list[str]:
     return lines
 
 
-def _closed_now(
-    state: Mapping[str, NDArray[Any]], building: "Building", before: "Case", after: "Case"
-) -> dict[str, NDArray[Any]]:
-    """Return the scene's state with the links that the changed case closes or opens; empty if none changes."""
-    closed, opened = (
-        frozenset().union(*(links_named(building, name) for name in case.building.closed)) for case in (after, before)
-    )
-    links = set(taken(state, "scene.closed", np.int64, (None,)).tolist())
-    changed = links - (opened - closed) | (closed - opened)
-    if changed == links:
-        return {}
-    version = taken(state, "scene.version", np.int64, (1,), 0, MOST_VERSIONS - 1)
-    return {"scene.closed": np.array(sorted(changed), np.int64), "scene.version": version + 1}
+def _switch_links(scene: Scene, before: Sequence[str], after: Sequence[str]) -> None:
+    """Open the links that a changed case no longer closes, and close those that it closes in addition."""
+    opened: set[int] = set()
+    for name in before:
+        if name not in after:
+            opened |= links_named(scene.building, name)
+            scene.set_open(name, True)
+    for name in after:
+        if name not in before or links_named(scene.building, name) & opened:
+            scene.set_open(name, False)
 
 
 def _at(table: Mapping[str, Any], key: str) -> Any:

@@ -1,22 +1,26 @@
-"""The scene: owner of building, fields and world, which may change during a run."""
+"""The scene: owner of building, fields and world, which changes during a run."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.saved import taken
+from evac.base.change import Change
+from evac.base.errors import ScenarioError
+from evac.base.parameters import did_you_mean
+from evac.base.saved import SavedError, taken
 from evac.building.model.building import Building
-from evac.building.model.links import links_named
+from evac.building.model.links import links_named, with_links
 from evac.directions.fields import Fields
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
 
-#: Greatest number of changes that a saved state can have.
-MOST_VERSIONS = 2**31 - 1
+#: Times that differ by less are the same [s]: a multiple of the tick is rounded.
+AT_ONCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ def make_ground(building: Building, fields: Fields) -> Ground:
 
 
 class Scene:
-    """The building in which people walk. If portals or exits open or close, the directions are solved again.
+    """The building in which people walk, and the only owner of what changes in it during a run.
 
     Parameters
     ----------
@@ -59,16 +63,25 @@ class Scene:
     building : Building
         The building with its currently closed portals and exits.
     fields : Fields
-    version : int
-        Number of changes of the scene so far. Code that caches derived data must compare versions at each tick.
+    time : float
+        Simulated time [s]: the beginning of the next tick.
+    changes : list of Change
+        The changes so far, in order, each with the time at which it took effect.
     """
 
     def __init__(self, ground: Ground, solve: Callable[[Building], Fields] | None = None) -> None:
         self.building = ground.building
         self.fields = ground.fields
-        self.version = 0
+        self.time = 0.0
+        self.changes: list[Change] = []
         self.ground = ground
+        self._waiting: list[Change] = []
         self._solve = solve
+
+    @property
+    def version(self) -> int:
+        """Number of changes so far. Code that caches derived data must compare versions at each tick."""
+        return len(self.changes)
 
     @cached_property
     def world(self) -> World:
@@ -76,10 +89,34 @@ class Scene:
         world = self.ground.world  # scenes share all arrays except the open flags, the only ones that are written
         return world.replace(link_open=world.link_open.copy(), wall_open=world.wall_open.copy())
 
-    def set_open(self, name: str, is_open: bool) -> None:
-        """Open or close an exit, a portal, or the portals of a stair: closed ones are walls on both sides.
+    def apply(self, change: Change) -> None:
+        """Change the scene now, or at the beginning of the tick at the time of the change, if that lies ahead.
 
-        If this is a change, directions are solved again and `version` increases.
+        What depends on it is computed again, and the change is added to `changes`, unless it has no effect.
+
+        Parameters
+        ----------
+        change : Change
+
+        Raises
+        ------
+        ScenarioError
+            There is no such kind of change.
+        BuildingError
+            The building has nothing of this name.
+        """
+        if change.kind not in KINDS:
+            hint = did_you_mean(change.kind, (*KINDS,))
+            raise ScenarioError(f"change of {change.what!r}: there is no kind {change.kind!r}; {hint}")
+        kind = KINDS[change.kind]
+        kind.check(self, change)
+        if change.time > self.time + AT_ONCE:
+            self._waiting.append(change)
+        elif kind.act(self, change):
+            self.changes.append(replace(change, time=self.time))
+
+    def set_open(self, name: str, is_open: bool) -> None:
+        """Open or close an exit, a portal, or the portals of a stair now: closed ones are walls on both sides.
 
         Parameters
         ----------
@@ -92,13 +129,22 @@ class Scene:
         BuildingError
             No exit, portal or stair has this name.
         """
-        links = links_named(self.building, name)
-        closed = self.building.closed - links if is_open else self.building.closed | links
-        self._close(frozenset(closed))
+        self.apply(Change(self.time, "open" if is_open else "close", name))
+
+    def apply_waiting(self) -> None:
+        """Apply the changes whose time has come, in the order of their times."""
+        due = [change for change in self._waiting if change.time <= self.time + AT_ONCE]
+        if due:
+            self._waiting = [change for change in self._waiting if change not in due]
+            for change in sorted(due, key=lambda one: one.time):
+                self.apply(change)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the indices of the closed links, and the version."""
-        return {"closed": np.array(sorted(self.building.closed), dtype=np.int64), "version": np.array([self.version])}
+        """Return the indices of the closed links, and the changes so far and to come as JSON."""
+        rows = {"changes": self.changes, "waiting": self._waiting}
+        texts = {name: json.dumps([change.as_row() for change in changes]) for name, changes in rows.items()}
+        state = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
+        return {"closed": np.array(sorted(self.building.closed), dtype=np.int64), **state}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned.
@@ -109,17 +155,44 @@ class Scene:
             An array is not what `state` returns.
         """
         closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_links - 1)
-        version = taken(state, "version", np.int64, (1,), 0, MOST_VERSIONS)
-        self._close(frozenset(closed.tolist()))
-        self.version = int(version[0])
+        self.changes, self._waiting = _changes_in(state, "changes"), _changes_in(state, "waiting")
+        self._become(replace(self.building, closed=frozenset(closed.tolist())))
 
-    def _close(self, closed: frozenset[int]) -> None:
-        if closed == self.building.closed:
-            return
-        for link in closed ^ self.building.closed:
-            set_open(self.world, link, link not in closed)
-        self.building = replace(self.building, closed=closed)
-        if self._solve is not None:
-            self.fields = self._solve(self.building)
-            self.world.fields = self.fields.packed
-        self.version += 1
+    def _become(self, building: Building) -> bool:
+        """Take over a building with other closed links; return whether they are others."""
+        changed = building.closed ^ self.building.closed
+        if changed:
+            for link in changed:
+                set_open(self.world, link, link not in building.closed)
+            self.building = building
+            if self._solve is not None:
+                self.fields = self._solve(building)
+                self.world.fields = self.fields.packed
+        return bool(changed)
+
+
+class Kind(NamedTuple):
+    """A kind of change: `check` raises an error if it cannot be made, `act` returns whether it has had an effect."""
+
+    check: Callable[[Scene, Change], Any]
+    act: Callable[[Scene, Change], bool]
+
+
+def _links(scene: Scene, change: Change) -> frozenset[int]:
+    return links_named(scene.building, change.what)
+
+
+def _switch(scene: Scene, change: Change) -> bool:
+    return scene._become(with_links(scene.building, change.what, change.kind == "open"))
+
+
+#: All kinds of change.
+KINDS = {"open": Kind(_links, _switch), "close": Kind(_links, _switch)}
+
+
+def _changes_in(state: Mapping[str, NDArray[Any]], name: str) -> list[Change]:
+    """Return saved changes."""
+    try:
+        return [Change.from_row(row) for row in json.loads(taken(state, name, np.uint8, (None,), 0, 255).tobytes())]
+    except (ValueError, TypeError) as error:
+        raise SavedError(f"{name}: {error}") from error

@@ -284,6 +284,7 @@ class Simulation:
         per_record = round(self.case.output.every / settings.tick) * settings.steps_per_tick
         is_output = (self.step + steps) % per_record == 0
         with self.phases.enter("behaviours"):
+            self.scene.apply_waiting()
             self._act()
         crowd = self.population.crowd
         before = crowd.position.copy()
@@ -294,6 +295,7 @@ class Simulation:
             )
         with self.phases.enter("recording"):
             self.step += steps
+            self.scene.time = self.time
             self.displacement_velocity[:] = (crowd.position - before) / (steps * settings.step)
             left = self.population.settle(events)
             if self.outside is not None:
@@ -328,6 +330,7 @@ class Simulation:
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),
             folder=self.folder,
+            changes=tuple(self.scene.changes),
             resumed=self.resumed,
         )
         return replace(results, metrics=dict(metrics(self.registry, results)))
@@ -399,6 +402,7 @@ class Simulation:
         if step % settings.steps_per_tick and step < settings.last_step:
             raise SavedError(f"clock: step {step} is not at the end of a tick")
         self.step = step
+        self.scene.time = self.time
         position[:] = taken(state, "start_position", np.float64, position.shape)
         level[:] = taken(state, "start_level", np.int32, level.shape, 0, len(self.building.levels) - 1)
         displaced = self.displacement_velocity

@@ -1,10 +1,12 @@
 """A run that was killed or stopped goes on to the bits of one that was not; what cannot go on is refused by name."""
 
+import base64
 import hashlib
 import json
 import os
 import re
 import textwrap
+import zlib
 
 import numpy as np
 import pytest
@@ -146,11 +148,19 @@ def test_classes_with_teachers_go_on_to_the_same_bits(tmp_path, full):
     check_goes_on(evac.load("primary_school", changes), tmp_path, [1.6], full=full)
 
 
+def closed_by_time(folder):
+    """Return what the page shows as closed: links from a time on."""
+    page = (folder / "replay.html").read_text(encoding="utf-8")
+    about = re.search(r'id="data-about">([^<]*)<', page)[1]
+    return json.loads(zlib.decompress(base64.b64decode(about)))["closed"]
+
+
 @pytest.mark.parametrize("time", [0.5, 1.0, 1.1, 2.0])
 def test_a_door_that_has_closed_stays_closed(tmp_path, closing, time):
     """Killed before, at and after the closure, with choice of routes, and a recorder of a plugin."""
     case, _ = closing
     check_goes_on(case, tmp_path, [time])
+    assert closed_by_time(tmp_path / "r") == closed_by_time(tmp_path / "whole") == [[0.0, []], [1.0, [0]]]
     assert (tmp_path / "r" / "inside.txt").read_text() == (tmp_path / "whole" / "inside.txt").read_text()
 
 
@@ -304,6 +314,8 @@ def forge(folder, header=(), **arrays):
         ("simulation.simulation.clock", np.array([-(2**31), 0])),
         ("simulation.simulation.clock", np.array([101, 0])),
         ("simulation.scene.closed", np.array([9])),
+        ("simulation.scene.changes", np.frombuffer(b'[{"time": "soon"}]', np.uint8)),
+        ("simulation.scene.waiting", np.frombuffer(b"[", np.uint8)),
         ("simulation.engine.room", np.array([10**12] * 4)),
         ("simulation.engine.tally", np.full(29, np.nan)),
         ("simulation.watch.chatter.of_whom", np.array([0, 5])),
@@ -405,6 +417,7 @@ def test_a_changed_case_goes_on_in_a_folder_of_its_own(tmp_path, hall):
     assert summary["resumed"] == [
         {"from": str(tmp_path / "r"), "time": 1.0, "changes": change, "differences": []},
     ]
+    assert summary["changes"] == [{"time": 1.0, "kind": "close", "what": "front", "values": {}}]
     assert evac.read_trajectory(tmp_path / "other").time[0] == pytest.approx(1.0)
     assert (tmp_path / "r" / "trajectory.evac").read_bytes() == before
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import BuildingError
+from evac.base.errors import BuildingError, ScenarioError
+from evac.building.model.links import building_at
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits
 
@@ -80,9 +81,55 @@ def test_a_run_goes_on_to_the_same_bits_behind_a_closure(room, full):
     assert_same_bits(one, lean)
 
 
-def test_a_name_that_is_none_is_refused(room):
+@pytest.mark.parametrize("time", [0.0, 2.0])
+def test_what_is_none_is_refused_now_and_for_later(room, time):
+    scene = Simulation(room, will_run=False).scene
     with pytest.raises(BuildingError, match=r"'fron'.*'front'"):
-        Simulation(room).scene.set_open("fron", False)
+        scene.apply(evac.Change(time, "close", "fron"))
+    with pytest.raises(ScenarioError, match=r"'front'.*'clos'.*'close'"):
+        scene.apply(evac.Change(time, "clos", "front"))
+    with pytest.raises(ValueError, match="finite"):
+        evac.Change(float("nan"), "close", "front")
+    assert scene.changes == []
+
+
+def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):
+    simulation = Simulation(room)
+    tick = room.simulation.tick
+    simulation.scene.apply(evac.Change(5.5 * tick, "open", "back"))  # within a tick: at the beginning of the next one
+    simulation.scene.apply(evac.Change(2 * tick, "close", "back"))
+    simulation.scene.set_open("back", True)  # no effect
+    ticks(simulation, 3)
+    simulation.scene.set_open("front", False)
+    ticks(simulation, 5)
+    made = [evac.Change(k * tick, kind, what) for k, kind, what in [(2, "close", "back"), (3, "close", "front")]]
+    expected = [*made, evac.Change(6 * tick, "open", "back")]
+    assert [change.time for change in simulation.scene.changes] == pytest.approx([change.time for change in expected])
+    assert [change.kind for change in simulation.scene.changes] == ["close", "close", "open"]
+    assert simulation.scene.version == 3
+    results = simulation.run()
+    assert list(results.changes) == simulation.scene.changes
+    assert results.summary()["changes"] == [change.as_row() for change in results.changes]
+    assert [building_at(simulation.scene.ground.building, results.changes, k * tick).closed for k in (1, 2, 3, 6)] == [
+        frozenset(),
+        {1},
+        {0, 1},
+        {0},
+    ]
+
+
+def test_changes_to_come_are_made_in_a_run_that_goes_on(room):
+    one, other = Simulation(room), Simulation(room)
+    one.scene.set_open("front", False)
+    one.scene.apply(evac.Change(0.5, "open", "front"))
+    one.scene.apply(evac.Change(60, "close", "front"))
+    ticks(one, 4)
+    other.restore(one.state())
+    for simulation in (one, other):
+        ticks(simulation, 10)
+    assert_same_bits(one, other)
+    assert one.scene.changes == other.scene.changes
+    assert [change.kind for change in other.scene.changes] == ["close", "open"]
 
 
 @pytest.fixture

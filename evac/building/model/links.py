@@ -1,6 +1,6 @@
 """Portals, tagged exits and walls from edges; closing of links."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.base.change import Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building, Door, Exit, Level, Portal
@@ -155,6 +156,36 @@ def links_named(building: Building, name: str) -> frozenset[int]:
             f"{building.source}: no exit, portal or stair is named {name!r}; {did_you_mean(name, known)}"
         )
     return frozenset(links)
+
+
+def with_links(building: Building, name: str, is_open: bool) -> Building:
+    """Return the building after an exit, a portal or a stair has been opened or closed; itself if it already is so.
+
+    Raises
+    ------
+    BuildingError
+        As `links_named`.
+    """
+    links = links_named(building, name)
+    closed = building.closed - links if is_open else building.closed | links
+    return building if closed == building.closed else replace(building, closed=closed)
+
+
+def building_at(building: Building, changes: Iterable[Change], time: float) -> Building:
+    """Return a building as it is at a time, with the links that changes until then have opened and closed.
+
+    Parameters
+    ----------
+    building : Building
+        The building at the start.
+    changes : iterable of Change
+        In the order in which they took effect; those that concern no links are skipped.
+    time : float [s]
+    """
+    for change in changes:
+        if change.time <= time and change.kind in ("open", "close"):
+            building = with_links(building, change.what, change.kind == "open")
+    return building
 
 
 def close_links(building: Building, names: Sequence[str]) -> Building:
