@@ -15,7 +15,7 @@ from evac.contract.registry import Registry
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.physics.contact.model import ContactModel, border_scene
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
 
@@ -110,7 +110,7 @@ def coincident(model: ContactModel, pace: Pace) -> Crowd:
     return walked(model, crowd, 0, room(), pace=pace)[0]
 
 
-def thrown(model: ContactModel, pace: Pace) -> tuple[Crowd, Engine]:
+def thrown(model: ContactModel, pace: Pace) -> tuple[Crowd, CompiledEngine]:
     """Let a person hit a wall of a closed room at high speed."""
     return walked(model, make_crowd([[2.0, 0.0]], velocity=[[10.0, 0.0]], speed=2.0, tau=0.1), 50, room(), pace=pace)
 
@@ -128,7 +128,7 @@ def pressed(
     shift: float = 0.0,
     watch: Callable[[Crowd], None] = lambda crowd: None,
     pace: Pace = PLAIN,
-) -> tuple[Crowd, Engine]:
+) -> tuple[Crowd, CompiledEngine]:
     """Press nine people of different sizes against a wall of a closed room; the scene may be rotated and shifted."""
     spread = np.array([[(k % 3) * 0.6 + 0.07 * k, (k // 3) * 0.55 - 0.6 + 0.05 * (k % 3)] for k in range(9)])
     position, walls = spread + np.array([0.2, 0.0]), np.array(room())
@@ -162,7 +162,7 @@ def walked(
     direction: tuple[float, float] = (1.0, 0.0),
     watch: Callable[[Crowd], None] = lambda crowd: None,
     pace: Pace = PLAIN,
-) -> tuple[Crowd, Engine]:
+) -> tuple[Crowd, CompiledEngine]:
     """Make a number of steps in which all people want to walk in one direction; call `watch` after each tick.
 
     Velocities, speeds and relaxation times of the crowd are those of the plain pace, before and after. With no steps,
@@ -176,7 +176,7 @@ def walked(
         The model refuses the scene.
     """
     building = _flat(np.array(walls, dtype=np.float64).reshape(-1, 4))
-    engine = Engine(
+    engine = CompiledEngine(
         make_world(building, _fields(np.array(direction))), len(crowd.level), [], solvers=Registry().solvers
     )
     _slow_down(crowd, pace.slow)

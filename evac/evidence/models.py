@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from evac.contract.registry import Registry
 from evac.physics.contact.model import ContactModel
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine
 from evac.physics.state import World
 
 #: Plugin and parameters of each model; other parameters have the plugin's defaults.
@@ -27,9 +27,9 @@ def plugins() -> Registry:
     return Registry()
 
 
-def make_engine(world: World, people: int) -> Engine:
+def make_engine(world: World, people: int) -> CompiledEngine:
     """Return an engine without forces at a distance that knows the registered solvers."""
-    return Engine(world, people, [], solvers=plugins().solvers)
+    return CompiledEngine(world, people, [], solvers=plugins().solvers)
 
 
 def make_model(name: str, **parameters: Any) -> ContactModel:

@@ -13,7 +13,7 @@ from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_engine
 from evac.physics.contact.model import BorderScene, border_scene
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, copy_of
 from evac.physics.world import make_world, set_open
 
@@ -41,7 +41,7 @@ class Scene:
     crowd: Crowd
     is_closed: bool = False
 
-    def start(self) -> tuple[Engine, Crowd]:
+    def start(self) -> tuple[CompiledEngine, Crowd]:
         """Return a new engine and a copy of the crowd."""
         crowd = copy_of(self.crowd)
         world = make_world(self.building, self.fields)

@@ -243,7 +243,7 @@ def _room() -> tuple["Case", Simulation, World]:
     """Return the shipped case, its simulation, which provides building and fields, and the world."""
     case = load_case("square_room")
     simulation = Simulation(case)
-    return case, simulation, simulation.engine.state.world
+    return case, simulation, simulation.scene.world
 
 
 @cache

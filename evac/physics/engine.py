@@ -1,8 +1,8 @@
-"""The engine, which owns the state of the step loop and makes the steps of a tick."""
+"""The engine, which makes the steps of a tick: what a simulation requires of one, and the compiled engine."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -58,7 +58,84 @@ _FAILURES = {
 }
 
 
-class Engine:
+class Engine(Protocol):
+    """What a simulation requires of an engine, which moves people between two ticks.
+
+    `evac.simulation.assembly.make_engine` chooses the engine of a run. It reads the `World`, in which the scene opens
+    and closes links between ticks, and writes the arrays of the `Crowd` that belong to the contact model
+    (docs/architecture.md). Results must not depend on anything but the crowd, the world and what `snapshot` returns.
+    """
+
+    def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
+        """Prepare a contact model, at least before its first tick; nothing happens if it has been prepared.
+
+        Parameters
+        ----------
+        model : ContactModel
+        progress : callable, optional
+            Called with the numbers of kernels compiled and to compile.
+        """
+
+    def advance(
+        self, model: ContactModel, crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
+    ) -> Events:
+        """Make the steps of a tick and return its crossings of portals and exits.
+
+        Parameters
+        ----------
+        model : ContactModel
+        crowd : Crowd
+            Rows with a negative level are not inside. Position, velocity, level, distance and, on request, contact
+            force are written.
+        first, steps : int
+            Index of the first step, which starts at ``first * step``, and number of steps.
+        step : float
+            Length of a step [s].
+        explicit : bool
+            Whether the drive is integrated by explicit Euler, as in the paper.
+        report : bool
+            Whether contact forces are written for the last step.
+
+        Returns
+        -------
+        Events
+            In the order in which they are to be counted; its arrays are valid until the next call.
+
+        Raises
+        ------
+        SimulationError
+            A step failed; names the time, the person and the place.
+        """
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Return copies of the arrays, besides the crowd, that the next tick depends on, by name."""
+
+    def restore(self, saved: Mapping[str, np.ndarray]) -> None:
+        """Restore the arrays that `snapshot` returned; called after `load`.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `snapshot` returns.
+        """
+
+    def own_arrays(self) -> list[str]:
+        """Return the names of the arrays that the loaded contact model keeps in the engine."""
+
+    def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
+        """Return the optional parts of the engine: name, whether it is included, and the reason."""
+
+    def explain_forces(self) -> dict[str, str]:
+        """Return how each force in use acts, by name."""
+
+    def contact_report(self, model: ContactModel) -> dict[str, Any]:
+        """Return the counts and sums of the run until now for summary.json, with the names in docs/results.md."""
+
+    def close(self) -> None:
+        """End what would outlive the run, such as threads; a later tick may begin it again."""
+
+
+class CompiledEngine(Engine):
     """The step loop of a run, with its state and compiled kernels.
 
     Parameters
@@ -140,7 +217,7 @@ class Engine:
             return nullcontext()
         return self.threads.serving()
 
-    def end_threads(self) -> None:
+    def close(self) -> None:
         """End the threads, if there are any."""
         if self.threads is not None:
             self.threads.end()

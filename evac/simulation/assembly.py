@@ -14,8 +14,10 @@ from evac.people.groups import check_people
 from evac.people.population import Population, build_population
 from evac.people.ways import check_ways
 from evac.physics.contact.model import BorderScene, border_scene
+from evac.physics.engine import CompiledEngine, Engine
+from evac.physics.threads.threads import PEOPLE_PER_THREAD, number_of_threads
 from evac.simulation.needed import field_settings, solve_fields
-from evac.simulation.scene import Ground, make_ground
+from evac.simulation.scene import Ground, Scene, make_ground
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -215,6 +217,15 @@ def make_population(
     with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):
         contact.check_scene(border)
     return people, stopping, border
+
+
+def make_engine(
+    case: "Case", scene: Scene, people: int, forces: "Sequence[Force]", full: bool, threads: int | None
+) -> Engine:
+    """Return the engine of a run with a number of people; nothing else chooses one."""
+    levels, number = [level.name for level in scene.building.levels], number_of_threads(threads, people)
+    solvers = case.registry.solvers
+    return CompiledEngine(scene.world, people, forces, full, levels, solvers, number, PEOPLE_PER_THREAD)
 
 
 def make_forces(case: "Case") -> "list[Force]":

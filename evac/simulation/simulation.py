@@ -26,10 +26,9 @@ from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_writ
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
 from evac.people.unusual import late_starts, unusual
-from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
-from evac.physics.threads.threads import PEOPLE_PER_THREAD, number_of_threads, unused_threads
+from evac.physics.threads.threads import unused_threads
 from evac.results.ending import INTERRUPTED, Ending, Stopped
 from evac.results.results import Results
 from evac.results.watch import Watch
@@ -148,9 +147,8 @@ class Simulation:
                 self.behaviours = needed.needed_behaviours(scenes, self.full)
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
-        n, names = len(self.population.crowd.level), [level.name for level in building.levels]
-        number, solvers = number_of_threads(self._threads, n), self.registry.solvers
-        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, solvers, number, PEOPLE_PER_THREAD)
+        n = len(self.population.crowd.level)
+        self.engine = assembly.make_engine(case, self.scene, n, self.forces, self.full, self._threads)
 
     def _prepare(self) -> None:
         """Record the initial state of people and call `prepare` of the behaviours."""
@@ -265,7 +263,7 @@ class Simulation:
                 error = caught
                 raise
             finally:
-                self.engine.end_threads()
+                self.engine.close()
                 self.recording.finish(self, self.registry, results, error)
         return replace(results, phases=self.phases.seconds())
 

@@ -9,7 +9,7 @@ from evac.building.model.building import Building, Exit, Level, Portal
 from evac.contract.registry import Registry
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem
@@ -80,7 +80,9 @@ def uniform_fields(levels=1, *directions, extent=20.0):
 def make_engine(crowd, building=None, fields=None, forces=(), full=False, threads=1):
     building = building or make_building()
     fields = fields or uniform_fields(len(building.levels))
-    return Engine(make_world(building, fields), len(crowd.level), list(forces), full, solvers=SOLVERS, threads=threads)
+    return CompiledEngine(
+        make_world(building, fields), len(crowd.level), list(forces), full, solvers=SOLVERS, threads=threads
+    )
 
 
 def walk(model, crowd, steps, h=0.01, engine=None, explicit=True, report=False, tick=10, **scene):

@@ -14,7 +14,7 @@ from evac.jit import kernel
 from evac.jit.kernels import INTERPRETED
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
 from evac.physics.contact.solver import Solver
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine
 from evac.physics.order import rows_by_place
 from evac.physics.state import Events, Problem, copy_of, make_crowd
 from evac.physics.threads import threads
@@ -80,7 +80,7 @@ def walked(model, number, steps=60, prepare=None, forces=(), speed=1.0):
             columns = (events.row, events.kind, events.link, events.time)
             crossings += [tuple(column[k] for column in columns) for k in range(events.number)]
     finally:
-        engine.end_threads()
+        engine.close()
     return crowd, crossings, engine.contact_report(model)
 
 
@@ -109,7 +109,7 @@ def test_blocks_of_a_large_problem_are_solved_to_the_same_bits(name):
         walked_crowd = copy_of(crowd)
         engine = make_engine(walked_crowd, ROOMS, fields_towards((13.0, 5.0), 2), threads=number)
         engine.advance(MODELS[name], walked_crowd, 0, 3, 0.01, False, True)
-        engine.end_threads()
+        engine.close()
         assert engine.state.problem.blocks > 1
         found.append((walked_crowd, [], engine.contact_report(MODELS[name])))
     for other in found[1:]:
@@ -182,7 +182,7 @@ def test_a_step_that_cannot_be_made_names_the_first_body_and_ends_the_threads(nu
     first = min((0, PEOPLE - 1), key=rows_by_place(crowd).tolist().index)
     with pytest.raises(SimulationError, match=rf"person {first} .*NaN"):
         engine.advance(Dem(), crowd, 0, 10, 0.01, False, False)
-    engine.end_threads()
+    engine.close()
     assert threading.active_count() == before
 
 
@@ -209,7 +209,7 @@ def test_an_interrupt_lets_threads_leave_and_the_run_can_go_on():
         engine.advance(model, crowd, 10, 10, 0.01, False, True)
     for first in range(10, 60, 10):
         engine.advance(model, crowd, first, 10, 0.01, False, True)
-    engine.end_threads()
+    engine.close()
     assert threading.active_count() == before
     wanted, _, _ = walked(Dem(), 1)
     np.testing.assert_array_equal(crowd.position, wanted.position)
@@ -226,7 +226,7 @@ def test_an_interrupt_while_threads_leave_does_not_keep_them(monkeypatch):
         patched.setattr(threads, "conduct", Mock(side_effect=KeyboardInterrupt, address=threads.conduct.address))
         with pytest.raises(KeyboardInterrupt):
             engine.advance(Dem(), crowd, 10, 10, 0.01, False, True)
-    engine.end_threads()
+    engine.close()
     assert threading.active_count() == before
 
 
@@ -276,7 +276,7 @@ def test_a_fork_begins_threads_of_its_own():
         engine.advance(Dem(), crowd, 10, 10, 0.01, False, True)
         os._exit(int(not np.array_equal(crowd.position, wanted.position)))
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    engine.end_threads()
+    engine.close()
 
 
 @pytest.mark.parametrize(
@@ -304,13 +304,13 @@ def test_threads_serve_while_enough_people_are_inside(share, ticks):
     """For each of two threads; two people leave after the first of two ticks."""
     crowd = copy_of(CROWD)
     world = make_world(ROOMS, fields_towards((13.0, 5.0), 2))
-    engine = Engine(world, PEOPLE, [], threads=2, people_per_thread=share)
+    engine = CompiledEngine(world, PEOPLE, [], threads=2, people_per_thread=share)
     engine.threads.serving = Mock(wraps=engine.threads.serving)
     for first in (0, 10):
         engine.advance(Dem(), crowd, first, 10, 0.01, False, False)
         crowd.level[:2] = -1
     assert engine.threads.serving.call_count == ticks
-    engine.end_threads()
+    engine.close()
 
 
 def test_no_thread_is_refused():

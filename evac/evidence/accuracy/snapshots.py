@@ -16,7 +16,7 @@ from evac.directions.routes import Route
 from evac.evidence.models import make_engine
 from evac.evidence.scenes import packed
 from evac.physics.contact.model import ContactModel
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, copy_of, make_crowd
 from evac.physics.world import make_world, set_open
 
@@ -35,14 +35,14 @@ class DoorCrowd:
     Attributes
     ----------
     kind : str
-    engine : Engine
+    engine : CompiledEngine
     crowd : Crowd
     step : int
         Steps made so far.
     """
 
     kind: str
-    engine: Engine
+    engine: CompiledEngine
     crowd: Crowd
     step: int = 0
 

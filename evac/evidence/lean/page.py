@@ -17,6 +17,7 @@ from evac.evidence.models import model_overrides
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of, reported
 from evac.physics.contact.overlaps import separate
+from evac.physics.engine import CompiledEngine
 from evac.physics.seams import reaches
 from evac.simulation.simulation import Simulation
 
@@ -207,6 +208,7 @@ def trial(case: Any, part: Part) -> Trial:
 def force(simulation: Simulation, loop: Sequence[str]) -> None:
     """Load the parts of the step loop that the scene needs, and those that are forced in, see `Part`."""
     engine, model = simulation.engine, simulation.contact
+    assert isinstance(engine, CompiledEngine)
     engine.full = False
     engine.load(model)
     parts, solvers = engine.state.parts, simulation.registry.solvers

@@ -12,7 +12,7 @@ from evac.evidence.scaling.halls import make_hall
 from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
 from evac.evidence.verdicts import at_least, reported
 from evac.physics.contact.blocks import ROWS_OF_TWO
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine
 from evac.physics.world import make_world
 
 #: Numbers of people and models for each start.
@@ -68,11 +68,11 @@ def compare(people: int, start: str, model: str, seed: int, step: float) -> dict
     hall, variant = make_hall(people, DENSITIES[start], seed), make_variant(model, step)
     walks = [Walk(hall, step), Walk(hall, step)]
     world = make_world(hall.building, hall.fields)
-    walks[1].engine = Engine(world, people, (), solvers=plugins().solvers, threads=2)
+    walks[1].engine = CompiledEngine(world, people, (), solvers=plugins().solvers, threads=2)
     for walk in walks:
         walk.advance(variant.rough, WARM)
     spans = np.array([[_wall_time(walk, variant) for walk in walks] for _ in range(TIMED)])
-    walks[1].engine.end_threads()
+    walks[1].engine.close()
     one, two = 1e3 * np.median(spans, axis=0) / walks[0].per_tick
     ratios = spans[:, 0] / spans[:, 1]
     return {

@@ -17,7 +17,7 @@ from evac.physics.state import Crowd, State, Traits, World
 from evac.physics.status import OK
 
 if TYPE_CHECKING:
-    from evac.physics.engine import Engine
+    from evac.physics.engine import CompiledEngine
 
 
 class StepContacts(NamedTuple):
@@ -226,7 +226,7 @@ class ContactModel(Configurable, ABC):
     def _what(self) -> str:
         return f"contact model {self.name!r}"
 
-    def advance(self, engine: "Engine") -> int:
+    def advance(self, engine: "CompiledEngine") -> int:
         """Make all steps of the clock; return a status, OK if all were made."""
         state = engine.state
         if self.law is not None:
@@ -243,7 +243,7 @@ class ContactModel(Configurable, ABC):
             clock.parts = 1
         return OK
 
-    def _make_step(self, engine: "Engine", parts: int) -> int:
+    def _make_step(self, engine: "CompiledEngine", parts: int) -> int:
         """Make one step in `parts` sub-steps, calling `step` from Python between the kernels of the step loop."""
         for part in range(parts):
             driver.set_clock(engine.state, part, parts)
@@ -255,7 +255,7 @@ class ContactModel(Configurable, ABC):
                 return int(status)
         return OK
 
-    def _call_step(self, engine: "Engine") -> None:
+    def _call_step(self, engine: "CompiledEngine") -> None:
         bodies, contacts = engine.state.bodies, engine.state.contacts
         n, c = bodies.inside, contacts.number
         contacts.percussion[:c] = 0.0
