@@ -2,13 +2,6 @@
 
 #: Vertices of a mesh that are closer than this are merged [m].
 WELD = 0.001
-#: Cells less steep than the first angle are floors and landings; those steeper than the second are not walkable [deg].
-FLAT_ANGLE = 3.0
-WALKABLE_ANGLE = 50.0
-#: Metres per unit of a building's file.
-SCALE = 1.0
-#: Axis of a building's file that points upwards.
-UP = "z"
 #: Least height above the ground of solid bodies, and above and below flights [m].
 HEADROOM = 2.0
 

@@ -9,6 +9,7 @@ from types import ModuleType
 #: Modules that documents or plugins named, and where their content is now.
 MOVED = {
     "evac.behaviour": "evac.people.behaviour",
+    "evac.case.keys": "evac.base.keys",
     "evac.errors": "evac.base.errors",
     "evac.hookspecs": "evac.contract.hooks",
     "evac.output": "evac.trajectory, evac.analysis, evac.results, evac.pictures, evac.export or evac.report",

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import PrivateAttr, field_validator, model_validator
 
-from evac.case.keys import Parameters, Section, Title, key, wrong
+from evac.base.keys import Parameters, Section, Title, key, wrong
+from evac.building.options import MOST_ITEMS
 from evac.case.schema import (
-    MOST_ITEMS,
     MOST_PEOPLE,
     BuildingSettings,
     ContactSettings,
@@ -23,7 +23,7 @@ from evac.case.schema import (
 )
 
 if TYPE_CHECKING:
-    from evac.case.problems import Key
+    from evac.base.keys import Key
     from evac.contract.registry import Registry
 
 #: File name used for a case that was made from a dictionary.

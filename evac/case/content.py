@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from evac.base.errors import ScenarioError, quoted_line
-from evac.case.problems import Key, Problem
+from evac.base.keys import Key, Problem
 
 #: Greatest size of a case.toml [bytes]: some 200,000 positions.
 MOST_BYTES = 8_000_000

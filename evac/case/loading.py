@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from evac.base.errors import PluginError, ScenarioError, escaped
+from evac.base.keys import Key, Problem, is_multiple, problems_of
 from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
 from evac.case.content import faults, read_table, with_own_classes
-from evac.case.keys import is_multiple
-from evac.case.overrides import apply
-from evac.case.problems import Key, Problem, dotted, problems_of
+from evac.case.overrides import apply, dotted
 from evac.case.schema import MOST_STATES
 from evac.case.trust import named_files
 
@@ -112,7 +111,7 @@ def case_from(
     try:
         case = Case.model_validate(filled)
     except ValidationError as error:
-        problems += _without_repeats(problems_of(error), content)
+        problems += _without_repeats(problems_of(error, Case), content)
     of_plugins = _plugin_problems(content, registry)
     said = {problem.key for problem in of_plugins}
     unchecked = tuple(problem.key for problem in of_plugins if unloaded and problem.is_unknown_name)

@@ -4,9 +4,10 @@ import copy
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from evac.base.keys import Key, Problem
 from evac.base.parameters import did_you_mean
+from evac.building.model.names import repaired
 from evac.case.content import faults, parse
-from evac.case.problems import Key, Problem, dotted
 
 
 def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str, Any]], list[Problem]]:
@@ -110,3 +111,22 @@ def _index(items: list[Any], part: str) -> int | None:
     return next(
         (index for index, item in enumerate(items) if isinstance(item, dict) and item.get("name") == part), None
     )
+
+
+def dotted(key: Key, table: Any) -> str:
+    """Return a key in the form of an override; items of a list by name if the name is unique."""
+    words: list[str] = []
+    here = table
+    for step in key:
+        word = str(step)
+        if isinstance(step, int) and isinstance(here, list):
+            names = [item.get("name") for item in here if isinstance(item, dict)]
+            name = here[step].get("name") if step < len(here) and isinstance(here[step], dict) else None
+            if isinstance(name, str) and name == repaired(name) != "" and "." not in name and names.count(name) == 1:
+                word = name
+        words.append(word)
+        try:
+            here = here[step]
+        except (KeyError, IndexError, TypeError):
+            here = None
+    return ".".join(words)

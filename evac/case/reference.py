@@ -6,9 +6,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from evac.base.distributions import KINDS, Distribution
+from evac.base.keys import Factor, Section, section_of
 from evac.case.case import Case
-from evac.case.keys import Factor, Section
-from evac.case.problems import section_of
 from evac.case.schema import GroupSettings, PeopleSettings
 
 #: Names of the types of single values.

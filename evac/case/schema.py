@@ -4,20 +4,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from evac.base.defaults import (
-    COMFORT,
-    FLAT_ANGLE,
-    HEADROOM,
-    MOST_SPEED,
-    ORDER,
-    SCALE,
-    SPACING,
-    UP,
-    WALKABLE_ANGLE,
-    WELD,
-)
+from evac.base.defaults import COMFORT, MOST_SPEED, ORDER, SPACING
 from evac.base.distributions import Distribution
-from evac.case.keys import (
+from evac.base.keys import (
     Coordinate,
     Factor,
     Mass,
@@ -35,6 +24,7 @@ from evac.case.keys import (
     key,
     wrong,
 )
+from evac.building.options import BuildingOptions, check_level
 from evac.directions.routes import Strategy
 
 #: Greatest number of steps in a tick, during which even an interrupt is not noticed.
@@ -42,9 +32,6 @@ MOST_STEPS = 100_000
 
 #: Greatest number of people in a group, and in a case.
 MOST_PEOPLE = 1_000_000
-
-#: Greatest number of groups, of exits, of areas and of obstacles.
-MOST_ITEMS = 10_000
 
 #: Greatest simulated time of a run [s], four months, and number of states that it records.
 LONGEST_RUN = 1e7
@@ -56,70 +43,11 @@ Velocity = tuple[
 ]
 
 
-def _check_level(what: str, level: str | None, z: float | None) -> None:
-    """Check that a level is given either by name or by height."""
-    if (z is None) == (level is None):
-        raise wrong("level", f"give {what} by name, or its height z{', not both' if z is not None else ''}")
-
-
-class Placed(Section):
-    """An item on one level."""
-
-    z: Coordinate | None = key("height of the level it is on; this or `level`", "m", None)
-    level: str | None = key("name of the level it is on; this or `z`", "", None)
-
-    @model_validator(mode="after")
-    def _on_one_level(self) -> Self:
-        _check_level("the level", self.level, self.z)
-        return self
-
-
-class ExitLine(Placed):
-    """`[[building.exits]]`: an exit given as a line, in addition to those of the file."""
-
-    name: Name = key("name of the exit")
-    segment: tuple[Point, Point] = key("its two ends [[x1, y1], [x2, y2]]", "m")
-
-    @model_validator(mode="after")
-    def _has_length(self) -> Self:
-        if self.segment[0] == self.segment[1]:
-            raise wrong("segment", f"its two ends are the same point {list(self.segment[0])}; draw it along the door")
-        return self
-
-
-class Outline(Placed):
-    """`[[building.areas]]`, `[[building.obstacles]]`: a polygon on a level."""
-
-    name: Name = key("name of the area or obstacle")
-    polygon: tuple[Point, ...] = key("its corners [[x, y], ...], at least three", "m", min_length=3)
-
-
-class BuildingSettings(Section):
-    """`[building]`: the file of the building, how it is read, and additions to it."""
+class BuildingSource(Section):
+    """Where the building is."""
 
     mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
     plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
-    weld: Real = key("vertices closer than this are merged", "m", WELD, ge=0, le=1)
-    flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
-    walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
-    scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, ge=1e-6, le=1e6)
-    up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", UP)
-    headroom: Real = key(
-        "surfaces on solid bodies, and near flights of treads, with less clear height above them are left out; 0: none",
-        "m",
-        HEADROOM,
-        ge=0,
-        le=10,
-    )
-    treads: Switch = key("whether stairs modelled as treads become inclined flights", "", True)
-    exits: tuple[ExitLine, ...] = key("exits in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
-    areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
-    obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
-    closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
-
-    def options(self) -> dict[str, Any]:
-        """Return the keyword arguments of `evac.building.surface.build.build_building`."""
-        return self.model_dump(exclude={"mesh", "plan"}, exclude_none=True)
 
     @model_validator(mode="after")
     def _given_one_way(self) -> Self:
@@ -127,13 +55,9 @@ class BuildingSettings(Section):
             raise wrong("mesh", "give either the file of the building (mesh) or its plan (plan)")
         return self
 
-    @model_validator(mode="after")
-    def _angles_in_order(self) -> Self:
-        if self.flat_angle >= self.walkable_angle:
-            raise wrong(
-                "flat_angle", f"must be less than walkable_angle {self.walkable_angle:g}, got {self.flat_angle:g}"
-            )
-        return self
+
+class BuildingSettings(BuildingOptions, BuildingSource):
+    """`[building]`: the file of the building, how it is read, and additions to it."""
 
 
 class DirectionSettings(Section):
@@ -251,7 +175,7 @@ class GroupSettings(PeopleSettings):
     def _check_positions(self, count: int) -> None:
         if self.number not in (None, count):
             raise wrong("number", f"{self.number} people but {count} positions; remove number or correct it")
-        _check_level("the level of the positions", self.level, self.z)
+        check_level("the level of the positions", self.level, self.z)
         if self.velocity is not None and len(self.velocity) != count:
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError, text_of
-from evac.case.problems import Key, Problem
+from evac.base.keys import Key, Problem
 
 if TYPE_CHECKING:
     from evac.case.case import Case

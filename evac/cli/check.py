@@ -88,7 +88,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _known_part(case: "Case") -> "Case | None":
     """Show the plugin files not executed, and return the case without what needs them; None if it cannot be checked."""
-    from evac.case.problems import dotted
+    from evac.case.overrides import dotted
     from evac.case.trust import is_inside, without_unknown
     from evac.simulation.assembly import make_building, make_importers
 

@@ -7,11 +7,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from evac.base.defaults import FARTHEST, FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
+import numpy as np
+
 from evac.base.errors import BuildingError, EvacError, ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding
+from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import write_surface
@@ -22,7 +24,7 @@ from evac.importing.casefile import case_text, check_folder, write_text
 from evac.importing.openings import Opening, find_openings
 from evac.importing.report import report_text
 from evac.importing.rooms import Room, fill, find_rooms
-from evac.simulation.assembly import draw_plan, read_building, read_file
+from evac.simulation.assembly import draw_plan, read_file, read_surface
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -33,11 +35,6 @@ DENSITY = 0.1
 MOST_DENSITY = 100.0
 #: Default height between the storeys of consecutive files [m].
 STOREY_HEIGHT = 3.0
-#: Options of the building, in addition to those of importers.
-BUILDING_OPTIONS = {
-    **{"weld": WELD, "flat_angle": FLAT_ANGLE, "walkable_angle": WALKABLE_ANGLE, "scale": SCALE, "up": UP},
-    **{"headroom": HEADROOM, "treads": True},
-}
 #: Names of the files in the folder.
 CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
 
@@ -121,20 +118,22 @@ def import_building(
     registry = registry or Registry()
     paths, place = tuple(Path(file) for file in files), Path(folder)
     check_folder(place, CASE, REPORT)
-    importers, values = _options(paths, dict(options or {}), registry)
-    own = {key: values[key] for key in BUILDING_OPTIONS}
+    importers, own, values = _options(paths, dict(options or {}), registry)
     mesh, notes = _surface(paths, importers, z, registry)
-    surface = clean(mesh, paths[0], **own)
+    surface = clean(mesh, paths[0], own)
     building = building_of(surface, paths[0], need_exit=False)
     with _published(place) as draft:
         write_surface(tagged_surface(surface, building), draft / MESH)
-        kept = ("flat_angle", "walkable_angle", "treads")  # the others have been applied to building.msh
-        angles = {key: own[key] for key in kept if own[key] != BUILDING_OPTIONS[key]}
-        written = read_building(draft / MESH, registry=registry, need_exit=False, **angles)
-        openings = find_openings(written, [(name, own["scale"] * _array(ends)) for name, ends in mesh.openings])
+        # The other options have been applied to building.msh.
+        kept = own.model_dump(include={"flat_angle", "walkable_angle", "treads"}, exclude_defaults=True)
+        (importer,), _, _ = _options([draft / MESH], {}, registry)
+        surface = clean(read_surface(importer, draft / MESH, registry), draft / MESH, SurfaceOptions(**kept))
+        written = building_of(surface, draft / MESH, need_exit=False)
+        openings = find_openings(written, [(name, own.scale * np.asarray(ends)) for name, ends in mesh.openings])
         chosen = [opening.exit(written) for opening in _chosen(exits, openings)]
         if chosen:
-            written = read_building(draft / MESH, registry=registry, need_exit=False, exits=chosen, **angles)
+            added = BuildingOptions.model_validate({"exits": chosen})
+            written = building_of(surface, draft / MESH, added, need_exit=False)
         findings = [*notes, *building.findings]
         findings += [one for one in written.findings if one not in findings]
         if people is None and density is None:
@@ -144,7 +143,7 @@ def import_building(
         findings += left_out
         written = replace(written, source=place / MESH)
         made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, "")
-        write_text(draft / CASE, case_text(made, chosen, angles))
+        write_text(draft / CASE, case_text(made, chosen, kept))
         made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
         write_text(draft / REPORT, report_text(made, draft / CASE))
         _draw(made, draft)
@@ -171,33 +170,21 @@ def _published(folder: Path) -> Iterator[Path]:
         raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
 
 
-def _array(ends: Any) -> Any:
-    import numpy as np
-
-    return np.asarray(ends, dtype=np.float64)
-
-
 def _options(
     paths: Sequence[Path], given: dict[str, Any], registry: Registry
-) -> "tuple[list[Importer], dict[str, Any]]":
-    """Return the importer of each file, and the values of all options."""
+) -> "tuple[list[Importer], SurfaceOptions, dict[str, Any]]":
+    """Return the importer of each file, the options of the building, and the values of all options."""
     classes = [registry.importer_for(path) for path in paths]
     declared = {name: one for cls in classes for name, one in cls.declared().items()}
+    names = [*declared, *SurfaceOptions.model_fields]
     for key in given:
-        if key not in declared and key not in BUILDING_OPTIONS:
-            names = [*declared, *BUILDING_OPTIONS]
+        if key not in names:
             raise ScenarioError(f"option {key!r}: unknown; {did_you_mean(key, names)} (of {', '.join(names)})")
-    for key in given.keys() & (BUILDING_OPTIONS.keys() - declared.keys()):
-        wanted: type = type(BUILDING_OPTIONS[key])
-        is_number = isinstance(given[key], int | float) and not isinstance(given[key], bool)
-        if not (is_number and abs(given[key]) <= FARTHEST if wanted is float else isinstance(given[key], wanted)):
-            word = (
-                f"a number up to {FARTHEST:g}" if wanted is float else "true or false" if wanted is bool else "a word"
-            )
-            raise ScenarioError(f"option {key!r}: must be {word}, not {given[key]!r}")
+    own = {key: value for key, value in given.items() if key in SurfaceOptions.model_fields}
+    options = SurfaceOptions.read(own, ScenarioError, "option ")
     importers = [cls(**{key: given[key] for key in given if key in cls.declared()}) for cls in classes]
     values = {key: value for importer in importers for key, value in importer.values().items()}
-    return importers, values | {key: given.get(key, default) for key, default in BUILDING_OPTIONS.items()}
+    return importers, options, values | options.model_dump()
 
 
 def _surface(

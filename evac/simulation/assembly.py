@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.base.errors import BuildingError, PluginError, ScenarioError, fault, naming, plugin_code, text_of
 from evac.building.model.findings import Finding
+from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import BUILTIN_IMPORTERS, Registry
@@ -43,7 +44,7 @@ def make_building(case: "Case") -> "Building":
     PluginError
         The importer fails.
     """
-    return build_building(make_surface(case), case.mesh or case.source, **case.building.options())
+    return build_building(make_surface(case), case.mesh or case.source, case.building)
 
 
 def make_surface(case: "Case") -> SurfaceMesh:
@@ -68,7 +69,9 @@ def _plan_of(case: "Case") -> "Plan":
     return plan_of(case.building.plan, case.source, case.folder, "building.plan.")
 
 
-def read_building(path: str | Path, *, registry: Registry | None = None, **options: Any) -> "Building":
+def read_building(
+    path: str | Path, *, registry: Registry | None = None, need_exit: bool = True, **options: Any
+) -> "Building":
     """Return the building in a file, without a case.
 
     Parameters
@@ -76,8 +79,10 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     path : str or Path
     registry : Registry, optional
         Registry whose importers may be used; by default the built-in and the installed ones.
+    need_exit : bool
+        Whether a building without exits is an error. Without exits, a building can be inspected but not simulated.
     **options
-        Keyword arguments of `evac.building.surface.build.build_building`, such as the keys of ``[building]``.
+        Keys of ``[building]``.
 
     Returns
     -------
@@ -93,9 +98,10 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     >>> building = read_building("hall.msh", scale=0.001)  # doctest: +SKIP
     """
     path = Path(path)
+    own = BuildingOptions.read(options, BuildingError, f"{path}: building.")
     registry = registry or Registry(builtins=BUILTIN_IMPORTERS)
     importer = _made("importer", registry.importer_for(path), {})
-    return build_building(read_surface(importer, path, registry), path, **options)
+    return build_building(read_surface(importer, path, registry), path, own, need_exit=need_exit)
 
 
 def ground_key(case: "Case") -> str:
@@ -116,7 +122,6 @@ def ground_key(case: "Case") -> str:
         case.registry.providers(importers),
         [importer.values() for importer in importers],
         case.building.model_dump(),
-        case.building.options(),
         field_settings(case, make_behaviours(case), full=False),
     )
     return hashlib.sha256(repr(parts).encode()).hexdigest()

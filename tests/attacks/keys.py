@@ -7,9 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import get_args, get_origin
 
+from evac.base.keys import Section, section_of
 from evac.case.case import Case as EvacCase
-from evac.case.keys import Section
-from evac.case.problems import section_of
 from evac.contract.registry import Registry
 from tests.attacks.commands import MODELS, call, write_case
 

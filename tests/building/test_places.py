@@ -73,7 +73,7 @@ def test_second_exit_on_the_same_edge(room, read):
     "segment", [[[6, 1]], [[6, 1], [6, 1]], [[6, 1], [6, np.nan]], "abc", None, [[6, 1], [6, 2, 3]]]
 )
 def test_exit_that_is_no_segment(room, read, segment):
-    with pytest.raises(BuildingError, match="exit 'out': segment"):
+    with pytest.raises(BuildingError, match=r"building\.exits\.0\.segment"):
         read(room, exits=[{"name": "out", "segment": segment, "z": 0.0}])
 
 

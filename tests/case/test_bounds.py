@@ -7,8 +7,8 @@ from annotated_types import Ge, Gt, Le, Lt
 
 import evac
 from evac.base.errors import BuildingError, ScenarioError
+from evac.base.keys import FARTHEST
 from evac.case.case import Case
-from evac.case.keys import FARTHEST
 from evac.case.schema import SimulationSettings
 from evac.contract.registry import Registry
 from evac.directions.grids import build_grids, count_nodes
@@ -19,7 +19,7 @@ REGISTRY = Registry()
 
 def _numbers(section):
     """Yield the sections' keys that are numbers, with their bounds."""
-    from evac.case.problems import section_of
+    from evac.base.keys import section_of
 
     for name, field in section.model_fields.items():
         inner = section_of(field.annotation)

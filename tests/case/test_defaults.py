@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from evac.base.distributions import Distribution
+from evac.base.keys import section_at
 from evac.case import Case, load_case
-from evac.case.problems import section_at
 from evac.contract.registry import Registry
 from evac.people.groups import default_clearance, reference_speeds
 from evac.simulation.assembly import make_behaviours, make_contact_model, make_forces, make_recorders
@@ -72,7 +72,7 @@ def table_at(table, path):
 def defaults():
     """Yield every key that has a default and that `TABLE` leaves out, with its default."""
     for path in SECTIONS:
-        for name, field in section_at(path).model_fields.items():
+        for name, field in section_at(path, Case).model_fields.items():
             if not field.is_required() and name not in table_at(TABLE, path):
                 yield pytest.param(path, name, plain(field.default), id=".".join(map(str, (*path, name))))
 
@@ -118,11 +118,11 @@ def test_every_section_is_tried():
     def sections(section, path=()):
         yield section
         for name in section.model_fields:
-            inner = section_at((*path, name))
+            inner = section_at((*path, name), Case)
             if inner is not None:
                 yield from sections(inner, (*path, name))
 
-    assert {section_at(path) for path in SECTIONS} == set(sections(Case))
+    assert {section_at(path, Case) for path in SECTIONS} == set(sections(Case))
 
 
 KINDS = {"forces": REGISTRY.forces, "behaviours": REGISTRY.behaviours, "recorders": REGISTRY.recorders}

@@ -1,8 +1,8 @@
 import pytest
 
 from evac.base.distributions import KINDS
+from evac.base.keys import section_of
 from evac.case.case import Case
-from evac.case.problems import section_of
 from evac.case.reference import reference
 
 

@@ -334,17 +334,19 @@ class Plan:
 
         return draw(self)
 
-    def building(self, **options: Any) -> "Building":
-        """Return the building; the options are those of `evac.building.surface.build.build_building`.
+    def building(self, *, need_exit: bool = True, **options: Any) -> "Building":
+        """Return the building; the options are the keys of ``[building]`` and `need_exit`, as for `read_building`.
 
         Raises
         ------
         BuildingError
             As `surface`, or the building cannot be used.
         """
+        from evac.building.options import BuildingOptions
         from evac.building.surface.build import build_building
 
-        return build_building(self.surface(), self.source, **options)
+        own = BuildingOptions.read(options, BuildingError, f"{self.source}: building.")
+        return build_building(self.surface(), self.source, own, need_exit=need_exit)
 
     def write(self, path: str | Path) -> None:
         """Write the surface to a Gmsh 2.2 file, with tags as physical groups; equal plans give identical files.

@@ -1,20 +1,20 @@
 """Conversion of a surface mesh to a `Building`."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from evac.base.defaults import FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
 from evac.base.errors import BuildingError
 from evac.building.geometry.polygons import union
-from evac.building.model.building import Area, Building
+from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.links import close_links, find_doors, find_exits_and_walls, find_portals
+from evac.building.options import LEAST_LENGTH, BuildingOptions, SurfaceOptions
 from evac.building.surface.checks import (
     check_depth,
     check_exits,
@@ -26,30 +26,18 @@ from evac.building.surface.checks import (
 from evac.building.surface.edges import COLLINEAR, edge_table
 from evac.building.surface.foreign import turned
 from evac.building.surface.levels import LevelSet, find_levels
-from evac.building.surface.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
+from evac.building.surface.places import HEIGHT_REACH, add_area, add_exit, add_obstacles, obstacle_place
 from evac.building.surface.surface import Surface, clean_surface
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 
 #: Largest height of a tagged obstacle above its floor [m]; a table or counter may be drawn by its top.
 OBSTACLE_HEIGHT = 1.2
 
+DEFAULT = BuildingOptions()
+
 
 def build_building(
-    mesh: SurfaceMesh,
-    source: Path,
-    *,
-    weld: float = WELD,
-    flat_angle: float = FLAT_ANGLE,
-    walkable_angle: float = WALKABLE_ANGLE,
-    scale: float = SCALE,
-    up: str = UP,
-    headroom: float = HEADROOM,
-    treads: bool = True,
-    exits: Sequence[Mapping[str, Any]] = (),
-    areas: Sequence[Mapping[str, Any]] = (),
-    obstacles: Sequence[Mapping[str, Any]] = (),
-    closed: Sequence[str] = (),
-    need_exit: bool = True,
+    mesh: SurfaceMesh, source: Path, options: BuildingOptions = DEFAULT, *, need_exit: bool = True
 ) -> Building:
     """Build a `Building` from a surface mesh with or without tags.
 
@@ -61,24 +49,7 @@ def build_building(
     mesh : SurfaceMesh
     source : Path
         The file that the mesh was read from, for messages.
-    weld : float [m]
-        Vertices at most this far apart are merged.
-    flat_angle, walkable_angle : float [degrees]
-        Cells with a slope below `flat_angle` are flat, those above `walkable_angle` are not walkable.
-    scale : float
-        Metres per unit of the mesh.
-    up : "z" or "y"
-        Axis of the mesh that points upwards.
-    headroom : float [m]
-        Ground on solid bodies, and beside flights of treads, with less free height above it is removed; 0 keeps it.
-    treads : bool
-        Whether stairs drawn as treads are replaced by inclined flights.
-    exits : sequence of mappings
-        Exits to add: ``name``, ``segment`` on free edges ((2, 2) [m]) and ``level`` (name) or ``z`` (height [m]).
-    areas, obstacles : sequences of mappings
-        Areas and obstacles to add: ``name``, ``polygon`` ((k, 2) [m]) and ``level`` or ``z``.
-    closed : sequence of str
-        Names of exits, portals and stairs that are closed during the whole run.
+    options : BuildingOptions
     need_exit : bool
         Whether a building without exits is an error. Without exits, a building can be inspected but not simulated.
 
@@ -89,60 +60,22 @@ def build_building(
     Raises
     ------
     BuildingError
-        If a setting is out of range or the building cannot be used: no cell is walkable, an edge has three cells, a
-        level overlaps itself in plan or is less than 1 m deep between facing portals, a stair does not join two levels,
-        an exit is not on a free edge, there is no exit, or a name in `closed` does not exist.
+        If the building cannot be used: no cell is walkable, an edge has three cells, a level overlaps itself in plan or
+        is less than 1 m deep between facing portals, a stair does not join two levels, an exit is not on a free edge,
+        there is no exit, or a name in `options.closed` does not exist.
     PluginError
         If an array of the mesh has the wrong shape.
     """
-    surface = clean(
-        mesh,
-        source,
-        weld=weld,
-        flat_angle=flat_angle,
-        walkable_angle=walkable_angle,
-        scale=scale,
-        up=up,
-        headroom=headroom,
-        treads=treads,
-    )
-    return building_of(
-        surface, source, exits=exits, areas=areas, obstacles=obstacles, closed=closed, need_exit=need_exit
-    )
+    return building_of(clean(mesh, source, options), source, options, need_exit=need_exit)
 
 
-def clean(
-    mesh: SurfaceMesh,
-    source: Path,
-    *,
-    weld: float = WELD,
-    flat_angle: float = FLAT_ANGLE,
-    walkable_angle: float = WALKABLE_ANGLE,
-    scale: float = SCALE,
-    up: str = UP,
-    headroom: float = HEADROOM,
-    treads: bool = True,
-) -> Surface:
+def clean(mesh: SurfaceMesh, source: Path, options: SurfaceOptions = DEFAULT) -> Surface:
     """Return the clean walkable surface of a mesh in metres; see `build_building` for the arguments and errors."""
-    if not (0.0 <= weld < np.inf and 0.0 < scale < np.inf and 0.0 < flat_angle < walkable_angle < 90.0):
-        raise BuildingError(
-            f"{source}: building needs weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
-            f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
-        )
-    if up not in ("z", "y") or not 0.0 <= headroom < np.inf:
-        raise BuildingError(f"{source}: building needs up = 'z' or 'y' and headroom >= 0, not {up!r} and {headroom!r}")
-    return clean_surface(turned(checked(source, mesh), up), weld, flat_angle, walkable_angle, scale, headroom, treads)
+    return clean_surface(turned(checked(source, mesh), options.up), options)
 
 
 def building_of(
-    surface: Surface,
-    source: Path,
-    *,
-    exits: Sequence[Mapping[str, Any]] = (),
-    areas: Sequence[Mapping[str, Any]] = (),
-    obstacles: Sequence[Mapping[str, Any]] = (),
-    closed: Sequence[str] = (),
-    need_exit: bool = True,
+    surface: Surface, source: Path, options: BuildingOptions = DEFAULT, *, need_exit: bool = True
 ) -> Building:
     """Return the building of a clean surface; see `build_building` for the arguments and errors."""
     table = edge_table(source, surface.vertices, surface.triangles)
@@ -164,27 +97,28 @@ def building_of(
     check_overlap(building)
     check_depth(building)
     building = replace(building, findings=(*building.findings, *missed_seams(building)))
-    for item in exits:
-        with _given("exits", item):
+    for item in options.exits:
+        with _given("exits", item.name):
             building = add_exit(building, item)
     if need_exit:
         check_exits(building)
     check_stairs(building)
-    for item in areas:
-        with _given("areas", item):
-            building = add_area(building, item)
-    building = add_obstacles(building, [*_standing_obstacles(building, surface), *obstacles])
+    for area in options.areas:
+        with _given("areas", area.name):
+            building = add_area(building, area)
+    added = [obstacle_place(building, item) for item in options.obstacles]
+    building = add_obstacles(building, [*_standing_obstacles(building, surface), *added])
     building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
-    return close_links(building, closed) if closed else building
+    return close_links(building, options.closed) if options.closed else building
 
 
 @contextmanager
-def _given(key: str, item: Mapping[str, Any]) -> Iterator[None]:
+def _given(key: str, name: str) -> Iterator[None]:
     """Add the key of a place in the case to errors, which name the mesh only."""
     try:
         yield
     except BuildingError as error:
-        raise BuildingError(f"{error} (given as building.{key}.{item['name']})") from error
+        raise BuildingError(f"{error} (given as building.{key}.{name})") from error
 
 
 def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[Area, ...]:
@@ -201,7 +135,7 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
     return tuple(areas)
 
 
-def _standing_obstacles(building: Building, surface: Surface) -> list[dict[str, Any]]:
+def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str, Level, BaseGeometry]]:
     """Find tagged obstacles drawn on top of a floor; obstacles cut out of the floor already have walls."""
     found = []
     for tag, corners in sorted(surface.obstacles.items()):
@@ -214,5 +148,5 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[dict[str, 
                 continue
             height = level_elevation(building.vertices, level, shapely.get_coordinates(on.centroid))[0]
             if -HEIGHT_REACH <= z - height <= OBSTACLE_HEIGHT:
-                found.append({"name": tag.removeprefix("obstacle:"), "polygon": on, "level": level.name})
+                found.append((tag.removeprefix("obstacle:"), level, on))
     return found

@@ -8,6 +8,7 @@ from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import BuildingError
 from evac.building.geometry.polygons import least_height
 from evac.building.model.findings import Finding
+from evac.building.options import SurfaceOptions
 from evac.building.surface.patches import bodies, cells_of, patches_of
 from evac.building.surface.solids import closed_bodies, walked_on
 from evac.building.surface.surfacemesh import TriangleMesh
@@ -29,7 +30,7 @@ def _turned(points: FloatArray) -> FloatArray:
 
 
 def walked_surface(
-    mesh: TriangleMesh, points: FloatArray, is_steep: BoolArray, weld: float, headroom: float, treads: bool
+    mesh: TriangleMesh, points: FloatArray, is_steep: BoolArray, options: SurfaceOptions
 ) -> tuple[TriangleMesh, FloatArray]:
     """Remove ground inside solid bodies or with too little headroom, and replace treads by inclined flights.
 
@@ -42,12 +43,7 @@ def walked_surface(
         Its points.
     is_steep : (t,) bool
         Cells too steep to walk on.
-    weld : float [m]
-        Points at most this far apart are merged.
-    headroom : float [m]
-        Minimum free height above ground on bodies, and above and below flights; 0 leaves bodies unchanged.
-    treads : bool
-        Whether rows of treads are replaced by flights.
+    options : SurfaceOptions
 
     Returns
     -------
@@ -60,6 +56,7 @@ def walked_surface(
     BuildingError
         The remaining surface cannot be triangulated; names the place.
     """
+    weld, headroom, treads = options.weld, options.headroom, options.treads
     heights = points[mesh.triangles][:, :, 2]
     has_treads = treads and may_have_treads(heights[np.ptp(heights, axis=1) <= weld][:, 0])
     has_bodies = headroom > 0.0 and bool(is_steep.any())

@@ -1,8 +1,7 @@
 """Exits, areas and obstacles that a case adds to a building, given as segments and polygons on a level."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import shapely
@@ -16,6 +15,7 @@ from evac.building.model.building import Area, Building, Exit, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
 from evac.building.model.links import nearest_wall, sorted_walls
+from evac.building.options import LEAST_LENGTH, ExitLine, Outline, Placed
 from evac.building.plan.outlines import between_floors
 from evac.building.plan.planparts import DOOR_REACH
 from evac.building.surface.edges import COLLINEAR, segment_lengths
@@ -26,17 +26,10 @@ EXIT_REACH = 0.05
 HEIGHT_REACH = 0.5
 #: Share of an area outside its level above which a warning is issued.
 CUT_OFF = 0.01
-#: Remainders of walls and exits shorter than this are dropped [m].
-LEAST_LENGTH = 1e-3
 
 
-def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
+def add_exit(building: Building, item: ExitLine) -> Building:
     """Add an exit along a segment, which is snapped to the free edges of a level.
-
-    Parameters
-    ----------
-    item : mapping
-        ``name``, ``segment`` ((2, 2) [m]) and ``level`` (name) or ``z`` [m].
 
     Raises
     ------
@@ -44,10 +37,10 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
         If the name is already used, the level is not found, or part of the segment is farther than
         `EXIT_REACH` from every free edge of the level, or it is at a wall with the level on both sides.
     """
-    name, what = item["name"], f"exit {item['name']!r}"
+    name, what = item.name, f"exit {item.name!r}"
     if any(other.name == name for other in building.exits):
         raise BuildingError(f"{building.source}: there are two exits named {name!r}; rename one")
-    ends = _coordinates(building, item, what, "segment", 2)
+    ends = np.array(item.segment)
     level = find_level(building, item, what, shapely.LineString(ends))
     kept, opened = [], []
     for row in np.flatnonzero(building.wall_level == level.index):
@@ -76,20 +69,15 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
     return replace(_with_walls(building, level, np.array(kept).reshape(-1, 4)), exits=(*building.exits, new))
 
 
-def add_area(building: Building, item: Mapping[str, Any]) -> Building:
+def add_area(building: Building, item: Outline) -> Building:
     """Add an area, clipped to the polygon of its level.
-
-    Parameters
-    ----------
-    item : mapping
-        ``name``, ``polygon`` ((k, 2) [m]) and ``level`` (name) or ``z`` [m].
 
     Raises
     ------
     BuildingError
         If the name is already used, or no part of the polygon is on the level.
     """
-    name, what = item["name"], f"area {item['name']!r}"
+    name, what = item.name, f"area {item.name!r}"
     if any(other.name == name for other in building.areas):
         raise BuildingError(f"{building.source}: there are two areas named {name!r}; rename one")
     drawn = _polygon(building, item, what)
@@ -104,13 +92,21 @@ def add_area(building: Building, item: Mapping[str, Any]) -> Building:
     return replace(building, areas=(*building.areas, Area(name, level.index, polygon)), findings=findings)
 
 
-def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Building:
-    """Cut obstacles out of the polygons of levels and areas; their outlines become walls.
+def obstacle_place(building: Building, item: Outline) -> tuple[str, Level, BaseGeometry]:
+    """Return name, level and polygon of an obstacle.
 
-    Parameters
-    ----------
-    items : sequence of mappings
-        Each with ``name``, ``polygon`` ((k, 2) [m] or a shapely geometry) and ``level`` (name) or ``z`` [m].
+    Raises
+    ------
+    BuildingError
+        If its polygon is not valid, or its level is not found.
+    """
+    what = f"obstacle {item.name!r}"
+    polygon = _polygon(building, item, what)
+    return item.name, find_level(building, item, what, polygon), polygon
+
+
+def add_obstacles(building: Building, places: Sequence[tuple[str, Level, BaseGeometry]]) -> Building:
+    """Cut obstacles, given as for `obstacle_place`, out of levels and areas; their outlines become walls.
 
     Raises
     ------
@@ -118,10 +114,8 @@ def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Bui
         If an obstacle is outside its level, or covers part of a portal or an exit.
     """
     on_level: dict[int, list[BaseGeometry]] = {}
-    for item in items:
-        what = f"obstacle {item['name']!r}"
-        polygon = _polygon(building, item, what)
-        level = find_level(building, item, what, polygon)
+    for name, level, polygon in places:
+        what = f"obstacle {name!r}"
         if polygon.intersection(level.polygon).area <= LEAST_LENGTH**2:
             raise BuildingError(f"{building.source}: {what} is not on level {level.name!r}{_extent(level)}")
         _check_open(building, level, polygon, what)
@@ -131,33 +125,31 @@ def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Bui
     return building
 
 
-def find_level(building: Building, item: Mapping[str, Any], what: str, geometry: BaseGeometry) -> Level:
-    """Find the level named ``level``, or the level at about the height ``z`` on which most of `geometry` lies.
+def find_level(building: Building, item: Placed, what: str, geometry: BaseGeometry) -> Level:
+    """Find the level that an item names, or the level at about its height on which most of `geometry` lies.
 
     Levels are compared by the area of a polygon on them, or by the length of a segment along their walls. For equal
-    levels, the nearest one in plan is chosen, then the one nearest to ``z``, then a floor rather than a flight.
+    levels, the nearest one in plan is chosen, then the one nearest to its height, then a floor rather than a flight.
 
     Raises
     ------
     BuildingError
         If there is none; the message names the existing levels.
     """
-    if item.get("level") is not None:
-        found = building.level_named(item["level"])
+    if item.level is not None:
+        found = building.level_named(item.level)
         if found is None:
             names = [level.name for level in building.levels]
             raise BuildingError(
-                f"{building.source}: {what}: no level is named {item['level']!r}; {did_you_mean(item['level'], names)}"
+                f"{building.source}: {what}: no level is named {item.level!r}; {did_you_mean(item.level, names)}"
             )
         return found
-    if item.get("z") is None:
-        raise BuildingError(f"{building.source}: {what}: give its level by name (level = ...) or by height (z = ...)")
-    z = float(item["z"])
+    assert item.z is not None
     centre = shapely.points(shapely.get_coordinates(geometry.centroid))
     near = []
     for level in building.levels:
         point = shapely.get_coordinates(shapely.shortest_line(level.polygon, centre)[0])[:1]
-        height_error = abs(float(level_elevation(building.vertices, level, point)[0]) - z)
+        height_error = abs(float(level_elevation(building.vertices, level, point)[0]) - item.z)
         if height_error <= HEIGHT_REACH:
             distance = max(float(level.polygon.distance(geometry)) - EXIT_REACH, 0.0)
             overlap, is_flight = _overlap(building, level, geometry), level.kind == "flight"
@@ -165,7 +157,7 @@ def find_level(building: Building, item: Mapping[str, Any], what: str, geometry:
     if not near:
         heights = ", ".join(f"{level.name!r} z = {level.z_min:z.2f} to {level.z_max:z.2f}" for level in building.levels)
         raise BuildingError(
-            f"{building.source}: {what}: no level is at the height z = {z:g} m there; correct z, or name a level: "
+            f"{building.source}: {what}: no level is at the height z = {item.z:g} m there; correct z, or name a level: "
             f"{heights}"
         )
     return building.levels[min(near)[-1]]
@@ -180,26 +172,9 @@ def _overlap(building: Building, level: Level, geometry: BaseGeometry) -> float:
     return float(segment_lengths(np.array(pieces).reshape(-1, 4)).sum())
 
 
-def _coordinates(building: Building, item: Mapping[str, Any], what: str, key: str, least: int) -> FloatArray:
-    """Check and return the plan coordinates (k, 2) of a key; a segment must have exactly two different ends."""
-    try:
-        plan = np.array(item.get(key, ()), dtype=np.float64)
-    except (TypeError, ValueError):
-        plan = np.empty(0)
-    is_right = plan.ndim == 2 and plan.shape[1] == 2 and len(plan) >= least and np.isfinite(plan).all()
-    if key == "segment":
-        is_right = is_right and len(plan) == 2 and np.hypot(*(plan[1] - plan[0])) > LEAST_LENGTH
-    if not is_right:
-        wanted = "two different points [[x1, y1], [x2, y2]]" if key == "segment" else "at least 3 points [[x, y], ...]"
-        raise BuildingError(f"{building.source}: {what}: {key} must be {wanted}, not {item.get(key)!r}")
-    return plan
-
-
-def _polygon(building: Building, item: Mapping[str, Any], what: str) -> BaseGeometry:
+def _polygon(building: Building, item: Outline, what: str) -> BaseGeometry:
     """Check and return the polygon of an item."""
-    if isinstance(item.get("polygon"), BaseGeometry):
-        return item["polygon"]
-    polygon = shapely.Polygon(_coordinates(building, item, what, "polygon", 3))
+    polygon = shapely.Polygon(item.polygon)
     if not polygon.is_valid or polygon.area <= LEAST_LENGTH**2:
         cause = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
         raise BuildingError(

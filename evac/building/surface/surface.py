@@ -14,6 +14,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry.extent import helpful_factor, is_plausible
 from evac.building.geometry.polygons import least_height, plan_area
 from evac.building.model.findings import Finding
+from evac.building.options import SurfaceOptions
 from evac.building.surface.foreign import walked_surface
 from evac.building.surface.hanging import split_at_vertices
 from evac.building.surface.resolution import check_resolution
@@ -102,39 +103,21 @@ def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[
     return [Finding("warning", text)]
 
 
-def clean_surface(
-    mesh: TriangleMesh,
-    weld: float,
-    flat_angle: float,
-    walkable_angle: float,
-    scale: float,
-    headroom: float,
-    treads: bool,
-) -> Surface:
+def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     """Convert a mesh to a walkable surface: weld vertices, drop cells that are not walkable, and split cells.
-
-    Parameters
-    ----------
-    weld : float [m]
-        Vertices at most this far apart are merged; an edge is split at vertices at most this far from it.
-    flat_angle, walkable_angle : float [degrees]
-        Cells with a slope below `flat_angle` are flat, above `walkable_angle` dropped, in between sloped.
-    scale : float
-        Metres per unit of the file.
-    headroom, treads
-        See `evac.building.surface.foreign.walked_surface`.
 
     Raises
     ------
     BuildingError
-        If the coordinates are too coarse for `weld`, a stair is too steep, no walkable cell is left, or cells too
-        narrow for `weld` form a significant part of the ground.
+        If the coordinates are too coarse for the weld, a stair is too steep, no walkable cell is left, or cells too
+        narrow for it form a significant part of the ground.
     """
+    weld, walkable_angle, scale = options.weld, options.walkable_angle, options.scale
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale
     doubt = _check_extent(mesh, points, scale)
     is_upright = np.rad2deg(slope_angle(points[mesh.triangles])) > walkable_angle + 1e-9
-    mesh, points = walked_surface(mesh, points, is_upright, weld, headroom, treads)
+    mesh, points = walked_surface(mesh, points, is_upright, options)
     notes = [*mesh.findings, *doubt]
     vertices, new_index = weld_points(points, weld)
     exit_edges = {name: new_index[edges] for name, edges in mesh.edge_tags.items()}
@@ -182,7 +165,7 @@ def clean_surface(
     order = np.lexsort(triangles.T[::-1])
     triangles, tags = triangles[order], _select(tags, order)
     gradient = _gradient(vertices[triangles])
-    is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= flat_angle
+    is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
     return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors)
 

@@ -1,0 +1,234 @@
+"""Types of the keys of case.toml, its sections, and problems that name a key and how to fix it."""
+
+import reprlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    InstanceOf,
+    PlainSerializer,
+    ValidationError,
+)
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from evac.base.defaults import FARTHEST, LEAST_RADIUS, LONGEST_NAME, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.base.distributions import Distribution, distribution_from
+from evac.base.errors import EvacError, is_one_line
+from evac.base.parameters import did_you_mean
+
+#: Path to a value of case.toml: names of tables, indexes of lists.
+Key = tuple[str | int, ...]
+
+#: Greatest number of characters of a value that is repeated as an example.
+LONGEST_EXAMPLE = 80
+
+#: Greatest number of problems that are collected for a case.
+MOST_PROBLEMS = 1_000
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+Switch = Annotated[bool, Field(strict=True)]
+
+Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FARTHEST, le=FARTHEST)]
+Point = tuple[Coordinate, Coordinate]
+
+
+def _one_line(text: str) -> str:
+    if not is_one_line(text):
+        raise ValueError(f"must be one line without control characters, got {text!r}")
+    return text
+
+
+Title = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_one_line)]
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_one_line)]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A speed on stairs given as a factor of the person's speed on the flat."""
+
+    factor: Distribution
+
+
+def _stair_speed(value: object) -> Distribution | Factor:
+    if isinstance(value, Factor):
+        return value
+    if isinstance(value, dict) and "factor" in value:
+        if len(value) > 1:
+            raise ValueError("factor must be the only key; write { factor = { uniform = [0.4, 0.6] } }")
+        return Factor(distribution_from(value["factor"], minimum=0.0, maximum=MOST_SPEED))
+    return distribution_from(value, minimum=0.0, maximum=MOST_SPEED)
+
+
+def _as_written(value: Distribution | Factor) -> Any:
+    return {"factor": value.factor.to_value()} if isinstance(value, Factor) else value.to_value()
+
+
+def _table_or_switch(value: object) -> object:
+    if value is True:
+        return {}
+    if value is False or isinstance(value, dict):
+        return value
+    raise ValueError(f"must be a table of parameters, or false to switch it off, got {value!r}")
+
+
+def _within(**bounds: float) -> BeforeValidator:
+    """Return a validator that reads a distribution within bounds, see `distribution_from`."""
+    return BeforeValidator(lambda value: distribution_from(value, **bounds))
+
+
+Radius = Annotated[
+    InstanceOf[Distribution], _within(minimum=LEAST_RADIUS, maximum=MOST_RADIUS), PlainSerializer(_as_written)
+]
+Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_MASS), PlainSerializer(_as_written)]
+Tau = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_TAU), PlainSerializer(_as_written)]
+Speed = Annotated[InstanceOf[Distribution], _within(minimum=0.0, maximum=MOST_SPEED), PlainSerializer(_as_written)]
+StairSpeed = Annotated[
+    InstanceOf[Distribution] | InstanceOf[Factor], BeforeValidator(_stair_speed), PlainSerializer(_as_written)
+]
+Parameters = Annotated[dict[str, Any] | Literal[False], BeforeValidator(_table_or_switch)]
+
+
+def key(doc: str, unit: str = "", default: Any = ..., **bounds: Any) -> Any:
+    """Return the pydantic field of a key with its meaning, SI unit, default and bounds."""
+    return Field(default, description=doc, json_schema_extra={"unit": unit}, **bounds)
+
+
+def wrong(key: str, message: str) -> PydanticCustomError:
+    """Return an error at `key` of the section being validated."""
+    return PydanticCustomError("case", "{text}", {"text": message, "key": key})
+
+
+def is_multiple(value: float, unit: float) -> bool:
+    """Return whether `value` is a whole number >= 1 of `unit`, up to rounding."""
+    count = round(value / unit)
+    return count >= 1 and abs(value - count * unit) <= 1e-9 * value
+
+
+class Section(BaseModel):
+    """A table of case.toml: frozen; unknown keys are errors."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def read(cls, given: Mapping[str, Any], error: type[EvacError], where: str) -> Self:
+        """Return the section with keys given from Python, where arrays may stand for lists.
+
+        Parameters
+        ----------
+        given : mapping
+        error : type of EvacError
+            Class of the error for a key that is not known or has a wrong value.
+        where : str
+            Beginning of its message, before the key.
+        """
+        try:
+            return cls.model_validate(_without_arrays(given))
+        except ValidationError as found:
+            first = problems_of(found, cls)[0]
+            raise error(f"{where}{'.'.join(map(str, first.key))}: {first.text}") from None
+
+
+def _without_arrays(value: Any) -> Any:
+    """Return a value in which arrays and numbers of NumPy are lists and numbers of Python."""
+    if isinstance(value, Mapping):
+        return {key: _without_arrays(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_arrays(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A fault: its key, its description with a fix, and whether it is a name that a plugin could provide."""
+
+    key: Key
+    text: str
+    is_unknown_name: bool = False
+
+
+def problems_of(error: ValidationError, root: type[Section]) -> list[Problem]:
+    """Convert the errors of pydantic for a section to problems in the terms of case.toml."""
+    found = error.errors(include_url=False, include_context=True)
+    parents = {other["loc"][:length] for other in found for length in range(len(other["loc"]))}
+    return [_problem(details, root) for details in found[:MOST_PROBLEMS] if not _is_repeat(details, parents)]
+
+
+def _is_repeat(details: ErrorDetails, parents: set[Key]) -> bool:
+    """Return whether a list is reported as too short only because items of it are not valid."""
+    return details["type"] == "too_short" and details["loc"] in parents
+
+
+def _problem(details: ErrorDetails, root: type[Section]) -> Problem:
+    key = details["loc"]
+    kind = details["type"]
+    got = reprlib.repr(details["input"])
+    context = details.get("ctx", {})
+    if kind == "extra_forbidden":
+        return Problem(key, f"unknown key; {_known_key(key, root)}")
+    if kind == "missing":
+        return Problem(key, f"missing; give {_meaning(key, root)}")
+    if kind == "case":
+        return Problem((*key, context["key"]), context["text"])
+    if kind == "value_error":
+        return Problem(key, str(context["error"]))
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return Problem(key, f"must be a table, got {got}")
+    if kind == "tuple_type":
+        hint = ""
+        if isinstance(details["input"], dict):
+            hint = "; write its header in double brackets: [[...]]"
+        elif isinstance(details["input"], str) and len(details["input"]) <= LONGEST_EXAMPLE:
+            hint = f'; write {key[-1]} = ["{details["input"]}"]'
+        return Problem(key, f"must be a list, got {got}{hint}")
+    text = details["msg"].replace("Input should be", "must be").replace(" after validation", "")
+    text = text.replace("Tuple should have", "must have").replace("String should have", "must have")
+    if kind == "literal_error" and isinstance(details["input"], str):
+        words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
+        return Problem(key, f"{text}, got {got}; {did_you_mean(details['input'], words)}")
+    return Problem(key, f"{text}, got {got}")
+
+
+def _known_key(key: Key, root: type[Section]) -> str:
+    """Return a hint for an unknown key: the closest key of the section, or another section with this key."""
+    section = section_at(key[:-1], root)
+    known = list(section.model_fields) if section else []
+    word = str(key[-1])
+    for name, field in root.model_fields.items():
+        other = section_of(field.annotation)
+        if word not in known and other is not None and other is not section and word in other.model_fields:
+            return f"it belongs to {name}: did you mean '{name}.{word}'?"
+    return did_you_mean(word, known)
+
+
+def _meaning(key: Key, root: type[Section]) -> str:
+    section = section_at(key[:-1], root)
+    field = section.model_fields.get(str(key[-1])) if section else None
+    return (field.description if field else None) or "a value"
+
+
+def section_at(key: Key, root: type[Section]) -> type[Section] | None:
+    """Return the section that contains a key of a section."""
+    section: type[Section] | None = root
+    is_name = False  # of a table in a section of named tables, such as presets
+    for step in key:
+        if isinstance(step, str) and not is_name:
+            field = section.model_fields.get(step) if section else None
+            section = section_of(field.annotation) if field else None
+            is_name = field is not None and get_origin(field.annotation) is dict
+        else:
+            is_name = False
+    return section
+
+
+def section_of(annotation: Any) -> type[Section] | None:
+    """Return the section that is the type of a field or of the items of a list."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := section_of(part)) is not None), None)
