@@ -1,7 +1,7 @@
 """Evacuation of multi-floor buildings, person by person, with swappable contact models.
 
 >>> import evac
->>> case = evac.load("classroom").change({"contact.model": "nsm1", "simulation.seed": 7})  # doctest: +SKIP
+>>> case = evac.load("classroom").change({"simulation.duration": 60.0, "simulation.seed": 7})  # doctest: +SKIP
 >>> results = evac.run(case, "classroom-result")  # doctest: +SKIP
 >>> time, number_out = results.egress()  # doctest: +SKIP
 >>> positions = evac.read_trajectory("classroom-result").position  # doctest: +SKIP

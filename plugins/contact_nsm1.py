@@ -113,6 +113,7 @@ class Nsm1(SolvedContactModel):
     reach_share = REACH
     reach_fastest = SHARED_REACH
     separates = True
+    rigid = True
     variant = Parameter("inertial", "with or without inertia", choices=("inertial", "overdamped"))
     gap_tolerance = Parameter(1e-4, "largest overlap after a solve", unit="m", above=0.0)
 

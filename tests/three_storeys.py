@@ -8,6 +8,7 @@ import pytest
 from shapely.geometry import box
 
 from evac.building.model.building import Area, Building, Exit, Level, Portal
+from evac.case.loading import load_case
 from evac.directions.routes import Route
 from evac.folder.files import TRAJECTORY_NAME
 from evac.physics.state import Crowd
@@ -195,7 +196,7 @@ def results(building):
     log = [(2, 3, 1.0), (1, 1, 2.0), (4, 3, 3.0), (4, 3, 3.5), (2, 2, 5.0), (1, 0, 6.0)]
     position = [[0.0, 1.5], [0.0, 1.5], [16.0, 3.0], [2.0, 5.0], [9.0, 3.0]]
     return Results(
-        case=SimpleNamespace(title="Three storeys", behaviours={}, to_dict=lambda: {"title": "Three storeys"}),
+        case=load_case("square_room", {"title": "Three storeys"}),
         building=building,
         crowd=crowd_at(position, [-1, -1, 2, 4, 4], exit_time=[4.0, 9.0, np.nan, np.nan, np.nan]),
         groups=(

@@ -146,6 +146,12 @@ class Case(Section):
         """The registry with which the case was checked."""
         return self._origin.registry
 
+    @property
+    def keeps_distance(self) -> list[str]:
+        """Names of the behaviours in use that keep distances, so that people slow down before bodies touch."""
+        keepers = {name for name, behaviour in self.registry.behaviours.items() if behaviour.keeps_distance}
+        return [name for name, table in self.behaviours.items() if table is not False and name in keepers]
+
     def change(self, overrides: Mapping[str, Any] | Iterable[str]) -> "Case":
         """Return a new checked case with some keys changed; see `evac.case.load_case`.
 

@@ -19,7 +19,7 @@ def declare_case(parser: argparse.ArgumentParser, metavar: str = "CASE") -> None
         nargs="+",
         action="extend",
         default=[],
-        help="change keys of the case, such as contact.model=nsm1 people.class_1.number=5",
+        help="change keys of the case, such as simulation.duration=60 people.class_1.number=5",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers (simulation.seed)")
     declare_plugin(parser)

@@ -37,7 +37,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         default=[],
-        help="values of keys, such as people.people.number=100,200,300 contact.model=dem,nsm2",
+        help="values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01",
     )
     parser.add_argument(
         "--table",

@@ -11,7 +11,7 @@ from evac.conformance.scenes import PLAIN, Pace
 from evac.contract.registry import KINDS, Registry
 from evac.contract.requirements import check_class, check_interface
 from evac.people.behaviour import Behaviour
-from evac.physics.contact.model import ContactModel
+from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.solver import Solver
 from evac.physics.force import Force
 
@@ -63,7 +63,9 @@ def check_registration(cls: type[Configurable], values: dict[str, Any], pace: Pa
         if pace != PLAIN:
             changes |= _slower(pace)
     elif issubclass(cls, Solver):
-        changes = {"contact.model": "nsm1", "contact.nsm1.solver": cls.name}
+        models = registry.contact_models.items()
+        solved = next(name for name, model in models if issubclass(model, SolvedContactModel))
+        changes = {"contact.model": solved, f"contact.{solved}.solver": cls.name}
     elif issubclass(cls, Force):
         changes = {f"forces.{cls.name}": values}
     elif issubclass(cls, Behaviour):

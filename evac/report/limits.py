@@ -12,10 +12,10 @@ LIMITS = (
     " turn in one piece.",
     "Bodies are discs of one radius in plan: shoulders do not turn, and there are no wheelchairs or bags. A crowd can"
     " block a narrow door permanently, which real people would not; such a run counts as blocked.",
-    "Without the behaviour headway, people walk at their full desired speed until bodies touch: flows through doors are"
-    " then higher than measured ones, and flows on stairs several times higher. Flows and times of such runs must not"
-    " be used as design values. With it, flows through doors are lower than those of laboratories, and queues there"
-    " last rather too long.",
+    "Without a behaviour with which people keep distances, they walk at their full desired speed until bodies touch:"
+    " flows through doors are then higher than measured ones, and flows on stairs several times higher. Flows and times"
+    " of such runs must not be used as design values. With the one of evac, flows through doors are lower than those of"
+    " laboratories, and queues there last rather too long.",
     "People know the building: nobody explores, misreads a sign or turns back, unless a behaviour in use models it.",
     "Response times, speeds and numbers of people are assumptions of the case, on which the results depend.",
     "One run is one sample of all random quantities. It does not show the variation of times; a study of many runs"

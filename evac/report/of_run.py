@@ -54,7 +54,7 @@ def run_report(
         model_section(
             summary.table, summary.versions, summary.plugins, str(summary.seed), "evac run case.toml --out RESULT"
         ),
-        verification_section(summary.table),
+        verification_section(summary.table, summary.keeps_distance),
         times_section(run),
         *congestion_sections(run, density, least_time, maps),
         warnings_section(quality_of(run), summary.warnings),

@@ -123,6 +123,7 @@ class Summary(_Plain):
     seed: int
     plugins: list[str]
     versions: dict[str, str]
+    keeps_distance: list[str]
     table: CaseTable = Field(alias="case")
 
 

@@ -85,7 +85,7 @@ def study_report(
         building_section(first),
         occupants_section(summary.table, first),
         model_section(summary.table, summary.versions, summary.plugins, _ranges(seeds), _command(summary)),
-        verification_section(summary.table),
+        verification_section(summary.table, summary.keeps_distance),
         *_points(study),
         _statistics(study),
         _exits(study),

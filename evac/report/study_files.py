@@ -83,6 +83,7 @@ class StudySummary(_Plain):
     step_change: EstimateTable | None = None
     plugins: list[str]
     versions: dict[str, str]
+    keeps_distance: list[str]
     table: CaseTable = Field(alias="case")
 
 

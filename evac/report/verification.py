@@ -1,7 +1,7 @@
 """What of evac has been verified, and what has failed: the evidence that is kept with the program."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -34,22 +34,22 @@ def evidence() -> Mapping[str, Any]:
     return found
 
 
-def subject_like(case: CaseTable, subjects: list[str]) -> str | None:
+def subject_like(case: CaseTable, keepers: Sequence[str], subjects: Sequence[str]) -> str | None:
     """Return which subject of the standard tests is like the model of a case; None if none is.
 
-    Subjects are named by model and variant, with ", headway" behind where people keep their distance.
+    Subjects are named by model and variant, then by the behaviour with which people keep distances, if there is one;
+    `keepers` are the behaviours of the case that do so.
     """
     words = {case.model.lower(), *(str(value).lower() for value in case.model_parameters.values())}
-    keeps_distance = case.behaviours.get("headway", False) is not False
     for subject in subjects:
-        model, _, behaviour = subject.partition(", ")
-        if set(model.lower().split()) <= words and (behaviour == "headway") == keeps_distance:
+        model, *behaviours = subject.split(", ")
+        if set(model.lower().split()) <= words and behaviours == list(keepers):
             return subject
     return None
 
 
-def verification_section(case: CaseTable) -> Section:
-    """Return the section on verification, with the standard tests of the model of a case."""
+def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
+    """Return the section on verification, with the standard tests of the model of a case; see `subject_like`."""
     found = evidence()
     return Section(
         "verification",
@@ -61,7 +61,7 @@ def verification_section(case: CaseTable) -> Section:
                 " A verdict is followed by the measured value where it fails, and where its 95 % confidence interval"
                 " extends over the bound (not certain)."
             ),
-            *_tests(case, found["tests"], found["kinds"]["validation"]),
+            *_tests(case, keepers, found["tests"], found["kinds"]["validation"]),
             heading("All kinds of evidence"),
             paragraph("The verdicts that are not met or undecided are listed in ", link(EVIDENCE, "the appendix"), "."),
             _kinds(found["kinds"]),
@@ -76,18 +76,19 @@ def evidence_section() -> Section:
     return Section(EVIDENCE, "Appendix: verdicts of the evidence that are not met", (words, _failures(kinds)))
 
 
-def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str]) -> list[Html]:
+def _tests(case: CaseTable, keepers: Sequence[str], rows: list[dict[str, str]], kind: Mapping[str, str]) -> list[Html]:
     """Return the standard tests, as the model of a case has fared, or all models where it was not put to them."""
     subjects = [column for column in rows[0] if column not in TEST_COLUMNS]
-    subject = subject_like(case, subjects)
+    subject = subject_like(case, keepers, subjects)
     parts = [heading("Standard tests (RiMEA, IMO, NIST, ISO)")]
     if subject is None:
         parts.append(
             note(
                 "bad",
                 paragraph(
-                    f"The contact model of this case, {case.model}, has not been tested with these parameters in the"
-                    " standard tests. The author must provide such tests. The table shows the models that were tested."
+                    f"The contact model of this case, {' with '.join([case.model, *keepers])}, has not been tested with"
+                    " these parameters in the standard tests. The author must provide such tests. The table shows the"
+                    " models that were tested."
                 ),
             )
         )

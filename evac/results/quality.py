@@ -14,13 +14,15 @@ MEASURED = 2.8
 MADE = 0.01
 
 
-def contact_warnings(report: Mapping[str, Any]) -> tuple[str, ...]:
+def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[str, ...]:
     """Return a warning for each number of a run's contact report that is out of bounds.
 
     Parameters
     ----------
     report : mapping
         Report of the contact model, see docs/results.md.
+    rigid : sequence of str
+        Names of the registered contact models without overlaps and rebounds, see `ContactModel.rigid`.
 
     Returns
     -------
@@ -35,7 +37,7 @@ def contact_warnings(report: Mapping[str, Any]) -> tuple[str, ...]:
             f"bodies overlapped by up to {_length(overlap)}, more than the {_length(promised)} that contact model "
             f"{report['model']!r} guarantees: greatest at t = {at['time']:.2f} s, person {at['person']} at "
             f"({at['x']:.2f}, {at['y']:.2f}) on level {at['level']!r}; use a smaller simulation.step, stiffer contacts "
-            "or start positions without overlaps, or contact model 'nsm1', which prevents overlaps"
+            f"or start positions without overlaps, or a contact model that prevents overlaps{_models(rigid)}"
         )
     unconverged = report["unconverged_steps"]
     if unconverged:
@@ -66,7 +68,7 @@ def contact_warnings(report: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def chatter_warning(finding: Finding, levels: Sequence[str]) -> str:
+def chatter_warning(finding: Finding, levels: Sequence[str], rigid: Sequence[str]) -> str:
     """Return the quality warning on chattering contacts.
 
     Parameters
@@ -75,16 +77,19 @@ def chatter_warning(finding: Finding, levels: Sequence[str]) -> str:
         From `evac.results.watch.Watch.chatter`.
     levels : sequence of str
         Names of the levels.
+    rigid : sequence of str
+        As for `contact_warnings`.
     """
     velocity, displacement = finding.values
     return (
-        "chattering contacts: evacuation times may be too short, because rebounding bodies loosen a jam; compare with "
-        f"--set contact.model=nsm1. {_who(finding, 'rebounded')}, most {_where(finding, levels)}: displaced at "
-        f"{displacement:.2f} m/s, with contact velocities of {velocity:.2f} m/s (docs/results.md)"
+        "chattering contacts: evacuation times may be too short, because rebounding bodies loosen a jam; compare with a"
+        f" contact model without rebounds{_models(rigid)}. {_who(finding, 'rebounded')}, most"
+        f" {_where(finding, levels)}: displaced at {displacement:.2f} m/s, with contact velocities of"
+        f" {velocity:.2f} m/s (docs/results.md)"
     )
 
 
-def crushing_warning(finding: Finding, levels: Sequence[str], keeps_distance: bool) -> str:
+def crushing_warning(finding: Finding, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
     """Return the quality warning on lethal contact forces.
 
     Parameters
@@ -93,11 +98,11 @@ def crushing_warning(finding: Finding, levels: Sequence[str], keeps_distance: bo
         From `evac.results.watch.Watch.crushing`.
     levels : sequence of str
         Names of the levels.
-    keeps_distance : bool
-        Whether people keep distances, see `Results.keeps_distance`.
+    keepers : sequence of str, optional
+        Names of the registered behaviours that keep distances; None if one of them is in use.
     """
     force, load = finding.values
-    advice = "" if keeps_distance else ", or use --set behaviours.headway={}, with which people keep their distance"
+    advice = "" if keepers is None else f", or use a behaviour with which people keep their distance{_sets(keepers)}"
     return (
         "lethal contact forces: such a crowd would be crushed, and injuries are not modelled; widen the passage or "
         f"reduce the number of people{advice}. {_who(finding, 'exceeded')} {CRUSHING_LOAD / 1000:g} kN per metre of "
@@ -106,30 +111,42 @@ def crushing_warning(finding: Finding, levels: Sequence[str], keeps_distance: bo
     )
 
 
-def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keeps_distance: bool) -> tuple[str, ...]:
+def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keepers: Sequence[str] | None) -> tuple[str, ...]:
     """Return a quality warning for each exit with a specific flow greater than measured ones.
 
     Parameters
     ----------
     exits : mapping
         From `evac.analysis.flows.exit_table`.
-    keeps_distance : bool
-        Whether people keep distances, see `Results.keeps_distance`.
+    keepers : sequence of str, optional
+        As for `crushing_warning`.
 
     Returns
     -------
     tuple of str
         One line for each exit.
     """
-    advice = "use --set behaviours.headway={}, with which people keep their distance and flows are below measured ones"
-    if keeps_distance:
-        advice = "check in egress.csv whether they left within a short time"
+    advice = "check in egress.csv whether they left within a short time"
+    if keepers is not None:
+        advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
     return tuple(
         f"flow above measured ones: evacuation times may be too short; {advice}. "
         f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, at most {MEASURED} in experiments"
         for name, use in exits.items()
         if (use["flow_per_metre"] or 0.0) > MEASURED
     )
+
+
+def _models(names: Sequence[str]) -> str:
+    return _options([f"contact.model={name}" for name in names])
+
+
+def _sets(behaviours: Sequence[str]) -> str:
+    return _options([f"behaviours.{name}={{}}" for name in behaviours])
+
+
+def _options(settings: Sequence[str]) -> str:
+    return f" (--set {' or '.join(settings)})" if settings else ""
 
 
 def _length(metres: float) -> str:

@@ -211,18 +211,16 @@ class Results:
     def quality_warnings(self) -> tuple[str, ...]:
         """Quality warnings (docs/results.md): numerical or physical problems of the results, one line each."""
         levels = [level.name for level in self.building.levels]
-        lines = [*contact_warnings(self.report)]
+        models, behaviours = self.case.registry.contact_models, self.case.registry.behaviours
+        rigid = [name for name, model in models.items() if model.rigid and name != self.case.contact.model]
+        keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
+        advised = None if self.case.keeps_distance else keepers
+        lines = [*contact_warnings(self.report, rigid)]
         if self.chatter:
-            lines.append(chatter_warning(self.chatter, levels))
+            lines.append(chatter_warning(self.chatter, levels, rigid))
         if self.crushing:
-            lines.append(crushing_warning(self.crushing, levels, self.keeps_distance))
-        return (*lines, *flow_warnings(self.exits, self.keeps_distance))
-
-    @property
-    def keeps_distance(self) -> bool:
-        """Whether a behaviour of the case keeps distances, so that people slow down before bodies touch."""
-        used = [name for name, table in self.case.behaviours.items() if table is not False]
-        return any(self.case.registry.behaviours[name].keeps_distance for name in used)
+            lines.append(crushing_warning(self.crushing, levels, advised))
+        return (*lines, *flow_warnings(self.exits, advised))
 
     @cached_property
     def exits(self) -> Mapping[str, Mapping[str, Any]]:
@@ -311,6 +309,7 @@ class Results:
             PLUGIN_FILES: self.plugin_files,
             "seed": self.seed,
             "case": self.case.to_dict(),
+            "keeps_distance": self.case.keeps_distance,
             "plugins": self.plugins,
             "versions": versions(),
         }

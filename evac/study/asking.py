@@ -155,9 +155,9 @@ def sweep(
 
     Examples
     --------
-    >>> changes = {"people.people.number": [20, 40], "contact.model": ["dem", "nsm2"]}
+    >>> changes = {"people.people.number": [20, 40], "people.people.speed": [1.0, 1.4]}
     >>> study = sweep(load("square_room"), changes, runs=20)  # doctest: +SKIP
-    >>> study.to_pandas().groupby("contact.model").last_out.mean()  # doctest: +SKIP
+    >>> study.to_pandas().groupby("people.people.number").last_out.mean()  # doctest: +SKIP
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
     case = run_plugin_files(as_case(case))

@@ -112,6 +112,7 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         "points": found,
         **({} if change is None else {"step_change": asdict(change)}),
         "case": case.to_dict(),
+        "keeps_distance": case.keeps_distance,
         "plugins": providers(case),
         "versions": versions(),
     }

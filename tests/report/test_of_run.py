@@ -151,21 +151,21 @@ def test_every_failed_verdict_is_shown(page):
 
 
 @pytest.mark.parametrize(
-    ("contact", "behaviours", "subject"),
+    ("contact", "keepers", "subject"),
     [
-        ({"model": "nsm2", "nsm2": {}}, {}, "NSM2"),
-        ({"model": "nsm1", "nsm1": {"variant": "inertial"}}, {"headway": {}}, "NSM1 inertial, headway"),
-        ({"model": "nsm1", "nsm1": {"variant": "overdamped"}}, {}, None),
-        ({"model": "dem", "dem": {"stiffness": 1.0}}, {"headway": False}, "DEM"),
-        ({"model": "own"}, {}, None),
+        ({"model": "nsm2", "nsm2": {}}, [], "NSM2"),
+        ({"model": "nsm1", "nsm1": {"variant": "inertial"}}, ["headway"], "NSM1 inertial, headway"),
+        ({"model": "nsm1", "nsm1": {"variant": "overdamped"}}, [], None),
+        ({"model": "dem", "dem": {"stiffness": 1.0}}, [], "DEM"),
+        ({"model": "dem", "dem": {}}, ["gaps"], None),
+        ({"model": "dem", "dem": {}}, ["headway", "gaps"], None),
+        ({"model": "own"}, [], None),
     ],
 )
-def test_a_model_is_shown_as_it_was_tested(contact, behaviours, subject):
-    case = CaseTable(
-        building={}, directions={}, people=[], contact=contact, behaviours=behaviours, simulation={}, output={}
-    )
+def test_a_model_is_shown_as_it_was_tested(contact, keepers, subject):
+    case = CaseTable(building={}, directions={}, people=[], contact=contact, simulation={}, output={})
     subjects = [column for column in evidence()["tests"][0] if column not in ("test", "measured", "expected", "by")]
-    assert subject_like(case, subjects) == subject
+    assert subject_like(case, keepers, subjects) == subject
 
 
 def test_shares_of_people_who_are_not_all_out():

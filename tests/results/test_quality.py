@@ -19,12 +19,13 @@ ALL_RIGHT = {
     "failed_solves": 0,
     "energy": {"driving_work": 1000.0, "contact_dissipation": 400.0, "contact_creation": 410.0},
 }
+RIGID = ("stiff",)
 PLACE = r"person 7 at \(9\.50, 3\.00\) on level 'hall'"
 
 
 def test_nothing_is_said_of_a_run_that_is_all_right():
-    assert contact_warnings(ALL_RIGHT) == ()
-    assert contact_warnings(ALL_RIGHT | {"greatest_overlap": 0.0, "greatest_overlap_at": None}) == ()
+    assert contact_warnings(ALL_RIGHT, RIGID) == ()
+    assert contact_warnings(ALL_RIGHT | {"greatest_overlap": 0.0, "greatest_overlap_at": None}, RIGID) == ()
 
 
 @pytest.mark.parametrize(
@@ -37,42 +38,43 @@ def test_nothing_is_said_of_a_run_that_is_all_right():
     ],
 )
 def test_each_number_has_a_warning_of_its_own_and_how_to_fix_it(change, words):
-    (line,) = contact_warnings(ALL_RIGHT | change)
+    (line,) = contact_warnings(ALL_RIGHT | change, RIGID)
     assert re.search(words, line)
     assert re.search("smaller simulation.step|look for", line)
+    assert ("--set contact.model=stiff" in line) == ("greatest_overlap" in change)
 
 
 def test_contacts_that_give_back_what_springs_took_are_all_right():
     springs = {"driving_work": 1000.0, "contact_dissipation": 8900.0, "contact_creation": 8700.0}
-    assert contact_warnings(ALL_RIGHT | {"energy": springs}) == ()
+    assert contact_warnings(ALL_RIGHT | {"energy": springs}, RIGID) == ()
 
 
 def test_driving_that_brakes_more_than_it_works_is_no_work_of_contacts():
     braked = {"driving_work": -1000.0, "contact_dissipation": 5.0, "contact_creation": 0.0}
-    assert contact_warnings(ALL_RIGHT | {"energy": braked}) == ()
+    assert contact_warnings(ALL_RIGHT | {"energy": braked}, RIGID) == ()
 
 
 @pytest.mark.parametrize(("people", "who"), [(1, "1 person "), (12, "12 people ")])
 def test_what_was_noticed_of_people_is_one_line_with_time_and_place(people, who):
     seen = Finding(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (0.92, 0.19))
-    line = chatter_warning(seen, ["cellar", "hall"])
+    line = chatter_warning(seen, ["cellar", "hall"], ["stiff"])
     assert re.search(f"t = 2\\.0 and 8\\.0 s {who}.*from 4\\.0 to 6\\.0 s, {PLACE}: .*0\\.19 m/s.*0\\.92 m/s", line)
     assert line.startswith("chattering contacts: ")
-    assert "contact.model=nsm1" in line
+    assert "--set contact.model=stiff" in line
     pressed = Finding(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (3140.0, 7850.0))
-    line = crushing_warning(pressed, ["cellar", "hall"], keeps_distance=False)
+    line = crushing_warning(pressed, ["cellar", "hall"], ["gaps", "file"])
     assert re.search(f"t = 2\\.0 and 8\\.0 s {who}.*from 4\\.0 to 6\\.0 s, {PLACE}: 7\\.8 kN/m, 3\\.1 kN", line)
-    assert "behaviours.headway={}" in line
-    assert "behaviours.headway" not in crushing_warning(pressed, ["cellar", "hall"], keeps_distance=True)
+    assert "--set behaviours.gaps={} or behaviours.file={}" in line
+    assert "behaviour" not in crushing_warning(pressed, ["cellar", "hall"], None)
 
 
 def test_only_flows_beyond_measured_ones_have_a_warning_and_the_exit_is_named():
     flows = {"few": None, "slow": MEASURED, "fast": 2.81}
     exits = {name: {"flow_per_metre": flow} for name, flow in flows.items()}
-    (line,) = flow_warnings(exits, keeps_distance=False)
+    (line,) = flow_warnings(exits, ["gaps"])
     assert line.startswith("flow above measured ones: ")
     assert "2.81 people per second and metre left by 'fast'" in line
-    assert "behaviours.headway={}" in line
-    (line,) = flow_warnings(exits, keeps_distance=True)
-    assert "behaviours.headway" not in line
+    assert "--set behaviours.gaps={}" in line
+    (line,) = flow_warnings(exits, None)
+    assert "behaviour" not in line
     assert "egress.csv" in line

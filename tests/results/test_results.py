@@ -1,15 +1,17 @@
 import csv
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from evac.base.errors import ResultError
 from evac.building.model.building import Door
+from evac.case.loading import load_case
 from evac.contract.registry import Registry
 from evac.directions.routes import Route
+from evac.people.behaviour import Behaviour
+from evac.physics.contact.model import ContactModel
 from evac.results.results import plain, versions
 from evac.results.watch import Finding
 
@@ -48,10 +50,31 @@ def test_people_who_rush_out_have_a_warning(results, monkeypatch):
         rush = results.crowd.replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
         lines = replace(results, crowd=rush).summary()["quality_warnings"]
         assert any("people per second and metre left by 'door'" in line for line in lines) == warned
-    for used, advised in (({"headway": {}}, False), ({"headway": False}, True), ({"route_choice": {}}, True)):
-        case = SimpleNamespace(behaviours=used, registry=Registry())
-        lines = replace(results, crowd=rush, case=case).quality_warnings
-        assert any("behaviours.headway={}" in line for line in lines) == advised
+
+
+class Gaps(Behaviour):
+    """A user's own behaviour with which people keep distances."""
+
+    name = "gaps"
+    keeps_distance = True
+
+    def act(self, crowd, time):
+        """Do nothing."""
+
+
+@pytest.mark.parametrize(("name", "advised"), [("headway", False), ("gaps", False), ("route_choice", True)])
+@pytest.mark.parametrize("values", [{}, False])
+def test_behaviours_that_keep_distances_are_recommended_where_none_is_in_use(results, name, advised, values):
+    registry = Registry()
+    registry.add_class(Gaps)
+    registry.add_class(type("Stiff", (ContactModel,), {"name": "stiff", "rigid": True, "step": lambda *_: None}))
+    case = load_case("square_room", {f"behaviours.{name}": values, "contact.model": "nsm1"}, registry=registry)
+    pressed = Finding(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
+    loose = replace(results, case=case, crushing=pressed, chatter=pressed)
+    chatter, crushing = loose.quality_warnings
+    assert "(--set contact.model=stiff)" in chatter  # the model in use is not recommended
+    assert ("--set behaviours.headway={} or behaviours.gaps={}" in crushing) == (advised or values is False)
+    assert loose.summary()["keeps_distance"] == ([] if advised or values is False else [name])
 
 
 def test_egress_counts_exit_times_in_order(results):
@@ -72,11 +95,6 @@ def test_quality_warnings_are_in_the_summary(results, tmp_path):
     assert len(lines) == 3
     assert "level 'floor 1'" in lines[0]
     assert all("person 3 at (2.00, 5.00) on level 'floor 2'" in line for line in lines[1:])
-    headway = SimpleNamespace(behaviours={"headway": {}}, registry=Registry())
-    assert [replace(warned, case=case).quality_warnings[2].count("headway") for case in (results.case, headway)] == [
-        1,
-        0,
-    ]
 
 
 def test_folder_holds_summary_egress_and_people(results, tmp_path):

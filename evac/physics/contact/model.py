@@ -106,6 +106,8 @@ class ContactModel(Configurable, ABC):
     along_the_way : bool
         Whether bodies, and with them contacts, are sorted by travel time, the order in which sweeps transmit loads; if
         not, they are sorted by place, which is faster in large crowds.
+    rigid : bool
+        Whether bodies neither overlap nor rebound. Warnings on overlaps and rebounds recommend such models.
     """
 
     law: ClassVar[Entry | None] = None
@@ -117,6 +119,7 @@ class ContactModel(Configurable, ABC):
     remembers: bool = True
     reports_percussions: bool = True
     along_the_way: bool = False
+    rigid: ClassVar[bool] = False
 
     def check_scene(self, scene: BorderScene) -> None:
         """Check that the model is stable for a scene.

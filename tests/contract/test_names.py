@@ -1,0 +1,46 @@
+"""The core knows no contact model, solver, force or behaviour by name."""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import evac
+from evac.contract.registry import Registry
+
+ROOT = Path(evac.__file__).parent
+
+#: Where names are allowed: the list of built-in modules, the cases that `evac new` and `evac import` write, evidence.
+MAY_NAME = ("contract/registry.py", "cli/new.py", "importing/casefile.py", "evidence/", "physics/contact/")
+
+#: Registered names that are columns of people.csv, too.
+COLUMNS = {"response_time"}
+
+
+@cache
+def names():
+    registry = Registry()
+    tables = (registry.contact_models, registry.solvers, registry.forces, registry.behaviours)
+    return sorted({name for table in tables for name in table} - COLUMNS)
+
+
+def named_in(text):
+    pattern = re.compile(rf"(?<![a-z])({'|'.join(names())})(?![a-z0-9])", re.IGNORECASE)
+    return pattern.findall(text)
+
+
+def test_no_module_of_the_core_names_a_model():
+    read = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in ROOT.rglob("*.py")}
+    found = {path: named_in(text) for path, text in read.items() if not path.startswith(MAY_NAME)}
+    assert {path: sorted(set(words)) for path, words in found.items() if words} == {}
+    assert set(named_in(read["importing/casefile.py"])) == {"nsm2", "headway"}
+
+
+@pytest.mark.parametrize("text", ['"""As NSM1 does."""', "x = headway", "dem_step = 1", "class Headway:", "'uzawa'"])
+def test_names_are_found_in_code_strings_and_docstrings(text):
+    assert named_in(text)
+
+
+def test_other_words_are_no_names():
+    assert not named_in("demand, academic, socialise, a headwayless hall")
