@@ -342,7 +342,7 @@ def test_a_plugin_that_fails_when_the_run_has_ended_leaves_the_result_in_its_pla
 
 def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path, monkeypatch):
     monkeypatch.setattr("evac.physics.threads.threads.PEOPLE_PER_THREAD", 45)
-    monkeypatch.setattr("evac.simulation.simulation.PEOPLE_PER_THREAD", 30)
+    monkeypatch.setattr("evac.simulation.assembly.PEOPLE_PER_THREAD", 30)
     changes = {"people.people.number": 90, "simulation.duration": 2.0, "contact.model": "dem"}
     case = evac.load("square_room", changes)
     before = threading.active_count()
