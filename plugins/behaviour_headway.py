@@ -14,10 +14,11 @@ from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.outside import Outside
-from evac.physics.contact.cells import fill_cells
+from evac.physics.contact.cells import Cells, line_at, make_cells, sort_by_level
+from evac.physics.contact.neighbours import levels_in_reach
 from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.seams import SEAM, reaches, way_out
-from evac.physics.sight import bucket_at, passes_through
+from evac.physics.sight import passes_through, walls_near
 from evac.physics.state import Crowd, World
 
 #: Repulsions below this share of the desired direction are neglected.
@@ -38,7 +39,7 @@ class Rule(Struct):
 
 
 class Sights(Struct):
-    """Places and desired motion of all people at a tick, and the cells of the plan that they are in.
+    """Places and desired motion of all people at a tick, and the cells that they are in.
 
     People outside are on levels of their own, one behind the exits of each level of the building.
     """
@@ -49,11 +50,9 @@ class Sights(Struct):
     direction: Pairs  # (n, 2) unit desired direction
     wanted: Floats  # (n,) desired plan speed, 0 before the response time [m/s]
     remaining: Floats  # (n,) remaining travel time; for people outside the time since leaving, negative [s]
-    start: Ints  # cell lists of `fill_cells`
-    cell_of: Ints
-    slots: Ints
-    cells_x: int  # numbers of cells along x and y
-    cells_y: int
+    cells: Cells  # of each level, and of the people outside of each level
+    near: Ints  # (n,) people in the cells around one person, and their number
+    number: int
     open_to: Floats  # (n,) distance within which no wall hides people on the same level [m]
 
 
@@ -103,20 +102,18 @@ class Headway(Behaviour):
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Allocate the arrays of a tick."""
-        n = len(scene.crowd.level)
+        n, levels = len(scene.crowd.level), len(scene.world.cosine)
         self._world, self._outside = scene.world, scene.outside
         self._sights = Sights(
-            levels=len(scene.world.cosine),
+            levels=levels,
             level=np.zeros(n, np.int32),
             position=np.zeros((n, 2)),
             direction=np.zeros((n, 2)),
             wanted=np.zeros(n),
             remaining=np.zeros(n),
-            start=np.zeros(4 * n + 1025, np.int32),
-            cell_of=np.zeros(n, np.int32),
-            slots=np.zeros(n, np.int32),
-            cells_x=0,
-            cells_y=0,
+            cells=make_cells(n, 2 * levels),
+            near=np.zeros(n, np.int32),
+            number=0,
             open_to=np.zeros(n),
         )
         share = self.repulsion / FAINT
@@ -141,12 +138,9 @@ class Headway(Behaviour):
 @kernel
 def apply_rules(world: World, crowd: Crowd, outside: Outside, sights: Sights, rule: Rule, time: float) -> None:
     """Apply the rules of `Headway` to all people inside who have started, and to those outside."""
-    n = crowd.level.shape[0]
     if set_places(crowd, outside, sights) == 0:
         return
-    nx, ny = fill_cells(n, sights.position, sights.level, CELL, sights.start, sights.cell_of, sights.slots)
-    sights.cells_x = nx
-    sights.cells_y = ny
+    sort_by_level(sights.cells, sights.level.shape[0], sights.position, sights.level, CELL)
     set_open_distances(world, sights)
     add_repulsions(world, crowd, sights, rule)
     set_desired_motion(world, crowd, outside, sights, time)
@@ -169,13 +163,48 @@ def set_places(crowd, outside, sights):  # type: ignore[no-untyped-def]
 
 
 @inner
-def block_of(sights, i, reach):  # type: ignore[no-untyped-def]
-    """Return the ranges (first, last + 1) of columns and rows of the cells within a distance [m] of person i."""
-    nx, ny = sights.cells_x, sights.cells_y
-    column = sights.cell_of[i] // ny
-    row = sights.cell_of[i] - column * ny
-    ring = int(min(reach / CELL, nx + ny)) + 1
-    return max(column - ring, 0), min(column + ring + 1, nx), max(row - ring, 0), min(row + ring + 1, ny)
+def list_near(world, sights, i, reach):  # type: ignore[no-untyped-def]
+    """List all people whom person i can see within `reach` [m], and others, in `sights.near`.
+
+    People on other levels are seen through portals only, and people outside from the level that they have left, or
+    through portals; these see only others outside of the same level.
+    """
+    sights.number = 0
+    own = sights.level[i]
+    if own >= sights.levels:
+        list_level(sights, i, own, reach)
+        return
+    slack = 2.0 * max(SEAM, world.rounding)
+    for k in range(levels_in_reach(world, own, sights.position[i, 0], sights.position[i, 1], reach + slack)):
+        level = world.linked_level[world.linked_start[own] + k]
+        list_level(sights, i, level, reach)
+        list_level(sights, i, level + sights.levels, reach)
+
+
+@inner
+def list_level(sights, i, level, reach):  # type: ignore[no-untyped-def]
+    """Add the people of a level in all cells within `reach` [m] of person i to `sights.near`."""
+    cells = sights.cells
+    columns, rows, wraps = cells.columns[level], cells.rows[level], cells.wraps[level]
+    ring = int(reach / cells.size) + 1
+    left = line_at(sights.position[i, 0], cells.size) - ring - cells.low_column[level]
+    low = line_at(sights.position[i, 1], cells.size) - ring - cells.low_row[level]
+    right, high = left + 2 * ring + 1, low + 2 * ring + 1
+    if wraps:  # each column and row once
+        right, high = min(right, left + columns), min(high, low + rows)
+    else:
+        left, right, low, high = max(left, 0), min(right, columns), max(low, 0), min(high, rows)
+    for column in range(left, right):
+        # The rows of a column follow one another, unless they begin again.
+        for row in range(low, high if wraps else min(high, low + 1)):
+            first = cells.first[level] + column * rows + row
+            last = first + high - low
+            if wraps:
+                first = cells.first[level] + column % columns * rows + row % rows
+                last = first + 1
+            for slot in range(cells.start[first], cells.start[last]):
+                sights.near[sights.number] = cells.slots[slot]
+                sights.number += 1
 
 
 @inner
@@ -188,19 +217,18 @@ def add_repulsions(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
         if crowd.level[i] < 0:
             continue
         px, py = 0.0, 0.0
-        left, right, low, high = block_of(sights, i, rule.cutoff)
-        for cx in range(left, right):
-            for slot in range(sights.start[cx * sights.cells_y + low], sights.start[cx * sights.cells_y + high]):
-                j = sights.slots[slot]
-                dx = sights.position[j, 0] - sights.position[i, 0]
-                dy = sights.position[j, 1] - sights.position[i, 1]
-                s = math.sqrt(dx * dx + dy * dy)
-                if not 0.0 < s < rule.cutoff:
-                    continue
-                if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
-                    push = rule.repulsion * math.exp((rule.length - s) / rule.range)
-                    px -= push * dx / s
-                    py -= push * dy / s
+        list_near(world, sights, i, rule.cutoff)
+        for k in range(sights.number):
+            j = sights.near[k]
+            dx = sights.position[j, 0] - sights.position[i, 0]
+            dy = sights.position[j, 1] - sights.position[i, 1]
+            s = math.sqrt(dx * dx + dy * dy)
+            if not 0.0 < s < rule.cutoff:
+                continue
+            if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
+                push = rule.repulsion * math.exp((rule.length - s) / rule.range)
+                px -= push * dx / s
+                py -= push * dy / s
         crowd.extra_direction[i, 0] += px
         crowd.extra_direction[i, 1] += py
 
@@ -236,19 +264,18 @@ def reduce_speeds(world, crowd, outside, sights, rule):  # type: ignore[no-untyp
             continue
         ex, ey = sights.direction[i, 0], sights.direction[i, 1]
         nearest = rule.length + full
-        left, right, low, high = block_of(sights, i, nearest)
-        for cx in range(left, right):
-            for slot in range(sights.start[cx * sights.cells_y + low], sights.start[cx * sights.cells_y + high]):
-                j = sights.slots[slot]
-                dx = sights.position[j, 0] - sights.position[i, 0]
-                dy = sights.position[j, 1] - sights.position[i, 1]
-                if ex * dx + ey * dy <= 0.0 or abs(ex * dy - ey * dx) > rule.length:
-                    continue
-                s = math.sqrt(dx * dx + dy * dy)
-                if s >= nearest or not brakes_for(crowd, sights, i, j, dx, dy):
-                    continue
-                if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
-                    nearest = s
+        list_near(world, sights, i, nearest)
+        for k in range(sights.number):
+            j = sights.near[k]
+            dx = sights.position[j, 0] - sights.position[i, 0]
+            dy = sights.position[j, 1] - sights.position[i, 1]
+            if ex * dx + ey * dy <= 0.0 or abs(ex * dy - ey * dx) > rule.length:
+                continue
+            s = math.sqrt(dx * dx + dy * dy)
+            if s >= nearest or not brakes_for(crowd, sights, i, j, dx, dy):
+                continue
+            if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
+                nearest = s
         if nearest < rule.length + full:
             share = max((nearest - rule.length) / full, 0.0)
             if crowd.level[i] >= 0:
@@ -283,10 +310,9 @@ def set_open_distances(world, sights):  # type: ignore[no-untyped-def]
             sights.open_to[i] = math.inf
         elif sights.level[i] >= 0:
             sights.open_to[i] = world.bucket_reach
-            first, last = bucket_at(world, sights.position[i, 0], sights.position[i, 1])
+            first, last = walls_near(world, sights.level[i], sights.position[i, 0], sights.position[i, 1], 0.0)
             for slot in range(first, last):
-                w = world.bucket_wall[slot]
-                if world.wall_level[w] == sights.level[i] and not world.wall_open[w]:
+                if not world.wall_open[world.bucket_wall[slot]]:
                     sights.open_to[i] = 0.0
 
 
@@ -321,13 +347,13 @@ def is_hidden(world, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
     pieces = int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / (2.0 * world.bucket_reach)) + 1
     for k in range(pieces):
         share = (k + 0.5) / pieces
-        first, last = bucket_at(world, ax + share * (bx - ax), ay + share * (by - ay))
-        for slot in range(first, last):
-            w = world.bucket_wall[slot]
-            if world.wall_open[w] or (world.wall_level[w] != a and world.wall_level[w] != b):
-                continue
-            if passes_through(world.wall, w, ax, ay, bx, by):
-                return True
+        x, y = ax + share * (bx - ax), ay + share * (by - ay)
+        for end in range(1 if a == b else 2):
+            first, last = walls_near(world, b if end else a, x, y, 0.0)
+            for slot in range(first, last):
+                w = world.bucket_wall[slot]
+                if not world.wall_open[w] and passes_through(world.wall, w, ax, ay, bx, by):
+                    return True
     return False
 
 

@@ -360,63 +360,125 @@ def test_two_who_come_towards_each_other_pass():
     assert nearest > 0.35
 
 
-def nearest_ahead(crowd, directions, remaining, walls, length, i):
-    """Return the distance to whom person i brakes for, from the rules of the docstring and shapely's geometry."""
-    found = math.inf
-    for j in range(len(crowd.level)):
-        step = crowd.position[j] - crowd.position[i]
-        e, f = directions[crowd.route[i]], directions[crowd.route[j]]
-        beside = abs(e[0] * step[1] - e[1] * step[0])
-        if j == i or e @ step <= 0.0 or beside > length:
-            continue
-        if e @ f > 0.0:
-            same = crowd.route[i] == crowd.route[j]
-            if not (remaining[j] < remaining[i] if same else (e + f) @ step > 0.0):
-                continue
-        if not shapely.LineString([crowd.position[i], crowd.position[j]]).intersects(walls):
-            found = min(found, math.hypot(*step))
-    return found
+#: Three levels in a row: a thin one between two others, and one above all of them. Lines at 0 and 0.3 are portals
+#: between walls with a gap, exits are at the ends.
+STOREYS = {
+    "bounds": ((-6.0, -6.0, 0.0, 6.0), (0.0, -6.0, 0.3, 6.0), (0.3, -6.0, 0.6, 6.0), (-6.0, -6.0, 0.6, 6.0)),
+    "portals": [(0, 1, (0.0, -5.0, 0.0, 5.0)), (1, 2, (0.3, -5.0, 0.3, 4.0))],
+    "exits": [(2, (0.6, -4.0, 0.6, 4.0)), (3, (0.6, -3.0, 0.6, 6.0))],
+}
+
+
+def crowd_of_storeys(draw, n, far):
+    """Return crowd and people outside at random places of `STOREYS`, and one of each far away if told."""
+    level = draw.integers(0, 4, n)
+    low, high = np.array(STOREYS["bounds"])[level].reshape(n, 2, 2).swapaxes(0, 1)
+    position = draw.uniform(low, high)
+    if far:
+        position[0], level[0] = (4000.0, 3000.0), 2
+    outside = make_outside(n)
+    out = np.flatnonzero(draw.uniform(size=n) < 0.2)
+    outside.level[out] = draw.integers(2, 4, len(out))
+    outside.position[out] = draw.uniform((0.6, -6.0), (2.6, 6.0), (len(out), 2))
+    if far:
+        outside.position[out[0]] = 2.0, 3000.0
+    angle = draw.uniform(-1.0, 1.0, len(out))
+    outside.direction[out] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    outside.depth[out] = outside.position[out, 0] - 0.6
+    level[out] = -1
+    crowd = make_crowd(np.where(level[:, None] < 0, np.nan, position), level=level, speed=draw.uniform(0.6, 2.0, n))
+    crowd.route[:] = draw.integers(0, 3, n)
+    return crowd, outside
+
+
+class Pairs:
+    """The rules of the docstring for all pairs of people, with shapely's geometry and without cells."""
+
+    def __init__(self, crowd, directions, walls, wall_level, outside):
+        self.met: set[tuple[int, bool, bool]] = set()
+        self.route = crowd.route
+        self.out = outside.level >= 0
+        self.level = np.where(self.out, outside.level, crowd.level)
+        self.position = np.where(self.out[:, None], outside.position, crowd.position)
+        self.direction = np.where(self.out[:, None], outside.direction, directions[crowd.route])
+        along = np.einsum("nk,nk->n", directions[crowd.route], self.position)
+        self.remaining = np.where(self.out, -outside.depth, 100.0 - along)
+        self.walls = [
+            shapely.MultiLineString([wall.reshape(2, 2) for wall in walls[wall_level == level]]) for level in range(4)
+        ]
+        self.portals = {(a, b): shapely.LineString(np.reshape(at, (2, 2))) for a, b, at in STOREYS["portals"]}
+        self.exits = {level: shapely.LineString(np.reshape(at, (2, 2))) for level, at in STOREYS["exits"]}
+
+    def sees(self, i, j):
+        """Return whether person i sees j, through at most two portals, or an exit of the level that j has left."""
+        a, b = self.level[i], self.level[j]
+        if self.out[i]:
+            return self.out[j] and a == b
+        line = shapely.LineString([self.position[i], self.position[j]])
+        if self.out[j]:
+            if b not in self.exits or not line.intersects(self.exits[b]):
+                return False
+            line = shapely.LineString([self.position[i], line.intersection(self.exits[b])])
+        low, high = min(a, b), max(a, b)
+        if low != high and high == 3:
+            return False
+        if not all(line.intersects(self.portals[k, k + 1]) for k in range(low, high)):
+            return False
+        return not line.intersects(self.walls[a]) and not line.intersects(self.walls[b])
+
+    def nearby(self, i, reach):
+        """Return (person, step, distance) of all whom person i sees within `reach` [m]."""
+        steps = self.position - self.position[i]
+        distances = np.hypot(*steps.T)
+        near = np.flatnonzero((distances < reach) & (self.level >= 0) & (np.arange(len(steps)) != i))
+        found = [(j, steps[j], distances[j]) for j in near if self.sees(i, j)]
+        self.met.update((abs(self.level[i] - self.level[j]), self.out[i], self.out[j]) for j, _, _ in found)
+        return found
+
+    def brakes(self, i, j, step, length):
+        """Return whether person i slows down for j, whom it sees."""
+        e, f = self.direction[i], self.direction[j]
+        if e @ step <= 0.0 or abs(e[0] * step[1] - e[1] * step[0]) > length:
+            return False
+        if e @ f <= 0.0:
+            return not self.out[i]
+        if self.out[i] or self.route[i] == self.route[j]:
+            return self.remaining[j] < self.remaining[i]
+        return (e + f) @ step > 0.0
+
+    def factor(self, i, speed, length=0.3, time_gap=1.0):
+        full = time_gap * speed
+        ahead = [s for j, step, s in self.nearby(i, length + full) if self.brakes(i, j, step, length)]
+        return min(1.0, max(0.0, (min(ahead, default=math.inf) - length) / full))
+
+    def turn(self, i, length=0.3, repulsion=8.0, reach=0.1):
+        near = self.nearby(i, length + reach * math.log(repulsion / 0.01))
+        return -sum((repulsion * math.exp((length - s) / reach) * step / s for _, step, s in near), np.zeros(2))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_everybody_does_what_a_search_over_all_pairs_tells(seed):
+    """On levels behind portals and above each other, from which some have left."""
     draw = np.random.default_rng(seed)
-    n, length, time_gap = 300, 0.3, 1.0
     angles = draw.uniform(-math.pi, math.pi, 3)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    walls = draw.uniform(-8.0, 8.0, (12, 2, 2))
-    crowd = make_crowd(draw.uniform(-8.0, 8.0, (n, 2)), speed=draw.uniform(0.6, 2.0, n))
-    crowd.route[:] = draw.integers(0, 3, n)
-    fields = uniform_fields(1, *map(tuple, directions))
-    prepared(crowd, make_building(walls=walls.reshape(-1, 4)), fields, repulsion=0.0).act(crowd, 0.0)
-    remaining = 100.0 - np.einsum("nk,nk->n", directions[crowd.route], crowd.position)
-    lines = shapely.MultiLineString([*walls])
-    slowed = 0
-    for i in range(n):
-        spacing = nearest_ahead(crowd, directions, remaining, lines, length, i)
-        expected = min(1.0, max(0.0, (spacing - length) / (time_gap * crowd.speed[i, 0])))
-        assert crowd.speed_factor[i] == pytest.approx(expected, abs=1e-12), i
-        slowed += expected < 1.0
-    assert slowed > 60
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_everybody_turns_as_a_sum_over_all_pairs_tells(seed):
-    draw = np.random.default_rng(seed)
-    walls = draw.uniform(-4.0, 4.0, (6, 2, 2))
-    crowd = make_crowd(draw.uniform(-4.0, 4.0, (150, 2)), speed=1.2)
-    prepared(crowd, make_building(walls=walls.reshape(-1, 4))).act(crowd, 0.0)
-    lines, turned = shapely.MultiLineString([*walls]), 0
-    for i, here in enumerate(crowd.position):
-        expected = np.zeros(2)
-        for there in np.delete(crowd.position, i, axis=0):
-            step, distance = there - here, np.hypot(*(there - here))
-            push = 8.0 * math.exp((0.3 - distance) / 0.1)
-            if push > 0.01 and not shapely.LineString([here, there]).intersects(lines):
-                expected -= push * step / distance
-        assert crowd.extra_direction[i] == pytest.approx(expected, abs=1e-9), i
-        turned += np.hypot(*expected) > 0.1
-    assert turned > 50
+    fields = uniform_fields(4, *map(tuple, directions))
+    crowd, outside = crowd_of_storeys(draw, 500, far=seed % 2)
+    walls, wall_level = draw.uniform(-6.0, 6.0, (16, 4)), np.repeat(range(4), 4)
+    walls[:, 2:] = walls[:, :2] + 0.3 * (walls[:, 2:] - walls[:, :2])
+    building = make_building(**STOREYS, walls=walls, wall_level=wall_level)
+    pairs = Pairs(crowd, directions, walls, wall_level, outside)
+    prepared(crowd, building, fields, outside, repulsion=0.0).act(crowd, 0.0)
+    for i in np.flatnonzero(pairs.level >= 0):
+        expected = pairs.factor(i, crowd.speed[i, 0])
+        found = (outside if pairs.out[i] else crowd).speed_factor[i]
+        assert found == pytest.approx(expected, abs=1e-12), i
+    prepared(crowd, building, fields, outside).act(crowd, 0.0)
+    for i in np.flatnonzero(crowd.level >= 0):
+        assert crowd.extra_direction[i] == pytest.approx(pairs.turn(i), abs=1e-9), i
+    # Levels between two people, and whether each of them has left.
+    inside = {(apart, False, is_out) for apart in range(3) for is_out in (False, True)}
+    assert pairs.met == inside | {(0, True, True)}
 
 
 def test_a_fast_person_ends_up_behind_a_slow_one_at_the_time_gap():
