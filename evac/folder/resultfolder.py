@@ -141,6 +141,12 @@ class ResultFolder:
             mark(self.running, RUNNING, self._place.name)
             self._hold()
 
+    def put_back(self, source: Path) -> None:
+        """Undo `reopen` with the same argument, for a run that cannot be resumed."""
+        if not source.exists():
+            mark(self.running, COMPLETE, self._place.name)
+            os.rename(self.running, self._place)
+
     def check(self) -> None:
         """Check that ``RESULT.running`` is still the folder created by this run.
 

@@ -218,7 +218,11 @@ def resumed(
         place.start()
     else:
         place.reopen(found.path.parent)
-        found.restore_recorders(simulation)
+        try:
+            found.restore_recorders(simulation)
+        except BaseException:
+            place.put_back(found.path.parent)
+            raise
         remove_written(place.running, [*found.files, CHECKPOINT_NAME])
     return simulation, found.every
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -212,22 +212,49 @@ class Recording:
         ResultError
             A file is missing or shorter than at the checkpoint.
         """
-        if self._folder is not None:
-            check_lengths(self._folder, files)
-            for name, length in files.items():
-                with writing(name, self._folder):
-                    os.truncate(self._folder / name, length)
+        restored: list[Recorder] = []
+        with _truncated(self._folder, files):
+            try:
+                for recorder in self.recorders:
+                    what = f"recorder {recorder.name!r}: restore"
+                    with reading(simulation, what, recorder), part_of(state, f"{recorder.name}.") as own:
+                        recorder.restore(simulation, own)
+                    restored.append(recorder)
+                if self._folder is not None and self.files() != files:
+                    raise ResultError(
+                        f"{self._folder}: the checkpoint has the files {', '.join(files) or 'none'}, the recorders "
+                        f"continue {', '.join(self.files()) or 'none'}, or other lengths; run the case from its start"
+                    )
+            except BaseException:
+                for recorder in restored:  # close the files
+                    with suppress(EvacError), reading(simulation, "", recorder):
+                        recorder.finish(simulation, None)
+                raise
         self.is_started = True
         self._made = set(plugin_files)
-        for recorder in self.recorders:
-            what = f"recorder {recorder.name!r}: restore"
-            with reading(simulation, what, recorder), part_of(state, f"{recorder.name}.") as own:
-                recorder.restore(simulation, own)
-        if self._folder is not None and self.files() != files:
-            raise ResultError(
-                f"{self._folder}: the checkpoint has the files {', '.join(files) or 'none'}, the recorders continue "
-                f"{', '.join(self.files()) or 'none'}, or other lengths; run the case from its start"
-            )
+
+
+@contextmanager
+def _truncated(folder: Path | None, files: Mapping[str, int]) -> Iterator[None]:
+    """Truncate files to lengths [bytes]; if the code within fails, as a recorder may, append what was cut off again."""
+    cut: list[tuple[Path, int, bytes]] = []
+    if folder is not None:
+        check_lengths(folder, files)
+        for name, length in files.items():
+            with writing(name, folder), (folder / name).open("rb") as file:
+                file.seek(length)
+                cut.append((folder / name, length, file.read()))
+    try:
+        for path, length, _ in cut:
+            with writing(path.name, path.parent):
+                os.truncate(path, length)
+        yield
+    except BaseException:
+        for path, length, end in cut:
+            os.truncate(path, length)
+            with path.open("ab") as file:
+                file.write(end)
+        raise
 
 
 @contextmanager

@@ -6,10 +6,10 @@ import pytest
 
 import evac
 from evac.base.errors import ResultError
+from evac.cli.main import main
 from evac.contract.registry import BUILTIN_EXPORTERS, Registry
 from evac.export.exporter import export
 from evac.folder.files import FRAMES, WRITTEN, frame_name, replacing, writing
-from evac.replay.writer import replay_trajectory
 
 
 def test_frames_are_found_by_their_pattern():
@@ -57,21 +57,26 @@ def test_files_can_be_read_as_others_are(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["replay.html", "export/trajectory.csv", "export/building.geojson", "export/jupedsim/room.sqlite"]
+    ("name", "command"),
+    [
+        ("replay.html", "replay"),
+        ("report.html", "report --maps density"),
+        ("map_density.png", "map --of density --spacing 1"),
+        ("picture.png", "render --out {} --view plan --size 100 100"),
+        ("film.gif", "render --out {} --view plan --size 100 100"),
+        ("export/trajectory.csv", "export --to csv"),
+        ("export/building.geojson", "export --to geojson"),
+        ("export/jupedsim/room.sqlite", "export --to jupedsim"),
+        ("animation.pvd", "export"),
+    ],
 )
-def test_links_in_a_result_are_replaced_and_not_followed(result, tmp_path, name):
+def test_links_in_a_result_are_replaced_and_not_followed(result, tmp_path, name, command):
     thesis, place = tmp_path / "thesis.txt", result / name
     thesis.write_text("precious")
     place.parent.mkdir(parents=True, exist_ok=True)
     place.unlink(missing_ok=True)
     place.symlink_to(thesis)
-    trajectory = evac.read_trajectory(result)
-    if name == "replay.html":
-        replay_trajectory(trajectory, place)
-    else:
-        exporters = Registry(builtins=BUILTIN_EXPORTERS)
-        kind = {"trajectory.csv": "csv", "building.geojson": "geojson", "room.sqlite": "jupedsim"}[place.name]
-        assert export(trajectory, exporters.get("exporter", kind)()) == [place]
+    assert main([*command.format(place).split(), str(result)]) == 0
     assert thesis.read_text() == "precious"
     assert place.is_file()
     assert not place.is_symlink()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import FolderWarning, PluginError, ResultError, ScenarioError
+from evac.base.errors import EvacError, FolderWarning, PluginError, ResultError, ScenarioError
 from evac.folder.checkpoint import write_checkpoint
 from evac.folder.files import CHECKPOINT_NAME
 from evac.results.ending import Stopped
@@ -360,6 +360,29 @@ def test_the_trajectory_of_another_run_is_refused_before_it_is_cut(tmp_path, hal
     with pytest.raises(ResultError, match=r"trajectory\.evac: is not the file of the checkpoint"):
         evac.resume(tmp_path / "r")
     assert content(tmp_path / "r.running") == before
+
+
+@pytest.mark.parametrize("restore", ["raise ValueError('no')", "self.length = int(state['length']) - 1"])
+@pytest.mark.parametrize("raised", [Killed, Stopped])
+def test_a_recorder_that_cannot_be_restored_leaves_the_files_as_they_were(tmp_path, hall, restore, raised):
+    plugin = tmp_path / "inside.py"
+    plugin.write_text(textwrap.dedent(PLUGIN.format(state="def state(self): return {}")))
+    case = evac.load(hall, plugin_files=[plugin])
+    if raised is Killed:
+        kill(case, tmp_path / "r", 1.0)
+    else:
+        evac.run(case, tmp_path / "r", progress=until(1.0, raised))
+    folder = tmp_path / ("r.running" if raised is Killed else "r")
+    for name in ("inside.txt", "trajectory.evac"):  # as from a run that was killed after its checkpoint
+        with (folder / name).open("ab") as file:
+            file.write(b"behind the checkpoint")
+    plugin.write_text(plugin.read_text().replace('self.length = int(state["length"])', restore))
+    before = content(folder)
+    with pytest.raises(EvacError, match="inside"):
+        evac.resume(tmp_path / "r", plugin_files=[plugin], allow_differences=True)
+    after = content(folder)
+    assert after.pop("manifest.jsonl").startswith(before.pop("manifest.jsonl"))
+    assert after == before
 
 
 def test_plugin_files_of_a_case_are_run_only_beside_the_result_or_where_the_user_says(tmp_path, hall):
