@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from evac.physics.contact.pair_contact import PairContact as PairContact
     from evac.physics.contact.solver import Solver as Solver
     from evac.physics.force import Force as Force
+    from evac.results.reading import read_results as read_results
     from evac.results.results import Results as Results
     from evac.simulation.assembly import read_building as read_building
     from evac.simulation.running import resume as resume
@@ -92,6 +93,7 @@ _HOMES = {
     "import_building": "evac.importing",
     "load": "evac.case.loading",
     "read_building": "evac.simulation.assembly",
+    "read_results": "evac.results.reading",
     "read_study": "evac.study.reading",
     "read_trajectory": "evac.trajectory.trajectory",
     "repeat": "evac.study.asking",

@@ -12,7 +12,7 @@ from evac.case.loading import load_case
 from evac.directions.routes import Route
 from evac.folder.files import TRAJECTORY_NAME
 from evac.physics.state import Crowd
-from evac.results.results import Results
+from evac.results.results import results_of
 from evac.trajectory.header import building_to_json
 from evac.trajectory.trajectory import read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
@@ -186,8 +186,10 @@ def first_out(tmp_path, building):
 
 
 @pytest.fixture
-def results(building):
-    """Five people of two groups, two crossings of a flight each for two of them; the last person stays.
+def make_results(building):
+    """Return a function that gives results, of which some data can be changed.
+
+    Five people of two groups, two crossings of a flight each for two of them; the last person stays.
 
     Person 0: storey 0, out at 4 s. Person 1: storey 1, down the lower flight from 2 to 6 s, out at 9 s.
     Person 2: storey 2, down the upper flight from 1 to 5 s, stays on storey 1. Persons 3 and 4: storey 2;
@@ -195,7 +197,7 @@ def results(building):
     """
     log = [(2, 3, 1.0), (1, 1, 2.0), (4, 3, 3.0), (4, 3, 3.5), (2, 2, 5.0), (1, 0, 6.0)]
     position = [[0.0, 1.5], [0.0, 1.5], [16.0, 3.0], [2.0, 5.0], [9.0, 3.0]]
-    return Results(
+    data = dict(
         case=load_case("square_room", {"title": "Three storeys"}),
         building=building,
         crowd=crowd_at(position, [-1, -1, 2, 4, 4], exit_time=[4.0, 9.0, np.nan, np.nan, np.nan]),
@@ -233,3 +235,10 @@ def results(building):
         plugins=("dem",),
         metrics={"density": {"greatest": np.float64(3.0)}},
     )
+
+    return lambda **changes: results_of(**data | changes)
+
+
+@pytest.fixture
+def results(make_results):
+    return make_results()

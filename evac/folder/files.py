@@ -18,6 +18,7 @@ SUMMARY_NAME = "summary.json"
 EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
+CROSSINGS_NAME = "crossings.csv"
 RUNS_NAME = "runs.csv"
 RUNS_STREAM_NAME = "runs.arrows"
 RUNS_PARQUET_NAME = "runs.parquet"
@@ -63,6 +64,7 @@ WRITTEN = (
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
+    CROSSINGS_NAME,
     RUNS_NAME,
     RUNS_STREAM_NAME,
     RUNS_PARQUET_NAME,

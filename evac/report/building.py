@@ -5,10 +5,10 @@ import math
 from evac.building.model.building import Building
 from evac.report import figures
 from evac.report.html import Html, Section, counted, fixed, heading, paragraph, table
-from evac.report.source import Run
+from evac.results.results import Results
 
 
-def building_section(run: Run | None) -> Section:
+def building_section(run: Results | None) -> Section:
     """Return the section on the building that a run recorded; without one, what the author has to add."""
     if run is None or run.trajectory is None:
         missing = (
@@ -59,7 +59,7 @@ def building_section(run: Run | None) -> Section:
     if building.areas:
         rows = [(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas]
         parts.append(table("Areas in which people can start", ("area", "level", "area [m²]"), rows))
-    if closed := run.summary.table.building.closed:
+    if closed := run.record.table.building.closed:
         parts += [heading("Closed during the whole run"), paragraph(", ".join(closed))]
     return Section("building", "Building", tuple(parts), lacks=() if building.doors else ("doors",))
 

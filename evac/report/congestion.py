@@ -6,20 +6,20 @@ from evac.analysis.congestion import SHARE, Congestion, find_congestion
 from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, level_maps
 from evac.report import figures
 from evac.report.html import Html, Section, fixed, paragraph, table
-from evac.report.source import Run
+from evac.results.results import Results
 
 #: The maps that a report has unless others are asked for.
 MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
 
 
 def congestion_sections(
-    run: Run, density: float, least_time: float | None, maps: Sequence[str] = MAPS
+    run: Results, density: float, least_time: float | None, maps: Sequence[str] = MAPS
 ) -> tuple[Section, ...]:
     """Return the sections on congestion and on maps.
 
     Parameters
     ----------
-    run : Run
+    run : Results
     density : float [1/m2]
         Threshold.
     least_time : float or None [s]
@@ -33,9 +33,7 @@ def congestion_sections(
         )
         return (Section("congestion", "Congestion", (missing,), is_missing=True),)
     if least_time is None:
-        least_time = SHARE * (
-            run.summary.last_out if run.is_complete and run.summary.last_out else run.summary.simulated_time
-        )
+        least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
     found = find_congestion(run.trajectory, density, least_time)
     computed = level_maps(run.trajectory)
     places = figures.map_picture(
@@ -61,7 +59,7 @@ def congestion_sections(
     return tuple(sections)
 
 
-def _told(run: Run, found: Congestion) -> list[Html]:
+def _told(run: Results, found: Congestion) -> list[Html]:
     assert run.trajectory is not None
     parts = [
         paragraph(

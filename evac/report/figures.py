@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
-import numpy as np
 from matplotlib.figure import Figure
 
 from evac.analysis.congestion import Place
@@ -115,9 +114,3 @@ def map_picture(
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)
     return picture(file.getvalue(), "png", caption, caption, "map")
-
-
-def curve_of(exit_time: FloatArray) -> Curve:
-    """Return the egress curve of people, NaN for those who are not out."""
-    time = np.concatenate([[0.0], np.sort(exit_time[np.isfinite(exit_time)])])
-    return time, np.arange(time.size)

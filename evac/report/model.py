@@ -8,7 +8,7 @@ from typing import Any
 
 from evac.report.html import Html, Section, element, facts, heading, paragraph
 from evac.report.occupants import told
-from evac.report.source import CaseTable
+from evac.results.record import CaseTable
 
 #: What keys of [simulation] and [directions] are.
 WORDS = {

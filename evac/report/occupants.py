@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from evac.report.html import Html, Section, counted, fixed, heading, paragraph, table
-from evac.report.source import CaseTable, GroupTable, Run
+from evac.results.record import CaseTable, GroupTable
+from evac.results.results import Results
 
 #: Quantities of a person: the column of people.csv, what it is, its unit, and digits behind the point.
 QUANTITIES = {
@@ -20,9 +21,9 @@ QUANTITIES = {
 }
 
 
-def occupants_section(case: CaseTable, run: Run | None) -> Section:
+def occupants_section(case: CaseTable, run: Results | None) -> Section:
     """Return the section on the occupants of a case, with what a run has drawn."""
-    total = sum(_number(group) for group in case.people)
+    total = sum(group.size for group in case.people)
     parts = [
         paragraph(
             f"{counted(total, 'person', 'people')} in {counted(len(case.people), 'group')}. The simulation starts at"
@@ -61,16 +62,12 @@ def _told_pair(key: str, value: Any) -> str:
     return f"{key}: {told(value)}"
 
 
-def _number(group: GroupTable) -> int:
-    return len(group.positions) if group.positions is not None else group.number or 0
-
-
-def _groups(case: CaseTable, run: Run | None) -> Html:
+def _groups(case: CaseTable, run: Results | None) -> Html:
     building = run.trajectory.building if run and run.trajectory else None
     areas = {area.name: area.polygon.area for area in building.areas} if building else {}
 
     def row(group: GroupTable) -> tuple[object, ...]:
-        number = _number(group)
+        number = group.size
         size = areas.get(group.area or "")
         if group.area:
             where = f"area {group.area}"
@@ -85,7 +82,7 @@ def _groups(case: CaseTable, run: Run | None) -> Html:
     return table("Groups, their start areas, exits and routes", columns, [row(group) for group in case.people])
 
 
-def _characteristics(case: CaseTable, run: Run | None) -> Iterator[Html]:
+def _characteristics(case: CaseTable, run: Results | None) -> Iterator[Html]:
     """Yield a table for each set of groups that have the same characteristics."""
     alike: dict[str, list[GroupTable]] = {}
     for group in case.people:
@@ -100,17 +97,19 @@ def _characteristics(case: CaseTable, run: Run | None) -> Iterator[Html]:
             for name, (what, unit, digits) in QUANTITIES.items()
         ]
         columns = ("quantity", "unit", "distribution", *(("minimum", "mean", "maximum") if run else ()))
-        people = counted(sum(map(_number, groups)), "person", "people")
+        people = counted(sum(group.size for group in groups), "person", "people")
         yield table(f"{people}: {names}", columns, rows)
         if given.get("limit_stair_speeds"):
             yield paragraph("Desired speeds on stairs are limited to the desired speed on the flat.", class_="small")
 
 
-def _drawn(run: Run | None, groups: list[GroupTable], column: str, digits: int) -> tuple[str | None, ...]:
+def _drawn(run: Results | None, groups: list[GroupTable], column: str, digits: int) -> tuple[str | None, ...]:
     if run is None:
         return ()
-    rows = np.concatenate([run.rows_of(group.name) for group in groups])
-    values = run.numbers(column)[rows]
+    names = {group.name for group in groups}
+    rows = np.concatenate([group.rows for group in run.groups if group.name in names])
+    speeds = dict(zip(("speed", "speed_up", "speed_down"), run.crowd.speed.T, strict=True))
+    values = (run.crowd.values() | speeds)[column][rows]
     return tuple(fixed(number, digits) for number in _least_mean_greatest(values)) if len(values) else (None,) * 3
 
 
@@ -119,7 +118,7 @@ def _least_mean_greatest(values: np.ndarray) -> tuple[float | None, ...]:
     return tuple(number if math.isfinite(number) else None for number in numbers)
 
 
-def _behaviours(case: CaseTable, run: Run | None) -> Iterator[Html]:
+def _behaviours(case: CaseTable, run: Results | None) -> Iterator[Html]:
     """Yield what people do: behaviours, and response times that a run has drawn."""
     enabled = {name: values for name, values in case.behaviours.items() if values is not False}
     if enabled:
@@ -135,11 +134,11 @@ def _behaviours(case: CaseTable, run: Run | None) -> Iterator[Html]:
             yield table("Settings of single groups", ("group", "behaviour", "parameters"), own)
     else:
         yield paragraph("No behaviour is in use: all people start at time zero and follow their routes.")
-    if run is not None and len(run.people["group"]):
-        drawn: list[tuple[str | None, ...]] = []
-        for group in case.people:
-            times = run.numbers("response_time")[run.rows_of(group.name)]
-            if len(times):
-                drawn.append((group.name, *(fixed(number, 1) for number in _least_mean_greatest(times))))
+    if run is not None and run.number_of_people:
+        drawn = [
+            (group.name, *(fixed(number, 1) for number in _least_mean_greatest(run.crowd.start_time[group.rows])))
+            for group in run.groups
+            if len(group.rows)
+        ]
         columns = ("group", "minimum [s]", "mean [s]", "maximum [s]")
         yield table("Response times drawn in this run: people start to walk at these times", columns, drawn)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
 from evac.report.building import building_section
 from evac.report.congestion import MAPS, congestion_sections
 from evac.report.html import Section
@@ -10,9 +11,13 @@ from evac.report.limits import limits_section, warnings_section
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.page import BLANK, Head, Labels, assessment_section, files_section, page
-from evac.report.source import Run, read_run
 from evac.report.times import times_section
 from evac.report.verification import evidence_section, verification_section
+from evac.results.reading import read_results
+from evac.results.results import Results
+
+#: Files of a result folder whose digests are listed.
+RESULT_FILES = (SUMMARY_NAME, PEOPLE_NAME, CROSSINGS_NAME, EGRESS_NAME, TRAJECTORY_NAME)
 
 #: Ends of a run that it did not come to by itself.
 STOPPED = ("interrupted", "failed")
@@ -45,8 +50,8 @@ def run_report(
     ResultError
         A file of the folder is missing or damaged.
     """
-    run = read_run(folder)
-    summary = run.summary
+    run = read_results(folder)
+    summary = run.record
     head = Head(summary.title or folder.name, "Evacuation analysis: one run", banner(run), main_results(run))
     sections: list[Section] = [
         building_section(run),
@@ -61,15 +66,15 @@ def run_report(
         assessment_section(),
         limits_section(is_study=False),
         evidence_section(),
-        case_section(run.case),
-        files_section(run.files),
+        case_section(run.settings),
+        files_section(folder, RESULT_FILES),
     ]
     return page(head, labels, sections, f"evac {summary.versions.get('evac', '')}")
 
 
-def main_results(run: Run) -> dict[str, object]:
+def main_results(run: Results) -> dict[str, object]:
     """Return the main results of a run, which open its report."""
-    summary = run.summary
+    summary = run.record
     last = "nobody is out" if summary.last_out is None else f"{summary.last_out:.1f} s"
     if summary.last_out is not None and not run.is_complete:
         last += " (the last of those who are out)"
@@ -85,9 +90,9 @@ def main_results(run: Run) -> dict[str, object]:
     }
 
 
-def banner(run: Run) -> str:
+def banner(run: Results) -> str:
     """Return what makes the results of a run incomplete, empty if nothing does."""
-    summary = run.summary
+    summary = run.record
     left = summary.people - summary.evacuated
     inside = f"{left} of {summary.people} people were still inside after {summary.simulated_time:.1f} s."
     if summary.ended in STOPPED:
@@ -95,9 +100,9 @@ def banner(run: Run) -> str:
     return f"Not everybody left the building ({summary.ended}): {inside}" if left else ""
 
 
-def quality_of(run: Run) -> list[str]:
+def quality_of(run: Results) -> list[str]:
     """Return the quality warnings of a run, and warnings about its records."""
-    lines = list(run.summary.quality_warnings)
+    lines = list(run.record.quality_warnings)
     if run.trajectory is not None:
         lines += run.trajectory.warnings
         if len(run.trajectory) and run.trajectory.time[0] > 0.0:
@@ -105,7 +110,7 @@ def quality_of(run: Run) -> list[str]:
                 f"The recorded motion begins at {run.trajectory.time[0]:g} s: maps and congestion do not include"
                 " earlier times."
             )
-    for resumed in run.summary.resumed:
+    for resumed in run.record.resumed:
         if resumed.get("differences") or resumed.get("changes"):
             lines.append(
                 f"The run was resumed from a checkpoint at {resumed.get('time')} s with changes:"

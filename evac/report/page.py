@@ -1,5 +1,6 @@
 """The page of a report: its head, its numbered sections, and the file it is written to."""
 
+import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.resources import files
@@ -119,9 +120,14 @@ def assessment_section() -> Section:
     return Section("assessment", "Assessment", (words, to_fill_in("assessment", class_="box")))
 
 
-def files_section(found: Iterable[tuple[str, int, str]]) -> Section:
-    """Return the appendix with the files that a report was made of."""
-    rows = [(name, f"{length}", element("code", digest)) for name, length, digest in found]
+def files_section(folder: Path, names: Iterable[str]) -> Section:
+    """Return the appendix with the files of a folder from which a report was made, if they exist."""
+    rows = []
+    for path in (folder / name for name in names):
+        if path.is_file():
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            rows.append((path.name, f"{path.stat().st_size}", element("code", digest)))
     columns = ("file", "bytes", "SHA-256")
     return Section("files", "Appendix: files", (table("The files from which this report was made", columns, rows),))
 

@@ -18,7 +18,6 @@ from evac.report.limits import limits_section, warnings_section
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section, told
 from evac.report.page import BLANK, Head, Labels, assessment_section, files_section, page
-from evac.report.source import Run, digests, read_run
 from evac.report.study_files import (
     EXIT_LAST,
     EXIT_PEOPLE,
@@ -34,6 +33,8 @@ from evac.report.study_files import (
 from evac.report.times import place_tables
 from evac.report.verification import evidence_section, verification_section
 from evac.results.ending import FAILED
+from evac.results.reading import read_results
+from evac.results.results import Results
 
 #: Percentiles over runs of what exits have [%].
 PERCENTILES = (5, 50, 95)
@@ -76,7 +77,7 @@ def study_report(
     """
     study = read_study(folder)
     summary = study.summary
-    shown = [read_run(path) for path in runs]
+    shown = [read_results(path) for path in runs]
     for run in shown:
         check_member(study, run)
     first = shown[0] if shown else None
@@ -100,7 +101,7 @@ def study_report(
         _runs(study),
         evidence_section(),
         case_section(study.case),
-        files_section(digests(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME))),
+        files_section(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME)),
     ]
     head = Head(
         summary.title or folder.name, f"Evacuation analysis: {summary.runs} runs", _banner(summary), _results(study)
@@ -327,12 +328,14 @@ def _exits(study: StudyFiles) -> Section:
     return Section("exits", "Exits over runs", tuple(parts))
 
 
-def _of_run(run: Run, number: int, density: float, least_time: float | None, maps: Sequence[str]) -> Iterator[Section]:
+def _of_run(
+    run: Results, number: int, density: float, least_time: float | None, maps: Sequence[str]
+) -> Iterator[Section]:
     """Yield the sections on one run: its places, congestion and maps."""
-    name = f"Run with seed {run.summary.seed}"
+    name = f"Run with seed {run.record.seed}"
     suffix = "" if number == 1 else f"-{number}"
-    last = fixed(run.summary.last_out, 1)
-    words = paragraph(f"{run.summary.evacuated} of {run.summary.people} people left, the last of them after {last} s.")
+    last = fixed(run.record.last_out, 1)
+    words = paragraph(f"{run.record.evacuated} of {run.record.people} people left, the last of them after {last} s.")
     yield Section(f"places{suffix}", f"{name}: levels and stairs", (words, *place_tables(run)))
     for section in congestion_sections(run, density, least_time, maps):
         yield Section(f"{section.id}{suffix}", f"{name}: {section.title.lower()}", section.parts)

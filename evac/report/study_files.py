@@ -13,8 +13,9 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
 from evac.folder.reading import checked, read_columns, read_json
-from evac.report.source import CaseTable, Run
 from evac.results.ending import FAILED
+from evac.results.record import CaseTable
+from evac.results.results import Results
 
 #: Columns of runs.csv that a report needs, and the ends of those that tell of an exit.
 COLUMNS = ("point", "run", "seed", "ended", "blocked", "time", "people", "out", "last_out", "quality_warnings")
@@ -157,19 +158,19 @@ def numbers(column: Sequence[str]) -> FloatArray:
     return np.array([float(text) if text else math.nan for text in column])
 
 
-def check_member(study: StudyFiles, run: Run) -> None:
+def check_member(study: StudyFiles, run: Results) -> None:
     """Refuse a run that is none of the first point of a study."""
     seeds = {study.runs["seed"][row]: row for row in study.rows(0)}
-    row = seeds.get(str(run.summary.seed))
+    row = seeds.get(str(run.seed))
     place = f"{run.folder}: is no run of {study.folder}"
     if row is None:
-        raise ResultError(f"{place}: its seed {run.summary.seed} is none of those of the first point")
+        raise ResultError(f"{place}: its seed {run.seed} is none of those of the first point")
     for key in ("people", "building", "contact", "forces", "behaviours", "directions"):
-        if run.case.get(key) != study.case.get(key):
+        if run.settings.get(key) != study.case.get(key):
             raise ResultError(f"{place}: [{key}] of its case differs; run the case of the study with that seed")
-    found, expected = run.summary.last_out if run.is_complete else None, study.runs["last_out"][row]
+    found, expected = run.last_out if run.is_complete else None, study.runs["last_out"][row]
     if (None if not expected else float(expected)) != found:
         raise ResultError(
-            f"{place}: with seed {run.summary.seed} the last person leaves at {expected or 'no time'} there and at"
+            f"{place}: with seed {run.seed} the last person leaves at {expected or 'no time'} there and at"
             f" {found} s here"
         )

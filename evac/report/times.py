@@ -8,7 +8,8 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import counted
 from evac.report import figures
 from evac.report.html import Html, Section, fixed, heading, paragraph, table
-from evac.report.source import PlaceUse, Run
+from evac.results.record import PlaceUse
+from evac.results.results import Results
 
 #: Shares of the people whose times are told [%].
 SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)
@@ -28,21 +29,20 @@ def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
     return float(out[rank - 1]) if rank <= out.size else None
 
 
-def times_section(run: Run) -> Section:
+def times_section(run: Results) -> Section:
     """Return the section on the times of a run."""
-    summary = run.summary
-    exit_time = run.numbers("exit_time")
-    names = [group.name for group in summary.table.people]
-    rows = {name: run.rows_of(name) for name in names}
-    curves = {name: figures.curve_of(exit_time[rows[name]]) for name in names}
-    sizes = {name: len(rows[name]) for name in names}
+    summary = run.record
+    exit_time = run.crowd.exit_time
+    rows = {group.name: group.rows for group in run.groups}
+    curves = {name: run.egress(members) for name, members in rows.items()}
+    sizes = {name: len(members) for name, members in rows.items()}
     shares = [
         (f"{share} %", math.ceil(share / 100.0 * summary.people), _time(time_of_share(exit_time, share)))
         for share in SHARES
     ]
     parts = [
         heading("Egress curve"),
-        figures.egress(summary.people, summary.simulated_time, figures.curve_of(exit_time), curves, sizes),
+        figures.egress(summary.people, summary.simulated_time, run.egress(), curves, sizes),
         table(
             "Times at which a share of all people was out; it is reached with the first person that completes it",
             ("share", "people", "time [s]"),
@@ -79,9 +79,9 @@ def times_section(run: Run) -> Section:
     return Section("times", "Evacuation times", tuple(parts))
 
 
-def place_tables(run: Run) -> list[Html]:
+def place_tables(run: Results) -> list[Html]:
     """Return the tables of levels and stairs of a run."""
-    summary = run.summary
+    summary = run.record
     parts = [heading("Levels"), _places("level", summary.levels)]
     if summary.stairs:
         parts += [heading("Stairs"), _places("stair, flights and landings together", summary.stairs)]
@@ -92,7 +92,7 @@ def _time(value: float | None) -> str:
     return "not reached" if value is None else f"{value:.1f}"
 
 
-def _groups(run: Run, exit_time: FloatArray, rows: dict[str, np.ndarray]) -> Html:
+def _groups(run: Results, exit_time: FloatArray, rows: dict[str, np.ndarray]) -> Html:
     lines = []
     for name, members in rows.items():
         times = exit_time[members]
@@ -111,11 +111,10 @@ def _groups(run: Run, exit_time: FloatArray, rows: dict[str, np.ndarray]) -> Htm
     return table("Times at which people of each group left; the mean is over those who are out", columns, lines)
 
 
-def _exits(run: Run) -> Html:
-    used, exit_time = np.array(run.people["exit"], dtype=object), run.numbers("exit_time")
+def _exits(run: Results) -> Html:
     lines = []
-    for name, use in run.summary.exits.items():
-        times = exit_time[used == name]
+    for index, (name, use) in enumerate(run.record.exits.items()):
+        times = run.crowd.exit_time[run.crowd.exit_used == index]
         first = fixed(float(times.min()), 1) if times.size else None
         flows = fixed(use.width, 2), fixed(use.flow, 2), fixed(use.flow_per_metre, 2)
         lines.append((name, use.people, first, fixed(use.last_out, 1), *flows))

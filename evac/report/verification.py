@@ -7,7 +7,7 @@ from importlib.resources import files
 from typing import Any
 
 from evac.report.html import Cell, Html, Section, heading, link, note, paragraph, table
-from evac.report.source import CaseTable
+from evac.results.record import CaseTable
 
 #: Verdicts of docs/evidence, as `evac evidence` writes them beside this module.
 EVIDENCE_NAME = "evidence.json"

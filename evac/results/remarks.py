@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 def remarks_of(results: "Results") -> tuple[str, ...]:
     """Return one line for each kind of people who did not leave as their route says; see `Results.remarks`."""
-    people, level, names = results.number_of_people, results.crowd.level, results.building.levels
+    people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
     lines = []
     if left := people - results.evacuated:
         number = Counter(level[level >= 0].tolist())
-        where = ", ".join(f"{number[index]} on {names[index].name!r}" for index in sorted(number))
+        where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))
         waiting = results.not_started
         late = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
         lines.append(f"{left} of {_people(people)} still inside ({results.ended}): {where}{late}")
@@ -26,7 +26,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
         x, y = results.crowd.position[first]
         lines.append(
             f"{_people(len(results.stuck))} without progress at the end, the first at ({x:.2f}, {y:.2f}) on "
-            f"{names[level[first]].name!r}: bodies in contact can block a narrow passage permanently, because people "
+            f"{names[level[first]]!r}: bodies in contact can block a narrow passage permanently, because people "
             "do not turn or give way; compare several seeds, or a wider passage"
         )
     return tuple(lines)

@@ -4,7 +4,7 @@ import csv
 import importlib.metadata
 import json
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -18,27 +18,40 @@ from evac.analysis.flows import exit_table
 from evac.analysis.occupancy import Moves, level_table, moves_of, stair_table
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
+from evac.base.errors import ResultError
 from evac.building.model.building import Building
 from evac.directions.routes import Route
 from evac.folder.cells import cell_of
-from evac.folder.files import EGRESS_NAME, PEOPLE_NAME, PLUGIN_FILES, SUMMARY_NAME, replacing, writing
+from evac.folder.files import (
+    CROSSINGS_NAME,
+    EGRESS_NAME,
+    PEOPLE_NAME,
+    PLUGIN_FILES,
+    SUMMARY_NAME,
+    TRAJECTORY_NAME,
+    replacing,
+    writing,
+)
+from evac.people.population import Group
 from evac.physics.state import Crowd
 from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
+from evac.results.record import Summary
 from evac.results.remarks import remarks_of
 from evac.results.watch import Finding
+from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
     from evac.case.case import Case
-    from evac.people.population import Group
 
 
 #: Packages whose version can affect results.
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
 
 EGRESS_COLUMNS = ("time", "number_out")
+CROSSINGS_COLUMNS = ("person", "portal", "time")
 PEOPLE_COLUMNS = (
     "person",
     "group",
@@ -56,6 +69,9 @@ PEOPLE_COLUMNS = (
     "exit",
     "exit_time",
     "distance",
+    "end_x",
+    "end_y",
+    "end_level",
 )
 
 
@@ -68,14 +84,16 @@ def versions() -> Mapping[str, str]:
 
 @dataclass(frozen=True)
 class Results:
-    """The results of a run.
+    """The results of a run, as `evac.run` returns them or `Results.read` reads them from a result folder.
 
     Attributes
     ----------
-    case : Case
-    building : Building
+    title : str
+    settings : mapping
+        Every key of the case with its value, as plain data; None stands for infinity.
     crowd : Crowd
-        Arrays of all people at the end.
+        Arrays of all people at the end. In results that were read, velocities, contact forces, speed factors and extra
+        directions are NaN, because they are not written.
     groups : sequence of Group
         Groups with ``name`` and ``rows``.
     routes : sequence of Route
@@ -92,19 +110,27 @@ class Results:
     steps : int
         Number of steps.
     seed : int
+    exits, portals, levels, stairs : mapping of str to mapping
+        The use of each exit, portal, level and stair, by name, as in summary.json (docs/results.md).
+    doors : sequence of mapping
+        Name, level and width [m] of the doors between rooms that the file of the building names.
     stuck : sequence of int
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     warnings : sequence of str
         Warnings on building and people, from `Simulation.warnings`.
+    quality_warnings : sequence of str
+        Quality warnings (docs/results.md): numerical or physical problems of the results, one line each.
+    keeps_distance : sequence of str
+        Behaviours in use with which people keep distances.
     report : mapping
         Report of the contact model, with the keys described in docs/results.md.
-    chatter, crushing : Finding or None
-        Findings during the run, see `evac.results.watch.Watch`.
     phases : mapping of str to float
         Wall time of each phase [s].
     plan : sequence of (part, in or out, why)
     plugins : sequence of str
         Name and version of each plugin used in the run.
+    versions : mapping of str to str
+        Versions of Python and of the packages that can affect results.
     metrics : mapping
         Results of the ``evac_metrics`` hooks, by plugin.
     folder : Path or None
@@ -115,12 +141,16 @@ class Results:
         Changes of the scene during the run, in order.
     resumed : sequence of mapping
         Checkpoints from which the run was resumed, in order.
+    source : str
+        File of the case.
     """
 
-    case: "Case"
-    building: Building
+    title: str
+    settings: Mapping[str, Any]
+    case_or_reader: "Case | Callable[[], Case]" = field(repr=False, compare=False)
+    building_or_none: Building | None = field(repr=False)
     crowd: Crowd
-    groups: "Sequence[Group]"
+    groups: Sequence[Group]
     routes: Sequence[Route]
     start_position: FloatArray
     start_level: IntArray
@@ -129,24 +159,71 @@ class Results:
     time: float
     steps: int
     seed: int
+    exits: Mapping[str, Mapping[str, Any]]
+    portals: Mapping[str, Mapping[str, Any]]
+    levels: Mapping[str, Mapping[str, Any]]
+    stairs: Mapping[str, Mapping[str, Any]]
+    doors: Sequence[Mapping[str, Any]] = ()
     stuck: Sequence[int] = ()
     warnings: Sequence[str] = ()
+    quality_warnings: Sequence[str] = ()
+    keeps_distance: Sequence[str] = ()
     report: Mapping[str, Any] = field(default_factory=dict)
-    chatter: Finding | None = None
-    crushing: Finding | None = None
     phases: Mapping[str, float] = field(default_factory=dict)
     plan: Sequence[tuple[str, str, str]] = ()
     plugins: Sequence[str] = ()
+    versions: Mapping[str, str] = field(default_factory=versions)
     metrics: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
     plugin_files: Sequence[str] = ()
     changes: Sequence[Change] = ()
     resumed: Sequence[Mapping[str, Any]] = ()
+    source: str = ""
+
+    @classmethod
+    def read(cls, folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> "Results":
+        """Read the results of a run from its folder; the short form is `evac.read_results`, which explains it."""
+        from evac.results.reading import read_results
+
+        return read_results(folder, plugin_files)
+
+    @property
+    def case(self) -> "Case":
+        """The case. Of results that were read, it is checked when it is asked for.
+
+        Raises
+        ------
+        EvacError
+            The case cannot be loaded any more, for example because its plugin is missing.
+        """
+        return self.case_or_reader() if callable(self.case_or_reader) else self.case_or_reader
+
+    @property
+    def building(self) -> Building:
+        """The building.
+
+        Raises
+        ------
+        ResultError
+            The results were read, and no trajectory was recorded, which contains the building.
+        """
+        if self.building_or_none is None:
+            raise ResultError(
+                f"{self.folder}: contains no {TRAJECTORY_NAME}, and the building is part of that file; run the case "
+                "with output.trajectory=true"
+            )
+        return self.building_or_none
+
+    @cached_property
+    def trajectory(self) -> Trajectory | None:
+        """The recorded motion in the result folder; None if there is none."""
+        path = None if self.folder is None else self.folder / TRAJECTORY_NAME
+        return read_trajectory(path) if path is not None and path.is_file() else None
 
     def __repr__(self) -> str:
         last = "" if self.last_out is None else f", the last after {self.last_out:.1f} s"
         out = f"{self.evacuated} of {self.number_of_people} out"
-        return f"<Results of {self.case.title or self.case.source.name!r}: {self.ended}, {out}{last}>"
+        return f"<Results of {self.title or Path(self.source).name!r}: {self.ended}, {out}{last}>"
 
     def _repr_html_(self) -> str:
         """Return tables, the egress curve and the replay as HTML for notebooks."""
@@ -179,6 +256,11 @@ class Results:
         return int(np.isfinite(self.crowd.exit_time).sum())
 
     @property
+    def is_complete(self) -> bool:
+        """Whether everybody is out."""
+        return self.evacuated == self.number_of_people
+
+    @property
     def last_out(self) -> float | None:
         """Time at which the last of the people who are out left [s]; None if nobody left."""
         return float(np.nanmax(self.crowd.exit_time)) if self.evacuated else None
@@ -186,8 +268,7 @@ class Results:
     @property
     def left_by_other_exits(self) -> IntArray:
         """Rows of the people who left by an exit that does not belong to their route, for example when pushed."""
-        exits = [exit_.name for exit_ in self.building.exits]
-        leads_to = np.array([[route.leads_to(name) for name in exits] for route in self.routes])
+        leads_to = np.array([[route.leads_to(name) for name in self.exits] for route in self.routes])
         out = np.flatnonzero(self.crowd.exit_used >= 0)
         others: IntArray = out[~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]].astype(np.int32)
         return others
@@ -200,32 +281,12 @@ class Results:
     @property
     def exit_status(self) -> int:
         """0 if everybody is out, 3 if people are left."""
-        return 0 if self.evacuated == self.number_of_people else 3
+        return 0 if self.is_complete else 3
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """People left inside or stuck, and people who left by an exit that is not on their route, one line each."""
         return remarks_of(self)
-
-    @property
-    def quality_warnings(self) -> tuple[str, ...]:
-        """Quality warnings (docs/results.md): numerical or physical problems of the results, one line each."""
-        levels = [level.name for level in self.building.levels]
-        models, behaviours = self.case.registry.contact_models, self.case.registry.behaviours
-        rigid = [name for name, model in models.items() if model.rigid and name != self.case.contact.model]
-        keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
-        advised = None if self.case.keeps_distance else keepers
-        lines = [*contact_warnings(self.report, rigid)]
-        if self.chatter:
-            lines.append(chatter_warning(self.chatter, levels, rigid))
-        if self.crushing:
-            lines.append(crushing_warning(self.crushing, levels, advised))
-        return (*lines, *flow_warnings(self.exits, advised))
-
-    @cached_property
-    def exits(self) -> Mapping[str, Mapping[str, Any]]:
-        """The use of each exit, by name: see `evac.analysis.flows.exit_table`."""
-        return exit_table(self.building, self.crowd.exit_used, self.crowd.exit_time)
 
     @cached_property
     def moves(self) -> Moves:
@@ -249,10 +310,8 @@ class Results:
     def _people_columns(self) -> list[list[Any]]:
         """Return the columns of the people table, in the order of `PEOPLE_COLUMNS`."""
         crowd = self.crowd
-        levels = [level.name for level in self.building.levels]
+        levels, exits = [*self.levels, None], [*self.exits, None]  # None: index -1
         routes = [str(route) for route in self.routes]
-        exits = [exit_.name for exit_ in self.building.exits]
-        out = np.isfinite(crowd.exit_time).tolist()
         return [
             list(range(self.number_of_people)),
             self.group_names(),
@@ -264,9 +323,11 @@ class Results:
             *crowd.speed.T.tolist(),
             crowd.start_time.tolist(),
             [routes[route] for route in crowd.route.tolist()],
-            [exits[used] if is_out else None for used, is_out in zip(crowd.exit_used.tolist(), out, strict=True)],
-            [time if is_out else None for time, is_out in zip(crowd.exit_time.tolist(), out, strict=True)],
+            [exits[used] for used in crowd.exit_used.tolist()],
+            [time if time == time else None for time in crowd.exit_time.tolist()],  # NaN: inside
             crowd.distance.tolist(),
+            *crowd.position.T.tolist(),
+            [levels[level] for level in crowd.level.tolist()],
         ]
 
     def group_names(self) -> list[str]:
@@ -280,7 +341,7 @@ class Results:
     def summary(self) -> dict[str, Any]:
         """Return the content of ``summary.json``: plain numbers, strings, lists and dictionaries."""
         summary = {
-            "title": self.case.title,
+            "title": self.title,
             "people": self.number_of_people,
             "evacuated": self.evacuated,
             "last_out": self.last_out,
@@ -293,13 +354,12 @@ class Results:
             "simulated_time": self.time,
             "steps": self.steps,
             "exits": self.exits,
-            "doors": [
-                {"name": door.name, "level": self.building.levels[door.level].name, "width": door.width}
-                for door in self.building.doors
-            ],
+            "portals": self.portals,
+            "doors": self.doors,
             "left_by_other_exits": len(self.left_by_other_exits),
-            "levels": {name: asdict(use) for name, use in level_table(self.building, self.moves).items()},
-            "stairs": {name: asdict(use) for name, use in stair_table(self.building, self.moves).items()},
+            "levels": self.levels,
+            "stairs": self.stairs,
+            "routes": [asdict(route) for route in self.routes],
             "contact": self.report,
             "wall_time": self.phases,
             "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
@@ -308,12 +368,18 @@ class Results:
             "resumed": self.resumed,
             PLUGIN_FILES: self.plugin_files,
             "seed": self.seed,
-            "case": self.case.to_dict(),
-            "keeps_distance": self.case.keeps_distance,
+            "source": self.source,
+            "case": self.settings,
+            "keeps_distance": self.keeps_distance,
             "plugins": self.plugins,
-            "versions": versions(),
+            "versions": self.versions,
         }
         return {key: plain(value) for key, value in summary.items()}
+
+    @cached_property
+    def record(self) -> Summary:
+        """The content of ``summary.json`` with its types."""
+        return Summary.model_validate(self.summary())
 
     def write(self, folder: Path) -> None:
         """Write summary.json, egress.csv and people.csv to `folder`, which is created if missing.
@@ -329,7 +395,7 @@ class Results:
         self.write_summary(folder)
 
     def write_tables(self, folder: Path) -> None:
-        """Write egress.csv and people.csv to `folder`.
+        """Write people.csv, egress.csv, and crossings.csv if the building has portals, to `folder`.
 
         Raises
         ------
@@ -339,6 +405,11 @@ class Results:
         egress = zip(*(column.tolist() for column in self.egress()), strict=True)
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
         write_csv(folder / PEOPLE_NAME, PEOPLE_COLUMNS, zip(*self._people_columns(), strict=True))
+        if self.portals:
+            names = list(self.portals)
+            person, portal, time = (column.tolist() for column in self.crossings)
+            rows = zip(person, (names[index] for index in portal), time, strict=True)
+            write_csv(folder / CROSSINGS_NAME, CROSSINGS_COLUMNS, rows)
 
     def write_summary(self, folder: Path) -> None:
         """Write summary.json to `folder`.
@@ -353,15 +424,77 @@ class Results:
             new.write_text(text + "\n", encoding="utf-8")
 
     def _stuck_places(self) -> list[dict[str, Any]]:
+        names = list(self.levels)
         return [
             {
                 "person": int(p),
-                "level": self.building.levels[self.crowd.level[p]].name,
+                "level": names[self.crowd.level[p]],
                 "x": self.crowd.position[p, 0],
                 "y": self.crowd.position[p, 1],
             }
             for p in self.stuck
         ]
+
+
+def results_of(
+    *,
+    case: "Case",
+    building: Building,
+    crowd: Crowd,
+    start_level: IntArray,
+    crossings: tuple[IntArray, IntArray, FloatArray],
+    report: Mapping[str, Any],
+    chatter: Finding | None = None,
+    crushing: Finding | None = None,
+    **others: Any,
+) -> Results:
+    """Return the results of a run, with the tables and quality warnings that follow from its data.
+
+    Parameters
+    ----------
+    case, building, crowd, start_level, crossings, report
+        As the attributes of `Results`.
+    chatter, crushing : Finding, optional
+        Findings during the run, see `evac.results.watch.Watch`.
+    **others
+        Other attributes of `Results`.
+    """
+    moves = moves_of(building, start_level, crossings, crowd.exit_time)
+    exits = exit_table(building, crowd.exit_used, crowd.exit_time)
+    names = [level.name for level in building.levels]
+    models, behaviours = case.registry.contact_models, case.registry.behaviours
+    rigid = [name for name, model in models.items() if model.rigid and name != case.contact.model]
+    keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
+    advised = None if case.keeps_distance else keepers
+    quality = [
+        *contact_warnings(report, rigid),
+        *([chatter_warning(chatter, names, rigid)] if chatter else []),
+        *([crushing_warning(crushing, names, advised)] if crushing else []),
+        *flow_warnings(exits, advised),
+    ]
+    passages = np.bincount(crossings[1], minlength=len(building.portals)).tolist()
+    return Results(
+        title=case.title,
+        settings=plain(case.to_dict()),
+        source=str(case.source),
+        case_or_reader=case,
+        building_or_none=building,
+        crowd=crowd,
+        start_level=start_level,
+        crossings=crossings,
+        report=plain(report),
+        exits=exits,
+        portals={
+            portal.name: {"levels": [names[k] for k in portal.levels], "width": portal.width, "passages": passages[k]}
+            for k, portal in enumerate(building.portals)
+        },
+        levels={name: asdict(use) for name, use in level_table(building, moves).items()},
+        stairs={name: asdict(use) for name, use in stair_table(building, moves).items()},
+        doors=[{"name": door.name, "level": names[door.level], "width": door.width} for door in building.doors],
+        quality_warnings=tuple(quality),
+        keeps_distance=case.keeps_distance,
+        **others,
+    )
 
 
 def plain(value: Any) -> Any:

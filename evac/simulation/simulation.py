@@ -30,7 +30,7 @@ from evac.physics.force import Force
 from evac.physics.state import copy_of
 from evac.physics.threads.threads import unused_threads
 from evac.results.ending import INTERRUPTED, Ending, Stopped
-from evac.results.results import Results
+from evac.results.results import Results, results_of
 from evac.results.watch import Watch
 from evac.simulation import assembly, needed
 from evac.simulation.scene import Ground, Scene, make_ground
@@ -306,7 +306,7 @@ class Simulation:
 
     def results(self) -> Results:
         """Return the results up to the present step."""
-        results = Results(
+        results = results_of(
             case=self.case,
             building=self.building,
             crowd=copy_of(self.population.crowd),

@@ -1,19 +1,16 @@
 """Opening a study again from its folder: `evac.read_study`."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ResultError, in_one_line
 from evac.folder.files import STUDY_NAME
+from evac.results.reading import recorded_case
 from evac.study.identity import read_identity
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
 from evac.study.study import Study
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
 
 
 def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Study:
@@ -47,7 +44,10 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
     identity, definition = read_identity(place)
     files = tuple(Path(path).resolve() for path in plugin_files)
     try:
-        bases = [_base(place, content, files) for content in definition["cases"]]
+        bases = [
+            cache(partial(recorded_case, place, one["table"], one["source"], one["plugin_files"], files))
+            for one in definition["cases"]
+        ]
         points = [
             Point(index, bases[number], parameters)
             for index, (number, parameters) in enumerate(
@@ -59,21 +59,3 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
         return Study(points, seeds, rule, place)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise ResultError(f"{place / STUDY_NAME}: not that of a study: {in_one_line(error)}") from error
-
-
-def _base(folder: Path, content: Mapping[str, Any], plugin_files: tuple[Path, ...]) -> "Callable[[], Case]":
-    return cache(partial(_case_of, folder, content, plugin_files))
-
-
-def _case_of(folder: Path, content: Mapping[str, Any], plugin_files: tuple[Path, ...]) -> "Case":
-    """Return the case of a study; plugin files that were used must be given, because the folder may be a stranger's."""
-    from evac.case.loading import case_from
-
-    source = Path(content["source"])
-    named = [(source.parent / name).resolve() for name in content["table"].get("plugins", {}).get("files", [])]
-    used = (*named, *map(Path, content["plugin_files"]))
-    if missing := [str(path) for path in dict.fromkeys(used) if path not in plugin_files]:
-        raise ResultError(
-            f"{folder}: its runs need the plugin {', '.join(missing)}; give it to read_study (plugin_files=)"
-        )
-    return case_from(content["table"], source, plugin_files=plugin_files)

@@ -10,6 +10,7 @@ import pytest
 import evac
 from evac.base.errors import ResultError
 from evac.pictures.palette import group_colours
+from evac.replay.account import account_of_folder, account_of_run
 from evac.replay.motion import STREAMS, MotionPacker
 from evac.replay.writer import replay_trajectory
 from evac.trajectory.trajectory import read_trajectory
@@ -79,11 +80,6 @@ def test_a_time_between_states_that_is_none_is_refused(descent, every):
         ("summary.json", "no json"),
         ("summary.json", "{}"),
         ("summary.json", '{"seed": 99, "people": "four"}'),
-        ("people.csv", "speed,response_time,exit,exit_time\n1,0,,\n"),
-        ("people.csv", "speed,response_time,exit,exit_time\n" + "1,0,nowhere,2\n" * 4),
-        ("people.csv", "speed,response_time,exit,exit_time\n" + "-1e308,0,,\n" * 4),
-        ("people.csv", "speed,response_time,exit,exit_time\n" + f"{'1' * 200_000},0,,\n" * 4),
-        ("people.csv", "speed\n1\n1\n1\n1\n"),
     ],
 )
 def test_tables_of_another_run_are_refused_by_name(descent, name, text):
@@ -91,6 +87,19 @@ def test_tables_of_another_run_are_refused_by_name(descent, name, text):
     path.with_name(name).write_text(text)
     with pytest.raises(ResultError, match=name):
         replay_trajectory(read_trajectory(path), path.with_name("replay.html"))
+
+
+def test_the_account_of_a_folder_is_that_of_its_run(tmp_path):
+    changes = {"people.people.number": 3, "output.picture": False, "output.animation": False}
+    of_run = vars(account_of_run(evac.run(evac.load("square_room", changes), tmp_path / "r")))
+    of_folder = vars(account_of_folder(read_trajectory(tmp_path / "r")))
+    for name, value in of_run.items():
+        assert np.array_equal(of_folder[name], value) if isinstance(value, np.ndarray) else of_folder[name] == value
+    (tmp_path / "r" / "people.csv").unlink()
+    assert account_of_folder(read_trajectory(tmp_path / "r")).facts == of_run["facts"]
+    (tmp_path / "r" / "people.csv").write_text("speed\n1\n1\n1\n", encoding="utf-8")
+    with pytest.raises(ResultError, match=r"people\.csv"):
+        account_of_folder(read_trajectory(tmp_path / "r"))
 
 
 def test_groups_keep_their_colours_when_there_are_more():

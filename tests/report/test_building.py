@@ -9,7 +9,7 @@ from shapely import box
 from evac import Plan
 from evac.report.building import building_section
 from evac.report.page import BLANK, Head, page
-from evac.report.source import BuildingTable
+from evac.results.record import BuildingTable
 
 from .conftest import Page
 
@@ -21,8 +21,8 @@ def section_of(with_door):
     plan.exit("out", "floor", [(0, 1), (0, 2)])
     building = plan.building()
     building = building if with_door else replace(building, doors=())
-    summary = SimpleNamespace(table=SimpleNamespace(building=BuildingTable()))
-    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building), summary=summary))
+    record = SimpleNamespace(table=SimpleNamespace(building=BuildingTable()))
+    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building), record=record))
 
 
 @pytest.mark.parametrize("with_door", [True, False])

@@ -24,31 +24,31 @@ def test_counts_and_exit_status(results):
     assert replace(results, crowd=nobody).last_out is None
 
 
-def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results):
+def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results, make_results):
     assert results.summary()["left_by_other_exits"] == 0
     door = results.building.exits[0]
     building = replace(results.building, exits=(door, replace(door, index=1, name="window")))
     routes = (Route(("window",)), *results.routes[1:])
-    pushed = replace(results, building=building, routes=routes)
+    pushed = make_results(building=building, routes=routes)
     by_first = np.flatnonzero((results.crowd.exit_used == 0) & (results.crowd.route == 0))
     assert by_first.size
     assert pushed.left_by_other_exits.tolist() == by_first.tolist()
     assert any("not on the route" in line and f"{by_first.size} p" in line for line in pushed.remarks)
 
 
-def test_doors_between_rooms_are_in_the_summary(results):
+def test_doors_between_rooms_are_in_the_summary(results, make_results):
     assert results.summary()["doors"] == []
     door = Door("inner", 0, np.array([1.0, 1.0, 1.0, 1.9]), 0.9)
-    with_door = replace(results, building=replace(results.building, doors=(door,)))
+    with_door = make_results(building=replace(results.building, doors=(door,)))
     name = results.building.levels[0].name
     assert with_door.summary()["doors"] == [{"name": "inner", "level": name, "width": 0.9}]
 
 
-def test_people_who_rush_out_have_a_warning(results, monkeypatch):
+def test_people_who_rush_out_have_a_warning(results, make_results, monkeypatch):
     monkeypatch.setattr("evac.analysis.flows.FEWEST", 5)
     for seconds, warned in ((0.4, False), (0.3, True)):
         rush = results.crowd.replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
-        lines = replace(results, crowd=rush).summary()["quality_warnings"]
+        lines = make_results(crowd=rush).summary()["quality_warnings"]
         assert any("people per second and metre left by 'door'" in line for line in lines) == warned
 
 
@@ -64,13 +64,13 @@ class Gaps(Behaviour):
 
 @pytest.mark.parametrize(("name", "advised"), [("headway", False), ("gaps", False), ("route_choice", True)])
 @pytest.mark.parametrize("values", [{}, False])
-def test_behaviours_that_keep_distances_are_recommended_where_none_is_in_use(results, name, advised, values):
+def test_behaviours_that_keep_distances_are_recommended_where_none_is_in_use(make_results, name, advised, values):
     registry = Registry()
     registry.add_class(Gaps)
     registry.add_class(type("Stiff", (ContactModel,), {"name": "stiff", "rigid": True, "step": lambda *_: None}))
     case = load_case("square_room", {f"behaviours.{name}": values, "contact.model": "nsm1"}, registry=registry)
     pressed = Finding(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
-    loose = replace(results, case=case, crushing=pressed, chatter=pressed)
+    loose = make_results(case=case, crushing=pressed, chatter=pressed)
     chatter, crushing = loose.quality_warnings
     assert "(--set contact.model=stiff)" in chatter  # the model in use is not recommended
     assert ("--set behaviours.headway={} or behaviours.gaps={}" in crushing) == (advised or values is False)
@@ -84,11 +84,11 @@ def test_egress_counts_exit_times_in_order(results):
     assert (time.tolist(), number.tolist()) == ([0.0], [0])
 
 
-def test_quality_warnings_are_in_the_summary(results, tmp_path):
+def test_quality_warnings_are_in_the_summary(results, make_results, tmp_path):
     assert results.quality_warnings == ()
     noticed = Finding(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
     deep = results.report | {"greatest_overlap": 0.15}
-    warned = replace(results, report=deep, chatter=noticed, crushing=noticed)
+    warned = make_results(report=deep, chatter=noticed, crushing=noticed)
     warned.write(tmp_path / "r")
     lines = json.loads((tmp_path / "r" / "summary.json").read_text())["quality_warnings"]
     assert lines == list(warned.quality_warnings)
@@ -109,6 +109,7 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
     assert summary["warnings"] == ["a narrow place"]
     door = {"people": 2, "last_out": 9.0, "width": 1.0, "flow": None, "flow_per_metre": None}
     assert summary["exits"] == {"door": door}
+    assert summary["portals"]["portal 3"] == {"levels": ["flight 2", "floor 2"], "width": 2.0, "passages": 3}
     assert (summary["contact"]["greatest_overlap"], summary["contact"]["residual"]) == (1e-4, None)
     assert summary["quality_warnings"] == []
     assert summary["wall_time"] == {"contact": 1.5}
@@ -144,8 +145,15 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
         "exit": "door",
         "exit_time": "9.0",
         "distance": "10.0",
+        "end_x": "0.0",
+        "end_y": "1.5",
+        "end_level": "",
     }
     assert (rows[2]["exit"], rows[2]["exit_time"]) == ("", "")
+    with (folder / "crossings.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert rows[1] == {"person": "1", "portal": "portal 1", "time": "2.0"}
+    assert len(rows) == 6
 
 
 def test_summary_tells_the_use_of_levels_and_stairs(results):

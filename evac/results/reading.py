@@ -1,0 +1,263 @@
+"""Reading of the results of a run from its folder: `evac.read_results`."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.defaults import LEAST_RADIUS
+from evac.base.errors import BuildingError, ResultError
+from evac.base.saved import FINITE
+from evac.building.model.building import Building
+from evac.building.model.links import building_at
+from evac.directions.routes import Route
+from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
+from evac.folder.reading import read_columns
+from evac.folder.resultfolder import find_result
+from evac.people.population import Group
+from evac.physics.state import Crowd
+from evac.results.record import Summary, read_summary
+from evac.results.results import CROSSINGS_COLUMNS, PEOPLE_COLUMNS, Results
+from evac.trajectory.trajectory import Trajectory, read_trajectory
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+
+
+def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Results:
+    """Read the results of a run from its folder, also of one that was interrupted or has failed.
+
+    Nothing is changed in the folder, and no code that it names is executed. The building is that of the trajectory, if
+    one was recorded. The case is checked when `Results.case` is asked for.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Result folder of `evac.run`.
+    plugin_files : iterable of path
+        Plugin files of the case. They are executed when the case is needed; none is necessary to read the results.
+
+    Returns
+    -------
+    Results
+
+    Raises
+    ------
+    ResultError
+        The folder contains no results, or a file is damaged or of another run; names the file, and its key or column.
+
+    Examples
+    --------
+    >>> results = read_results("classroom-result")  # doctest: +SKIP
+    >>> results.last_out, results.exits["door"]["people"]  # doctest: +SKIP
+    """
+    place = find_result(Path(folder))
+    recorded = place / TRAJECTORY_NAME
+    trajectory = read_trajectory(recorded) if recorded.is_file() else None
+    return results_beside(trajectory, place, tuple(Path(path).resolve() for path in plugin_files))
+
+
+def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tuple[Path, ...] = ()) -> Results:
+    """Return the results in a folder, as `read_results` does, with the trajectory that was read from it.
+
+    Raises the errors of `read_results`.
+    """
+    summary, settings = read_summary(place)
+    if trajectory is not None:
+        check_trajectory(trajectory, summary)
+    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS)
+    levels, exits, portals = list(summary.levels), list(summary.exits), list(summary.portals)
+    routes = tuple(Route(row.exits, row.strategy) for row in summary.routes)
+    names = [group.name for group in summary.table.people]
+    group = table.indices("group", names, optional=True)
+    crowd = _crowd_of(table, levels, exits, routes, group)
+    found = table.length, int(np.isfinite(crowd.exit_time).sum())
+    if found != (summary.people, summary.evacuated):
+        raise ResultError(
+            f"{table.path}: {found[0]} people, {found[1]} of them out, but {SUMMARY_NAME} has {summary.people} and "
+            f"{summary.evacuated}; the files are not of one run: run the case again"
+        )
+    passages = _crossings(place / CROSSINGS_NAME, summary.people, portals)
+    data = {name: getattr(summary, name) for name in ("title", "ended", "steps", "seed", "metrics", "versions")}
+    results = Results(
+        **data,
+        settings=settings,
+        case_or_reader=cache(partial(recorded_case, place, _with_infinity(settings), summary.source, (), plugin_files)),
+        building_or_none=None if trajectory is None else _building_at_the_end(trajectory.building, summary, place),
+        crowd=crowd,
+        groups=tuple(
+            Group(one.name, np.flatnonzero(group == index).astype(np.int32), one.behaviours)
+            for index, one in enumerate(summary.table.people)
+        ),
+        routes=routes,
+        start_position=table.pairs("start_x", "start_y"),
+        start_level=table.indices("start_level", levels),
+        crossings=passages,
+        time=summary.simulated_time,
+        exits=_dumped(summary.exits),
+        portals=_dumped(summary.portals),
+        levels=_dumped(summary.levels),
+        stairs=_dumped(summary.stairs),
+        doors=[door.model_dump() for door in summary.doors],
+        stuck=tuple(one.person for one in summary.stuck),
+        warnings=tuple(summary.warnings),
+        quality_warnings=tuple(summary.quality_warnings),
+        keeps_distance=summary.keeps_distance,
+        report=summary.contact.model_dump(),
+        phases=summary.wall_time,
+        plan=[(row.part, row.state, row.why) for row in summary.plan],
+        plugins=tuple(summary.plugins),
+        folder=place,
+        plugin_files=tuple(summary.plugin_files),
+        changes=tuple(summary.changes),
+        resumed=summary.resumed,
+        source=summary.source,
+    )
+    vars(results)["trajectory"] = trajectory  # the cached property, so that the file is not read again
+    return results
+
+
+def check_trajectory(trajectory: Trajectory, summary: Summary) -> None:
+    """Check that a trajectory and the summary beside it are of the same run.
+
+    Raises
+    ------
+    ResultError
+        They are not.
+    """
+    found = trajectory.header.get("seed"), trajectory.number_of_people
+    if found != (summary.seed, summary.people):
+        raise ResultError(
+            f"{trajectory.path.with_name(SUMMARY_NAME)}: seed {summary.seed} and {summary.people} people, but "
+            f"{trajectory.path.name} has seed {found[0]} and {found[1]} people; the files are not of one run: run the "
+            "case again"
+        )
+
+
+def recorded_case(
+    folder: Path, table: Mapping[str, Any], source: str, used: Sequence[str], plugin_files: Sequence[Path]
+) -> "Case":
+    """Return the case of a result; its plugin files must be given, because the folder may be a stranger's.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the result, for messages.
+    table : mapping
+        Content of the case.
+    source : str
+        Its file, to which paths in it are relative.
+    used : sequence of str
+        Plugin files that were used in addition to those that the case names.
+    plugin_files : sequence of Path
+        The given ones, resolved.
+
+    Raises
+    ------
+    EvacError
+        A plugin file is not given, or the case is not valid.
+    """
+    from evac.case.loading import case_from
+
+    named = [(Path(source).parent / name).resolve() for name in table.get("plugins", {}).get("files", [])]
+    if missing := [str(path) for path in dict.fromkeys((*named, *map(Path, used))) if path not in plugin_files]:
+        raise ResultError(f"{folder}: its case needs the plugin {', '.join(missing)}; give it (plugin_files=)")
+    return case_from(table, Path(source), plugin_files=plugin_files)
+
+
+class _Table:
+    """The columns of a CSV file, checked when they are asked for."""
+
+    def __init__(self, path: Path, columns: tuple[str, ...]) -> None:
+        self.path = path
+        self._columns = read_columns(path, columns)
+        self.length = len(self._columns[columns[0]])
+
+    def numbers(self, name: str, least: float = -FINITE, most: float = FINITE, optional: bool = False) -> FloatArray:
+        """Return a column as numbers within bounds; NaN where a field is empty, which only `optional` ones may be."""
+        try:
+            values = np.array([float(text) if text else np.nan for text in self._columns[name]], np.float64)
+        except ValueError as error:
+            raise self.error(name, str(error)) from error
+        is_valid = (values >= least) & (values <= most) | (np.isnan(values) & optional)
+        if not is_valid.all():
+            row = int(np.argmin(is_valid))
+            raise self.error(name, f"{self._columns[name][row]!r:.40} in row {row + 2} is not valid")
+        return values
+
+    def pairs(self, *names: str) -> FloatArray:
+        """Return coordinates, (n, 2)."""
+        return np.column_stack([self.numbers(name) for name in names])
+
+    def indices(self, name: str, names: Sequence[str], optional: bool = False) -> IntArray:
+        """Return a column of names as indices in `names`, -1 for empty fields, which only `optional` ones may have."""
+        index = {one: k for k, one in enumerate(names)} | ({"": -1} if optional else {})
+        for text in self._columns[name]:
+            if text not in index:
+                raise self.error(name, f"{text!r:.80} is not in {SUMMARY_NAME}")
+        return np.array([index[text] for text in self._columns[name]], np.int32)
+
+    def error(self, name: str, why: str) -> ResultError:
+        return ResultError(f"{self.path}: column {name!r}: {why}; run the case again")
+
+
+def _building_at_the_end(building: Building, summary: Summary, folder: Path) -> Building:
+    try:
+        return building_at(building, summary.changes, summary.simulated_time)
+    except BuildingError as error:
+        raise ResultError(f"{folder / SUMMARY_NAME}: changes: {error}; run the case again") from error
+
+
+def _crowd_of(
+    table: _Table, levels: Sequence[str], exits: Sequence[str], routes: Sequence[Route], group: IntArray
+) -> Crowd:
+    """Return the people at the end, with NaN for what is not written."""
+    n = table.length
+    exit_used, exit_time = table.indices("exit", exits, optional=True), table.numbers("exit_time", 0.0, optional=True)
+    level = table.indices("end_level", levels, optional=True)
+    for name, is_known in (("exit_time", np.isfinite(exit_time)), ("end_level", level < 0)):
+        if (differs := is_known != (exit_used >= 0)).any():
+            raise table.error(name, f"contradicts the column 'exit' in row {int(np.argmax(differs)) + 2}")
+    return Crowd(
+        position=table.pairs("end_x", "end_y"),
+        velocity=np.full((n, 2), np.nan),
+        level=level,
+        radius=table.numbers("radius", LEAST_RADIUS),
+        mass=table.numbers("mass", 0.0),
+        tau=table.numbers("tau", 0.0),
+        speed=np.column_stack([table.numbers(name, 0.0) for name in ("speed", "speed_up", "speed_down")]),
+        group=group,
+        start_time=table.numbers("response_time", 0.0, np.inf),
+        route=table.indices("route", [str(route) for route in routes]),
+        speed_factor=np.full(n, np.nan),
+        extra_direction=np.full((n, 2), np.nan),
+        exit_time=exit_time,
+        exit_used=exit_used,
+        distance=table.numbers("distance", 0.0),
+        contact_force=np.full(n, np.nan),
+    )
+
+
+def _crossings(path: Path, people: int, portals: Sequence[str]) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return persons, portals and times of crossings; none of a building without portals."""
+    if not portals:
+        return np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0)
+    table = _Table(path, CROSSINGS_COLUMNS)
+    person = table.numbers("person", 0.0, people - 1.0)
+    return person.astype(np.int32), table.indices("portal", portals), table.numbers("time", 0.0)
+
+
+def _dumped(table: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    return {name: use.model_dump(mode="json") for name, use in table.items()}
+
+
+def _with_infinity(value: Any) -> Any:
+    """Return a case from JSON with the infinities that are null there."""
+    if isinstance(value, dict):
+        return {key: _with_infinity(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_with_infinity(item) for item in value]
+    return float("inf") if value is None else value

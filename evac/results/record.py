@@ -1,0 +1,185 @@
+"""What ``summary.json`` contains, as checked data: the numbers of a run that are not those of single people."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from evac.base.change import Change
+from evac.directions.routes import Strategy
+from evac.folder.files import SUMMARY_NAME
+from evac.folder.reading import checked, read_json
+
+Count = Annotated[int, Field(ge=0)]
+Amount = Annotated[float, Field(ge=0.0)]
+Tables = dict[str, dict[str, Any] | Literal[False]]
+
+
+class Record(BaseModel):
+    """Checked data of a file; keys that are not known are left out."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+class ExitUse(Record):
+    """How an exit was used, see docs/results.md."""
+
+    people: Count
+    last_out: Amount | None
+    width: Amount
+    flow: Amount | None
+    flow_per_metre: Amount | None
+
+
+class PortalUse(Record):
+    """The levels that a portal connects, its width [m], and the number of passages in both directions."""
+
+    levels: tuple[str, str]
+    width: Amount
+    passages: Count
+
+
+class PlaceUse(Record):
+    """How a level or a stair was used."""
+
+    people: Count
+    greatest_number: Count
+    last_left: Amount | None
+
+
+class DoorRow(Record):
+    """A door between rooms."""
+
+    name: str
+    level: str
+    width: Amount
+
+
+class StuckPlace(Record):
+    """Where somebody was who no longer made progress."""
+
+    person: Count
+    level: str
+    x: float
+    y: float
+
+
+class RouteRow(Record):
+    """A route, see `evac.directions.routes.Route`."""
+
+    exits: tuple[str, ...]
+    strategy: Strategy
+
+
+class PlanRow(Record):
+    """A part of the program that was needed or left out, and why."""
+
+    part: str
+    state: str
+    why: str
+
+
+class GroupTable(BaseModel):
+    """A group of people of a case; distributions as the case has them."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    name: str
+    number: int | None = None
+    area: str | None = None
+    level: str | None = None
+    z: float | None = None
+    positions: list[list[float]] | None = None
+    exits: list[str] = []
+    strategy: str = ""
+    behaviours: dict[str, Any] = {}
+
+    @property
+    def size(self) -> int:
+        """Number of people."""
+        return len(self.positions) if self.positions is not None else self.number or 0
+
+
+class BuildingTable(Record):
+    """The keys of the building that are named in reports."""
+
+    mesh: str | None = None
+    closed: list[str] = []
+
+
+class CaseTable(Record):
+    """The parts of a case that are named one by one in reports and replays."""
+
+    building: BuildingTable
+    directions: dict[str, Any]
+    people: list[GroupTable]
+    contact: dict[str, Any]
+    forces: Tables = {}
+    behaviours: Tables = {}
+    simulation: dict[str, Any]
+
+    @property
+    def model(self) -> str:
+        """Name of the contact model."""
+        return str(self.contact.get("model", ""))
+
+    @property
+    def model_parameters(self) -> dict[str, Any]:
+        """Parameters of the contact model in use."""
+        found = self.contact.get(self.model, {})
+        return found if isinstance(found, dict) else {}
+
+
+class ContactReport(BaseModel):
+    """Report of the contact model; of any other keys too."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+    model: str
+
+
+class Summary(Record):
+    """The summary of a run; docs/results.md explains its keys."""
+
+    title: str
+    people: Count
+    evacuated: Count
+    last_out: Amount | None
+    ended: str
+    stuck: list[StuckPlace]
+    warnings: list[str]
+    quality_warnings: list[str]
+    simulated_time: Amount
+    steps: Count
+    exits: dict[str, ExitUse]
+    portals: dict[str, PortalUse]
+    doors: list[DoorRow]
+    left_by_other_exits: Count
+    levels: dict[str, PlaceUse]
+    stairs: dict[str, PlaceUse]
+    routes: list[RouteRow] = Field(min_length=1)
+    contact: ContactReport
+    wall_time: dict[str, Amount]
+    plan: list[PlanRow]
+    metrics: dict[str, Any]
+    changes: list[Annotated[Change, BeforeValidator(Change.from_row)]]
+    resumed: list[dict[str, Any]]
+    plugin_files: list[str]
+    seed: Count
+    source: str
+    keeps_distance: list[str]
+    plugins: list[str]
+    versions: dict[str, str]
+    table: CaseTable = Field(alias="case")
+
+
+def read_summary(folder: Path) -> tuple[Summary, dict[str, Any]]:
+    """Return the checked content of ``summary.json`` in a result folder, and its case with every key.
+
+    Raises
+    ------
+    ResultError
+        The file is missing or damaged; names the key.
+    """
+    data = read_json(folder / SUMMARY_NAME)
+    return checked(Summary, data, folder / SUMMARY_NAME), data["case"]
