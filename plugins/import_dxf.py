@@ -16,9 +16,9 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import text_of
 from evac.base.parameters import Parameter
 from evac.building.geometry.extent import LARGEST, SMALLEST, helpful_factor
+from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
-from evac.building.plan.shapes import place_of
 from evac.building.recover.linework import faces_of, rooms_of
 from evac.contract.hooks import hookimpl
 

@@ -12,9 +12,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.parameters import Parameter, did_you_mean
+from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer
 from evac.building.plan.plan import Plan
-from evac.building.plan.shapes import geometries, place_of
+from evac.building.plan.shapes import geometries
 from evac.contract.hooks import hookimpl
 
 #: Values of the property ``kind`` of a feature.

@@ -8,6 +8,11 @@ HEADROOM = 2.0
 #: Greatest absolute coordinate, height or length [m]: farther from the origin, rounding errors exceed a millimetre.
 FARTHEST = 1e8
 
+#: Shorter segments of buildings are dropped, and points closer to each other are the same [m].
+LEAST_LENGTH = 1e-3
+#: Greatest thickness of a wall that a door or an exit of a plan leads through [m].
+DOOR_REACH = 0.6
+
 #: Greatest number of characters in a title and in the name of a group or of a part of a building.
 LONGEST_NAME = 200
 

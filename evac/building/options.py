@@ -5,14 +5,11 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from evac.base.defaults import HEADROOM, WELD
+from evac.base.defaults import HEADROOM, LEAST_LENGTH, WELD
 from evac.base.keys import Coordinate, Name, Point, Real, Section, Switch, key, wrong
 
 #: Greatest number of exits, of areas and of obstacles, and of groups of people.
 MOST_ITEMS = 10_000
-
-#: Remainders of walls and exits shorter than this are dropped [m].
-LEAST_LENGTH = 1e-3
 
 
 def check_level(what: str, level: str | None, z: float | None) -> None:

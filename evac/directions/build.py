@@ -13,13 +13,13 @@ from evac.base.defaults import COMFORT, ORDER, SPACING
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building, Exit
+from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.building.surface.checks import measures
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.classes import find_classes
 from evac.directions.descent import descend
 from evac.directions.fields import Fields, PackedFields
-from evac.directions.graph import levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes
 from evac.directions.lengths import (
     Marched,

@@ -6,7 +6,7 @@ The results agree with `scipy.ndimage`, whose import takes longer than computing
 import numpy as np
 
 from evac.base.arrays import BoolArray, IndexArray
-from evac.building.surface.components import connected_components
+from evac.building.geometry.components import connected_components
 
 #: Nodes that are looked at together, since each takes some 80 bytes.
 CHUNK = 2**21

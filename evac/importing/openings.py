@@ -9,9 +9,9 @@ import shapely
 from numpy.typing import ArrayLike
 
 from evac.base.arrays import FloatArray
+from evac.building.geometry.segments import segment_lengths
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.surface.edges import segment_lengths
 
 #: Least width of an opening [m].
 LEAST_WIDTH = 0.5

@@ -6,7 +6,7 @@ import numpy as np
 
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding
-from evac.building.surface.components import connected_components
+from evac.building.model.links import levels_reaching
 
 #: Greatest density of people in an area; the others start on the floor around it [1/m2].
 FULL = 3.0
@@ -32,14 +32,6 @@ def find_rooms(building: Building) -> list[Room]:
     return sorted(rooms, key=lambda room: (room.level, room.name))
 
 
-def connected_to_exits(building: Building) -> set[int]:
-    """Return the levels from which an exit can be reached."""
-    pairs = np.array([portal.levels for portal in building.portals], dtype=np.int64).reshape(-1, 2)
-    part = connected_components(len(building.levels), pairs)
-    left = {int(part[way.level]) for way in building.exits}
-    return {level.index for level in building.levels if int(part[level.index]) in left}
-
-
 def fill(building: Building, rooms: list[Room], people: int | None, density: float) -> tuple[list[Room], list[Finding]]:
     """Return the rooms with their numbers of people, and findings for rooms without people.
 
@@ -52,7 +44,7 @@ def fill(building: Building, rooms: list[Room], people: int | None, density: flo
     density : float [1/m2]
         Used if `people` is not given.
     """
-    open_levels = connected_to_exits(building) if building.exits else {level.index for level in building.levels}
+    open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
     used = [room for room in rooms if room.level in open_levels]
     notes = []
     for room in rooms:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, counted
+from evac.building.geometry.components import connected_components
 from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.building.model.findings import Finding
 from evac.building.model.narrow import CLOSED
-from evac.building.surface.components import connected_components
 from evac.directions.fields import Fields, columns_of
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
 from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Quads, Struct, Triples, inner, kernel

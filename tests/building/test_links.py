@@ -3,7 +3,7 @@
 import pytest
 
 from evac.base.errors import BuildingError, EvacError
-from evac.building.model.links import close_links
+from evac.building.model.links import close_links, levels_reaching
 from evac.case.loading import load_case
 from evac.simulation.simulation import Simulation
 
@@ -31,6 +31,14 @@ def test_what_is_cut_off_is_warned_of(building):
     assert close_links(building, ["stair 1"]).warnings == building.warnings
     (note,) = close_links(building, [west, "stair 1"]).findings
     assert note.level == "floor z=0.00"
+
+
+def test_levels_reach_exits_through_open_portals(building):
+    assert levels_reaching(building, building.exits[1:]) == {0, 1, 2}
+    assert levels_reaching(building, []) == set()
+    lower = close_links(building, [building.portals[0].name])
+    assert levels_reaching(lower, lower.exits[:1]) == {0}
+    assert levels_reaching(lower, lower.exits[1:]) == {1, 2}
 
 
 def test_unknown_names_are_refused(building):

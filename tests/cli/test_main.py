@@ -61,7 +61,7 @@ def test_overrides_gather():
 DRAWING = ("matplotlib", "PIL", "pyvista", "vtkmodules", "imageio")
 SCIENCE = ("scipy.ndimage", "scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats", "scipy.optimize", "pandas")
 PROCESSES = ("multiprocessing", "concurrent.futures.process", "asyncio")
-EVERYTHING = (*DRAWING, *SCIENCE, *PROCESSES, "scipy", "networkx", "skfmm", "shapely", "meshio", "numba")
+EVERYTHING = (*DRAWING, *SCIENCE, *PROCESSES, "scipy", "skfmm", "shapely", "meshio", "numba")
 
 BARE = ["--set", "output.picture=false", "output.animation=false", "simulation.duration=1"]
 

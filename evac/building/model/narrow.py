@@ -10,9 +10,9 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import counted
+from evac.building.geometry.components import connected_components
 from evac.building.model.building import Building, Level
 from evac.building.model.findings import Finding
-from evac.building.surface.components import connected_components
 
 #: Minimum area of ground behind a constriction that a body's centre can reach [m2]; smaller ground is a niche.
 LEAST_PART = 0.05

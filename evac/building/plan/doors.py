@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.plan.outlines import ALONG, along, covered, nearest, normal, sides, written
+from evac.base.defaults import LEAST_LENGTH
+from evac.building.geometry.overlays import united
+from evac.building.geometry.segments import sides
+from evac.building.plan.outlines import ALONG, along, covered, nearest, normal, written
 from evac.building.plan.planparts import SNAP, Item
-from evac.building.plan.shapes import LEAST_LENGTH, united
 
 #: Cosine of the angle to its wall above which a door runs across the wall (60 degrees).
 ACROSS = 0.5

@@ -10,16 +10,18 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
 from evac.base.parameters import did_you_mean
+from evac.building.geometry.conforming import Height
+from evac.building.geometry.overlays import LEAST_AREA, common, cut, place_of, united
+from evac.building.geometry.segments import between_floors
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
-from evac.building.plan.conforming import Height
 from evac.building.plan.doors import Rooms, placed
 from evac.building.plan.outlines import (
     Strip,
     along,
-    between_floors,
     between_rooms,
     covered,
     distinct,
@@ -33,8 +35,7 @@ from evac.building.plan.outlines import (
     written,
 )
 from evac.building.plan.plancheck import beside_floor, both_sides, low_storeys, with_cause
-from evac.building.plan.planparts import DOOR_REACH, SNAP, Item, Stair
-from evac.building.plan.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
+from evac.building.plan.planparts import SNAP, Item, Stair
 from evac.building.surface.surfacemesh import SurfaceMesh
 
 if TYPE_CHECKING:

@@ -7,11 +7,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import BoolArray, FloatArray
+from evac.base.arrays import FloatArray
+from evac.base.defaults import LEAST_LENGTH
 from evac.building.geometry.extent import FACTORS
+from evac.building.geometry.overlays import GRID, LEAST_AREA, common, cut, flat_parts
+from evac.building.geometry.segments import between_floors, segment_lengths, sides
 from evac.building.model.findings import away
-from evac.building.plan.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut, flat_parts
-from evac.building.surface.edges import segment_lengths
 
 #: Pieces of an outline lie along a segment if their directions differ by less than this (25 degrees).
 ALONG = 0.9
@@ -19,8 +20,6 @@ ALONG = 0.9
 UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet"}
 #: Distance from a floor, as a share of its extent, at which a segment in another unit would lie at the floor.
 NEAR = 0.05
-#: Places along a piece of an outline at which the floor beyond a wall is looked for.
-SAMPLES = 8
 #: Length of a segment that may lack a floor within reach [m], where an end of it is drawn slightly into a wall.
 BESIDE_JAMB = 0.01
 
@@ -31,17 +30,6 @@ class Strip:
 
     polygon: BaseGeometry
     depth: float
-
-
-def sides(polygon: BaseGeometry) -> FloatArray:
-    """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left [m]."""
-    rings = []
-    for part in shapely.get_parts(polygon):
-        oriented = shapely.orient_polygons(part)
-        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
-    if not rings:
-        return np.empty((0, 4))
-    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
 
 
 def along(polygon: BaseGeometry, ends: FloatArray, reach: float) -> FloatArray:
@@ -119,27 +107,6 @@ def normal(ends: FloatArray) -> FloatArray:
 def is_on(polygon: BaseGeometry, point: FloatArray) -> bool:
     """Return whether a point is inside a polygon."""
     return bool(shapely.intersects_xy(polygon, *point))
-
-
-def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:
-    """Return which pieces (p, 4) of an outline have floor beyond the wall behind most of their length.
-
-    Parameters
-    ----------
-    polygon : shapely polygon or multipolygon
-        The floor.
-    pieces : (p, 4) float64 [m]
-        With the floor on their left.
-    reach : float [m]
-        Greatest thickness of the wall.
-    """
-    start, step = pieces[:, None, :2], (pieces[:, 2:] - pieces[:, :2])[:, None]
-    outward = np.stack([step[..., 1], -step[..., 0]], axis=-1) / segment_lengths(pieces)[:, None, None]
-    places = start + np.linspace(0.0, 1.0, 2 * SAMPLES + 1)[1::2, None] * step
-    rays = shapely.linestrings(np.stack([places + LEAST_LENGTH * outward, places + reach * outward], axis=-2))
-    shapely.prepare(polygon)
-    found: BoolArray = shapely.intersects(polygon, rays).mean(axis=1) > 0.5
-    return found
 
 
 def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, between: bool = False) -> str:

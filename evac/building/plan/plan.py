@@ -9,10 +9,10 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.defaults import FARTHEST, HEADROOM
+from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding
-from evac.building.plan.planparts import DOOR_REACH, OUTSIDE, Item, Stair, Storey
+from evac.building.plan.planparts import OUTSIDE, Item, Stair, Storey
 from evac.building.plan.shapes import Shape, polygons_of, segment_of
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from pathlib import Path
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import DOOR_REACH
+from evac.building.geometry.overlays import common, cut, place_of, united
+from evac.building.geometry.segments import between_floors, segment_lengths
 from evac.building.model.findings import Finding
-from evac.building.plan.outlines import between_floors
-from evac.building.plan.planparts import DOOR_REACH, Item, Storey
-from evac.building.plan.shapes import common, cut, place_of, united
-from evac.building.surface.edges import segment_lengths
+from evac.building.plan.planparts import Item, Storey
 
 #: Smallest overlap of two floors, and smallest part of an area beside its floor, that is reported [m2].
 LEAST_REPORTED = 0.05

@@ -8,11 +8,10 @@ from typing import Any
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import DOOR_REACH
 
 #: Largest distance of an exit or a stair end from the outline of its floor [m].
 SNAP = 0.15
-#: Default distance of a door from the rooms that it joins [m].
-DOOR_REACH = 0.6
 #: Options for a door with a room on one side only.
 OUTSIDE = ("refuse", "exit", "opening")
 

@@ -9,20 +9,15 @@ from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.defaults import FARTHEST
+from evac.base.defaults import FARTHEST, LEAST_LENGTH
+from evac.building.geometry.overlays import GRID, flat_parts, place_of
 from evac.building.model.findings import Finding
 
 #: Accepted representations of a shape: one of these, or a list of them.
 Shape: TypeAlias = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
 
-#: Grid to which coordinates of plans are rounded, on which overlays are exact [m].
-GRID = 1e-6
-#: Minimum area of polygons, and of changes by repairs that are reported [m2].
-LEAST_AREA = 1e-6
 #: Greatest depth of nested parentheses in WKT: a multipolygon in a collection has five.
 MOST_NESTED = 100
-#: Shortest segment [m].
-LEAST_LENGTH = 1e-3
 
 
 def geometries(given: Shape) -> Iterator[BaseGeometry]:
@@ -133,34 +128,6 @@ def segment_of(given: Shape) -> FloatArray:
         )
     rounded: FloatArray = np.round(ends, 6) + 0.0
     return rounded
-
-
-def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
-    """Return the polygons of a geometry; points and lines left by overlay operations are dropped."""
-    parts = [part for part in shapely.get_parts(geometry, return_index=False) if part.geom_type == "Polygon"]
-    kept = [part for part in parts if part.area > LEAST_AREA]
-    return kept[0] if len(kept) == 1 else shapely.MultiPolygon(kept)
-
-
-def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Return the union of polygons on the grid of plans."""
-    return flat_parts(shapely.union_all(polygons, grid_size=GRID))
-
-
-def cut(geometry: BaseGeometry, away: BaseGeometry) -> BaseGeometry:
-    """Return the difference of two polygons, on the grid of plans."""
-    return flat_parts(shapely.difference(geometry, away, grid_size=GRID))
-
-
-def common(geometry: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
-    """Return the intersection of two polygons, on the grid of plans."""
-    return flat_parts(shapely.intersection(geometry, other, grid_size=GRID))
-
-
-def place_of(geometry: BaseGeometry) -> tuple[float, float]:
-    """Return a point (x, y) on a geometry, for a message or a finding."""
-    x, y = shapely.get_coordinates(geometry.representative_point())[0].tolist()
-    return x, y
 
 
 def _simple(geometry: BaseGeometry) -> Iterator[BaseGeometry]:

@@ -8,8 +8,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.plan.conforming import Height
-from evac.building.plan.shapes import LEAST_AREA, LEAST_LENGTH
+from evac.base.defaults import LEAST_LENGTH
+from evac.building.geometry.conforming import Height
+from evac.building.geometry.overlays import LEAST_AREA, below
 
 #: Largest angle between the edges at both ends of a flight [degrees].
 MOST_SKEW = 45.0
@@ -158,19 +159,6 @@ def too_low(piece: Piece, z: float, headroom: float) -> BaseGeometry:
 
 def _turned_over(height: Callable[[float, float], float]) -> Callable[[float, float], float]:
     return lambda x, y: -height(x, y)
-
-
-def below(plan: BaseGeometry, height: Callable[[float, float], float], z: float) -> BaseGeometry:
-    """Return the part of a polygon where a plane is lower than `z` [m]."""
-    x, y = plan.centroid.coords[0]
-    here = height(x, y)
-    uphill = np.array([height(x + 1.0, y) - here, height(x, y + 1.0) - here])
-    way = uphill / np.hypot(*uphill)
-    border = np.array([x, y]) + (z - here) / np.hypot(*uphill) * way
-    reach = 2.0 * float(np.hypot(*np.ptp(np.reshape(plan.bounds, (2, 2)), axis=0))) + abs(z - here) / np.hypot(*uphill)
-    across = reach * np.array([way[1], -way[0]])
-    half = [border - across, border + across, border + across - 2 * reach * way, border - across - 2 * reach * way]
-    return plan.intersection(shapely.Polygon(half))
 
 
 def _plane(corners: FloatArray, heights: FloatArray) -> Callable[[float, float], float]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.plan.shapes import GRID, LEAST_LENGTH, flat_parts
+from evac.base.defaults import LEAST_LENGTH
+from evac.building.geometry.overlays import GRID, flat_parts
 from evac.building.surface.welding import weld_points
 
 #: Grid on which lines are noded [m]; lines that were meant to coincide do so on this grid.

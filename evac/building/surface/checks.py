@@ -2,18 +2,16 @@
 
 import itertools
 import math
-from collections.abc import Collection
 
 import numpy as np
 import shapely
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError
+from evac.building.geometry.segments import segment_lengths, side_of
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import elevation, level_elevation
 from evac.building.model.findings import Finding
-from evac.building.surface.components import connected_components
-from evac.building.surface.edges import segment_lengths, side_of
 
 #: Minimum depth of a level between two portals that face each other [m].
 LEAST_DEPTH = 1.0
@@ -212,23 +210,6 @@ def check_exits(building: Building) -> None:
     raise BuildingError(
         f"{building.source}: the building has no exit: tag free edges of the mesh 'exit:NAME' or give segments{example}"
     )
-
-
-def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:
-    """Warn of levels from which no exit can be reached, except the levels in `closed`."""
-    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
-    part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    open_levels = {way.level for way in building.exits if building.is_open(way)}
-    notes = []
-    for number in np.unique(part):
-        members = np.flatnonzero(part == number).tolist()
-        if open_levels.isdisjoint(members) and not set(members) <= set(closed):
-            names = [building.levels[index].name for index in members]
-            others = f" and its neighbours {', '.join(map(repr, names[1:]))}" if len(names) > 1 else ""
-            text = f"no exit can be reached from {names[0]!r}{others}: people there cannot leave"
-            x, y = building.levels[members[0]].polygon.representative_point().coords[0]
-            notes.append(Finding("warning", text, names[0], (x, y)))
-    return tuple(notes)
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:

@@ -102,18 +102,6 @@ def straight_segments(vertices: FloatArray, chain: IndexArray) -> FloatArray:
     return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
 
-def segment_lengths(segments: FloatArray) -> FloatArray:
-    """Return the lengths (s,) of segments (s, 4) [m]."""
-    length: FloatArray = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
-    return length
-
-
-def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return twice the signed area of a segment (4,) and each point [m2], positive for points on its left."""
-    x1, y1, x2, y2 = segment
-    return np.asarray((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
-
-
 def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
     """Describe the place of an edge, for a message."""
     return " - ".join(f"({x:z.2f}, {y:z.2f}, {z:z.2f})" for x, y, z in vertices[ends])

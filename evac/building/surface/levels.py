@@ -9,10 +9,10 @@ import shapely
 
 from evac.base.arrays import BoolArray, IndexArray
 from evac.base.errors import BuildingError
+from evac.building.geometry.components import connected_components
 from evac.building.geometry.polygons import union
 from evac.building.model.building import Level
 from evac.building.model.findings import Finding
-from evac.building.surface.components import connected_components
 from evac.building.surface.edges import EdgeTable
 from evac.building.surface.surface import Surface
 

@@ -8,9 +8,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.plan.shapes import GRID, LEAST_AREA, flat_parts, place_of
-from evac.building.plan.stairs import below
-from evac.building.surface.components import connected_components
+from evac.building.geometry.components import connected_components
+from evac.building.geometry.overlays import GRID, LEAST_AREA, below, flat_parts, place_of
 
 #: Tolerances for coplanar cells: of their slopes, and of their heights at the origin of the patch [m].
 SAME_RISE, SAME_HEIGHT = 1e-3, 2e-3

@@ -8,17 +8,17 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry.polygons import union
+from evac.building.geometry.segments import between_floors, segment_lengths, sides
 from evac.building.model.building import Area, Building, Exit, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
-from evac.building.model.links import nearest_wall, sorted_walls
-from evac.building.options import LEAST_LENGTH, ExitLine, Outline, Placed
-from evac.building.plan.outlines import between_floors
-from evac.building.plan.planparts import DOOR_REACH
-from evac.building.surface.edges import COLLINEAR, segment_lengths
+from evac.building.options import ExitLine, Outline, Placed
+from evac.building.surface.edges import COLLINEAR
+from evac.building.surface.links import nearest_wall, sorted_walls
 
 #: Largest distance of an exit from the free edge that it is snapped to [m].
 EXIT_REACH = 0.05
@@ -237,7 +237,7 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
     polygon = _plane_part(level.polygon.difference(obstacle))
     if polygon.is_empty:
         raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}; make them smaller")
-    new, old = _sides(polygon), level.polygon.boundary
+    new, old = sides(polygon), level.polygon.boundary
     middle = shapely.points((new[:, :2] + new[:, 2:]) / 2)
     is_new = shapely.distance(middle, old) > COLLINEAR
     own = building.walls[building.wall_level == level.index]
@@ -256,15 +256,6 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
         )
     building = _with_walls(building, level, np.concatenate([kept, new[is_new]]))
     return replace(building, levels=tuple(levels), areas=tuple(areas))
-
-
-def _sides(polygon: BaseGeometry) -> FloatArray:
-    """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left."""
-    rings = []
-    for part in shapely.get_parts(polygon):
-        oriented = shapely.orient_polygons(part)
-        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
-    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
 
 
 def _plane_part(geometry: BaseGeometry) -> BaseGeometry:

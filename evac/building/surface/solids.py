@@ -7,8 +7,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import IndexArray
+from evac.building.geometry.overlays import GRID, place_of
 from evac.building.model.findings import Finding
-from evac.building.plan.shapes import GRID, place_of
 from evac.building.surface.patches import Patch
 from evac.building.surface.treads import APART, MOST_RISER
 

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 
 from evac.base.arrays import FloatArray
+from evac.building.geometry.overlays import GRID, flat_parts
 from evac.building.model.findings import Finding
-from evac.building.plan.shapes import GRID, flat_parts
 from evac.building.surface.patches import Patch
 
 #: Range of the riser, the difference in height of consecutive treads [m].

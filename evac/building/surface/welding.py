@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.surface.components import connected_components
+from evac.building.geometry.components import connected_components
 
 #: Maximum extent of a cluster of close vertices that is merged into one vertex, in units of the weld. A larger cluster,
 #: such as a finely divided arc, is thinned instead, to preserve its shape.

@@ -7,9 +7,9 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.building.geometry.overlays import united
 from evac.building.model.findings import Finding
 from evac.building.plan.outlines import normal, strip
-from evac.building.plan.shapes import united
 from evac.building.recover.bodies.body import Body, snapped
 from evac.building.recover.bodies.floors import Floor
 

@@ -10,15 +10,15 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError
+from evac.building.geometry.components import connected_components
+from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
 from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
-from evac.building.plan.shapes import common, cut, place_of, united
 from evac.building.recover.bodies.body import NOTCH, Body, snapped
 from evac.building.recover.bodies.floors import Floor
 from evac.building.recover.bodies.treads import SHORT, Landing, Run, treads_of
-from evac.building.surface.components import connected_components
 
 #: Largest gap in plan between the end of a flight and a floor [m].
 FAR = 0.6

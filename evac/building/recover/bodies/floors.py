@@ -7,8 +7,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import HEADROOM
+from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
-from evac.building.plan.shapes import common, cut, place_of, united
 from evac.building.recover.bodies.body import Body, closed, snapped, without_slivers
 
 #: Largest difference in height between a floor and the top of its slab, due to floor finishes [m].

@@ -8,14 +8,14 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.building.geometry.components import connected_components
+from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan.plan import Plan
-from evac.building.plan.shapes import common, cut, place_of, united
 from evac.building.recover.bodies.body import Body, snapped
 from evac.building.recover.bodies.doorways import Doorway, doorways_of, middle_of, opened, passages_of
 from evac.building.recover.bodies.flights import Stair, meeting, stairs_of
 from evac.building.recover.bodies.floors import Floor, floors_of
-from evac.building.surface.components import connected_components
 
 #: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
 KINDS = ("space", "slab", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")

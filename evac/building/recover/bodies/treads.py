@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.plan.shapes import united
+from evac.building.geometry.overlays import united
 from evac.building.recover.bodies.body import Body, closed
 
 #: Range of the riser, the difference in height of consecutive treads [m].

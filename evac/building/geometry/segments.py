@@ -1,0 +1,55 @@
+"""Segments in plan (s, 4), x1, y1, x2, y2 [m], and the sides of polygons."""
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import BoolArray, FloatArray
+from evac.base.defaults import LEAST_LENGTH
+
+#: Places along a piece of an outline at which the floor beyond a wall is looked for.
+SAMPLES = 8
+
+
+def segment_lengths(segments: FloatArray) -> FloatArray:
+    """Return the lengths (s,) of segments (s, 4) [m]."""
+    length: FloatArray = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
+    return length
+
+
+def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return twice the signed area of a segment (4,) and each point [m2], positive for points on its left."""
+    x1, y1, x2, y2 = segment
+    return np.asarray((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
+
+
+def sides(polygon: BaseGeometry) -> FloatArray:
+    """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left [m]."""
+    rings = []
+    for part in shapely.get_parts(polygon):
+        oriented = shapely.orient_polygons(part)
+        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    if not rings:
+        return np.empty((0, 4))
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:
+    """Return which pieces (p, 4) of an outline have floor beyond the wall behind most of their length.
+
+    Parameters
+    ----------
+    polygon : shapely polygon or multipolygon
+        The floor.
+    pieces : (p, 4) float64 [m]
+        With the floor on their left.
+    reach : float [m]
+        Greatest thickness of the wall.
+    """
+    start, step = pieces[:, None, :2], (pieces[:, 2:] - pieces[:, :2])[:, None]
+    outward = np.stack([step[..., 1], -step[..., 0]], axis=-1) / segment_lengths(pieces)[:, None, None]
+    places = start + np.linspace(0.0, 1.0, 2 * SAMPLES + 1)[1::2, None] * step
+    rays = shapely.linestrings(np.stack([places + LEAST_LENGTH * outward, places + reach * outward], axis=-2))
+    shapely.prepare(polygon)
+    found: BoolArray = shapely.intersects(polygon, rays).mean(axis=1) > 0.5
+    return found
