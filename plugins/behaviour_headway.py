@@ -1,7 +1,6 @@
 """Headway: people avoid others and slow down behind people ahead, before bodies touch."""
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 
 from evac.base.parameters import Parameter
 from evac.building.model.building import FLAT
-from evac.contract.hooks import hookimpl
 from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -358,9 +356,3 @@ def is_hidden(world, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_behaviours() -> Sequence[type[Behaviour]]:
-    """Return the behaviour of this module."""
-    return [Headway]

@@ -1,6 +1,6 @@
 """Response time: the delay between the alarm and the start of walking."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ from evac.base.arrays import IntArray
 from evac.base.distributions import Distribution, parse
 from evac.base.errors import naming
 from evac.base.parameters import Parameter
-from evac.contract.hooks import hookimpl
 from evac.people.behaviour import Behaviour, BehaviourScene
 
 
@@ -97,9 +96,3 @@ class ResponseTime(Behaviour):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_behaviours() -> Sequence[type[Behaviour]]:
-    """Return the behaviour of this module."""
-    return [ResponseTime]

@@ -13,7 +13,6 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import PluginError, ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
-from evac.contract.hooks import hookimpl
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -243,9 +242,3 @@ def _words(key: str, value: Any) -> tuple[str, ...]:
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_behaviours() -> Sequence[type[Behaviour]]:
-    """Return the behaviour of this module."""
-    return [RouteChoice]

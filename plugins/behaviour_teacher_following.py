@@ -1,7 +1,6 @@
 """Teacher following: classes walk behind their teachers, and teachers wait for their classes."""
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
 from evac.building.model.building import FLAT
-from evac.contract.hooks import hookimpl
 from evac.directions.fields import PackedFields
 from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import Bytes, Floats, Ints, Struct, inner, kernel
@@ -247,9 +245,3 @@ def add_waiting_time(memory, g, seen, vain, remaining, spent):  # type: ignore[n
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_behaviours() -> Sequence[type[Behaviour]]:
-    """Return the behaviour of this module."""
-    return [TeacherFollowing]

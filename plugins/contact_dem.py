@@ -1,7 +1,7 @@
 """DEM, the smooth contact model: springs between overlapping bodies (eqs 3, 16, 17) that harden at large overlaps."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter
-from evac.contract.hooks import hookimpl
 from evac.jit import Floats, Struct, Triples, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import push, set_reach, tangential_velocity, use_free_velocity
@@ -290,9 +289,3 @@ class Dem(ContactModel):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_contact_models() -> Sequence[type[ContactModel]]:
-    """Register the model."""
-    return [Dem]

@@ -1,13 +1,11 @@
 """NSM1, the non-smooth contact model with a constraint on positions (eqs 18-22; Maury and Venel)."""
 
 import math
-from collections.abc import Sequence
 
 from evac.base.parameters import Parameter
-from evac.contract.hooks import hookimpl
 from evac.jit import Struct, inner, kernel
 from evac.physics import tallies as at
-from evac.physics.contact.model import BorderScene, ContactModel, SolvedContactModel
+from evac.physics.contact.model import BorderScene, SolvedContactModel
 from evac.physics.contact.overlaps import is_to_separate
 from evac.physics.contact.percussions import find_percussions, solve_once
 from evac.physics.contact.rows import INELASTIC
@@ -128,9 +126,3 @@ class Nsm1(SolvedContactModel):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_contact_models() -> Sequence[type[ContactModel]]:
-    """Register the model."""
-    return [Nsm1]

@@ -1,14 +1,13 @@
 """NSM2, the non-smooth contact model with a constraint on velocities (eqs 23-32; Frémond)."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from evac.base.parameters import Parameter
-from evac.contract.hooks import hookimpl
 from evac.jit import Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import keep_only_meeting, normal_velocity, report_contact_force, tangential_velocity
-from evac.physics.contact.model import BorderScene, ContactModel, SolvedContactModel
+from evac.physics.contact.model import BorderScene, SolvedContactModel
 from evac.physics.contact.overlaps import is_to_separate
 from evac.physics.contact.percussions import find_percussions
 from evac.physics.state import State, Traits, World
@@ -170,9 +169,3 @@ class Nsm2(SolvedContactModel):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_contact_models() -> Sequence[type[ContactModel]]:
-    """Register the model."""
-    return [Nsm2]

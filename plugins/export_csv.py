@@ -1,11 +1,10 @@
 """Exporter "csv": the recorded motion as one CSV table."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from evac.analysis.tables import motion_table
-from evac.contract.hooks import hookimpl
 from evac.export.exporter import Exporter
 from evac.folder.cells import cell_of
 from evac.trajectory.trajectory import Trajectory
@@ -29,9 +28,3 @@ class CsvExporter(Exporter):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_exporters() -> Sequence[type[Exporter]]:
-    """Return the exporter."""
-    return [CsvExporter]

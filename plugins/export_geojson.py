@@ -1,7 +1,7 @@
 """Exporter "geojson": the building in plan, for geographic information systems and drawing programs."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building
-from evac.contract.hooks import hookimpl
 from evac.export.exporter import Exporter
 from evac.trajectory.trajectory import Trajectory
 
@@ -75,9 +74,3 @@ def _feature(shape: BaseGeometry, kind: str, name: str, levels: list[str], **mor
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_exporters() -> Sequence[type[Exporter]]:
-    """Return the exporter."""
-    return [GeojsonExporter]

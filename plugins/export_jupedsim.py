@@ -1,7 +1,7 @@
 """Exporter "jupedsim": JuPedSim SQLite databases (version 2), one for each level."""
 
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -11,7 +11,6 @@ import shapely
 from evac.analysis.frame_rate import regular_frames
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
-from evac.contract.hooks import hookimpl
 from evac.export.exporter import Exporter, file_stems
 from evac.trajectory.trajectory import Trajectory
 
@@ -104,9 +103,3 @@ def _typed(rows: np.ndarray) -> Iterator[tuple[int, int, float, float, float, fl
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_exporters() -> Sequence[type[Exporter]]:
-    """Return the exporter."""
-    return [JupedsimExporter]

@@ -1,10 +1,9 @@
 """Exporter "parquet": the recorded motion as one table for pandas, Polars, DuckDB or R."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from evac.analysis.tables import MOTION_COLUMNS, motion_table
-from evac.contract.hooks import hookimpl
 from evac.export.exporter import Exporter
 from evac.trajectory.trajectory import Trajectory
 
@@ -35,9 +34,3 @@ class ParquetExporter(Exporter):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_exporters() -> Sequence[type[Exporter]]:
-    """Return the exporter."""
-    return [ParquetExporter]

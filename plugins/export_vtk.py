@@ -1,9 +1,8 @@
 """Exporter "vtk": an animation for ParaView."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
-from evac.contract.hooks import hookimpl
 from evac.export.exporter import Exporter
 from evac.trajectory.trajectory import Trajectory
 
@@ -25,9 +24,3 @@ class VtkExporter(Exporter):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_exporters() -> Sequence[type[Exporter]]:
-    """Return the exporter."""
-    return [VtkExporter]

@@ -1,13 +1,11 @@
 """The social force of eq. 34."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.parameters import Parameter
-from evac.contract.hooks import hookimpl
 from evac.jit import pair_force
 from evac.physics.force import Force
 
@@ -59,9 +57,3 @@ class SocialForce(Force):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_forces() -> Sequence[type[Force]]:
-    """Register the force."""
-    return [SocialForce]

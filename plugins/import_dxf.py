@@ -3,7 +3,7 @@
 import fnmatch
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
 from evac.building.recover.linework import faces_of, rooms_of
-from evac.contract.hooks import hookimpl
 
 #: Optional prefix of layer names.
 PREFIX = "jps-"
@@ -302,9 +301,3 @@ def _no_floor(document: Any) -> str:
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [DxfImporter]

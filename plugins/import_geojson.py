@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer
 from evac.building.plan.plan import Plan
 from evac.building.plan.shapes import geometries
-from evac.contract.hooks import hookimpl
 
 #: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
@@ -161,9 +160,3 @@ def _metres_per_degree(latitude: float) -> np.ndarray[Any, np.dtype[np.float64]]
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [GeojsonImporter]

@@ -1,7 +1,7 @@
 """Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ import numpy as np
 from evac.base.parameters import Parameter
 from evac.building.importer import Importer
 from evac.building.model.findings import Finding
-from evac.contract.hooks import hookimpl
 
 if TYPE_CHECKING:
     from evac.building.plan.plan import Plan
@@ -199,9 +198,3 @@ def _text(value: Any) -> str:
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [IfcImporter]

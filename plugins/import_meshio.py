@@ -11,7 +11,6 @@ import contextlib
 import io
 import re
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ import numpy as np
 from evac.base.arrays import BoolArray, IndexArray
 from evac.building.importer import Importer
 from evac.building.surface.surfacemesh import EDGE_TAGS, SurfaceMesh
-from evac.contract.hooks import hookimpl
 
 #: For each tag, the masks of its cells in each block of the file.
 Tags = dict[str, list[BoolArray]]
@@ -136,9 +134,3 @@ def _array_tags(mesh: Any) -> Tags:
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [MeshioImporter]

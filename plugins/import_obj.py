@@ -6,7 +6,6 @@ the names of groups and divides non-convex polygons into fans, which cover addit
 
 import fnmatch
 import itertools
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from evac.base.parameters import Parameter, did_you_mean
 from evac.building.importer import Importer
 from evac.building.model.findings import Finding
 from evac.building.surface.surfacemesh import SurfaceMesh
-from evac.contract.hooks import hookimpl
 
 #: Kinds of groups and the tags of their faces; ``ignore`` drops the faces.
 KINDS = {"exit": "exit", "stair": "stair", "room": "area", "floor": "floor", "obstacle": "obstacle", "ignore": ""}
@@ -125,9 +123,3 @@ def _tagged(
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [ObjImporter]

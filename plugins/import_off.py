@@ -4,12 +4,10 @@ trimesh reads truncated files without an error, and divides non-convex polygons 
 """
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 from evac.building.importer import Importer
 from evac.building.surface.surfacemesh import SurfaceMesh
-from evac.contract.hooks import hookimpl
 
 
 class OffImporter(Importer):
@@ -51,9 +49,3 @@ class OffImporter(Importer):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [OffImporter]

@@ -8,7 +8,6 @@ from evac.base.errors import quoted_line
 from evac.building.importer import Importer
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of
-from evac.contract.hooks import hookimpl
 
 
 class PlanImporter(Importer):
@@ -32,9 +31,3 @@ class PlanImporter(Importer):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [PlanImporter]

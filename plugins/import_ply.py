@@ -5,13 +5,11 @@ meshio fails on edges and on ``vertex_index``; trimesh divides non-convex polygo
 
 import codecs
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from evac.building.importer import Importer
 from evac.building.surface.surfacemesh import SurfaceMesh
-from evac.contract.hooks import hookimpl
 
 #: Format characters of `struct` for the types of PLY.
 TYPES = {
@@ -161,9 +159,3 @@ def _read_rows(body: _TextBody | _BinaryBody, element: _Element) -> list[list[li
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [PlyImporter]

@@ -1,6 +1,5 @@
 """Importer of WKT files: polygons of one storey, as written by JuPedSim, PostGIS, QGIS and shapely."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import shapely
@@ -9,7 +8,6 @@ from evac.base.parameters import Parameter
 from evac.building.importer import Importer
 from evac.building.plan.plan import Plan
 from evac.building.plan.shapes import from_wkt
-from evac.contract.hooks import hookimpl
 
 
 class WktImporter(Importer):
@@ -57,9 +55,3 @@ def _geometries(text: str) -> list[shapely.Geometry]:
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_importers() -> Sequence[type[Importer]]:
-    """Return the importer."""
-    return [WktImporter]

@@ -1,6 +1,6 @@
 """Recorder "replay": the run as one HTML page, written when the run ends, also after an error."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,12 +65,6 @@ class ReplayRecorder(Recorder):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_recorders() -> Sequence[type[Recorder]]:
-    """Return the recorder of replays."""
-    return [ReplayRecorder]
 
 
 @hookimpl

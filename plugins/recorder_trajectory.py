@@ -1,6 +1,6 @@
 """Recorder "trajectory": positions of all people in each frame, in a file that stays readable if a run is killed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.saved import SavedError, taken
-from evac.contract.hooks import hookimpl
 from evac.folder.files import TRAJECTORY_NAME
 from evac.results.results import versions
 from evac.trajectory.header import building_to_json
@@ -98,9 +97,3 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_recorders() -> Sequence[type[Recorder]]:
-    """Return the recorder of trajectories."""
-    return [TrajectoryRecorder]

@@ -7,9 +7,7 @@ the problem is linear, so conjugate gradients need few iterations; the sweeps in
 """
 
 import math
-from collections.abc import Sequence
 
-from evac.contract.hooks import hookimpl
 from evac.jit import inner, kernel
 from evac.physics.contact.rows import (
     AX,
@@ -338,9 +336,3 @@ class ConjugateFaces(Solver):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_solvers() -> Sequence[type[Solver]]:
-    """Register the solvers of this module."""
-    return [ConjugateSweeps, ConjugateFaces]

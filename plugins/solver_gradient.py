@@ -1,9 +1,7 @@
 """Gradient methods for the contact problem: the Uzawa algorithm of the paper, and Nesterov's accelerated gradient."""
 
 import math
-from collections.abc import Sequence
 
-from evac.contract.hooks import hookimpl
 from evac.jit import inner, kernel
 from evac.physics.contact.rows import (
     AX,
@@ -180,9 +178,3 @@ class AcceleratedGradient(Solver):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_solvers() -> Sequence[type[Solver]]:
-    """Register the solvers of this module."""
-    return [Uzawa, AcceleratedGradient]

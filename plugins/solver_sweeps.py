@@ -5,9 +5,7 @@ momentum need O(n) iterations, plain sweeps O(n^2).
 """
 
 import math
-from collections.abc import Sequence
 
-from evac.contract.hooks import hookimpl
 from evac.jit import fused, inner, kernel
 from evac.physics.contact.blocks import call_conduct
 from evac.physics.contact.rows import (
@@ -256,9 +254,3 @@ class AcceleratedSweeps(Solver):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_solvers() -> Sequence[type[Solver]]:
-    """Register the solvers of this module."""
-    return [GaussSeidel, AcceleratedSweeps]

@@ -8,8 +8,8 @@ from evac.case.case import Case
 from evac.case.loading import load_case
 from evac.conformance.failures import CheckError, examining
 from evac.conformance.scenes import PLAIN, Pace
-from evac.contract.registry import KINDS, Registry
-from evac.contract.requirements import check_class, check_interface
+from evac.contract.registry import Registry
+from evac.contract.requirements import HOOKS, check_class, check_interface
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.solver import Solver
@@ -24,7 +24,7 @@ def check_contract(cls: Any) -> None:
     if not isinstance(cls, type):
         raise CheckError(f"{cls!r} is not a class", f"pass a class, such as {type(cls).__name__}")
     module = sys.modules.get(cls.__module__)
-    if module is not None and any(hasattr(module, hook) for hook in KINDS.values()):
+    if module is not None and any(hasattr(module, one) for one in ("evac_interface", *HOOKS)):
         with examining(f"the module {cls.__module__}"):
             check_interface(module, cls.__module__)
     check_class(cls, cls.__module__)

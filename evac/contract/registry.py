@@ -18,67 +18,38 @@ import pluggy
 from evac.base.errors import BuildingError, PluginError, fault, plugin_code, text_of
 from evac.base.parameters import Configurable, did_you_mean
 from evac.contract import hooks
-from evac.contract.requirements import check_answer, check_class, check_module, kind_of
+from evac.contract.requirements import (
+    KINDS,
+    RUN_HOOKS,
+    check_answer,
+    check_class,
+    check_module,
+    classes_in,
+    kind_of,
+)
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
 
 #: Modules of the built-in importers, sufficient to read a building without a case.
-BUILTIN_IMPORTERS = (
-    "evac_plugins.import_dxf",
-    "evac_plugins.import_geojson",
-    "evac_plugins.import_ifc",
-    "evac_plugins.import_meshio",
-    "evac_plugins.import_obj",
-    "evac_plugins.import_off",
-    "evac_plugins.import_plan",
-    "evac_plugins.import_ply",
-    "evac_plugins.import_wkt",
+BUILTIN_IMPORTERS = tuple(
+    f"evac_plugins.import_{name}" for name in ("dxf", "geojson", "ifc", "meshio", "obj", "off", "plan", "ply", "wkt")
 )
 
 #: Modules of the built-in exporters, sufficient to export a recorded run.
-BUILTIN_EXPORTERS = (
-    "evac_plugins.export_csv",
-    "evac_plugins.export_geojson",
-    "evac_plugins.export_jupedsim",
-    "evac_plugins.export_parquet",
-    "evac_plugins.export_vtk",
-)
+BUILTIN_EXPORTERS = tuple(f"evac_plugins.export_{name}" for name in ("csv", "geojson", "jupedsim", "parquet", "vtk"))
 
 #: Modules of all built-in plugins; loaded by `Registry`, never imported by the core.
 BUILTIN_PLUGINS = (
-    "evac_plugins.contact_dem",
-    "evac_plugins.contact_nsm1",
-    "evac_plugins.contact_nsm2",
-    "evac_plugins.solver_sweeps",
-    "evac_plugins.solver_gradient",
-    "evac_plugins.solver_conjugate",
+    *(f"evac_plugins.contact_{name}" for name in ("dem", "nsm1", "nsm2")),
+    *(f"evac_plugins.solver_{name}" for name in ("sweeps", "gradient", "conjugate")),
     "evac_plugins.force_social",
-    "evac_plugins.behaviour_response_time",
-    "evac_plugins.behaviour_teacher_following",
-    "evac_plugins.behaviour_route_choice",
-    "evac_plugins.behaviour_headway",
-    "evac_plugins.recorder_trajectory",
-    "evac_plugins.recorder_replay",
+    *(f"evac_plugins.behaviour_{n}" for n in ("response_time", "teacher_following", "route_choice", "headway")),
+    *(f"evac_plugins.recorder_{name}" for name in ("trajectory", "replay")),
     *BUILTIN_IMPORTERS,
     *BUILTIN_EXPORTERS,
     "evac_plugins.cases",
 )
-
-#: Kinds of plugins, and the hook that returns each.
-KINDS = {
-    "contact_model": "evac_contact_models",
-    "solver": "evac_solvers",
-    "force": "evac_forces",
-    "behaviour": "evac_behaviours",
-    "recorder": "evac_recorders",
-    "importer": "evac_importers",
-    "exporter": "evac_exporters",
-    "case": "evac_building_cases",
-}
-
-#: Hooks that return plugins; the other hooks are called in every run.
-HOOKS = frozenset(KINDS.values())
 
 #: Prefix of the names of modules made from plugin files.
 FILE_PREFIX = "evac_plugin_"
@@ -203,7 +174,7 @@ class Registry:
             self._register(module, provenance)
 
     def add_class(self, cls: type[Any]) -> None:
-        """Register one class of a plugin without a hook that returns it; one registered before is left alone.
+        """Register one class of a plugin without its module; one registered before is left alone.
 
         Raises
         ------
@@ -213,7 +184,7 @@ class Registry:
         kind = check_class(cls, cls.__module__)
         if self._tables[kind].get(cls.name) is not cls:
             plugin = f"{cls.__module__}.{cls.__qualname__}"
-            self._enter(kind, cls, plugin, cls)
+            self._enter(kind, cls.name, cls, plugin, cls)
             self.provenance.append(Provenance(plugin, "class", cls.__module__, ""))
 
     def names_of_classes(self) -> list[str]:
@@ -292,15 +263,13 @@ class Registry:
             Contact model, forces, behaviours, recorders and importer in use.
         """
         owners = {self._owners[kind_of(type(one)), one.name] for one in used}
-        always = {hook for hook in vars(hooks) if hook.startswith("evac_")} - HOOKS
-        for hook in always:
+        for hook in RUN_HOOKS:
             owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
         return [f"{entry.plugin} {entry.version}" for entry in self.provenance if entry.plugin in owners]
 
     def provided_by(self, path: Path) -> list[tuple[str, str]]:
         """Return kind and name of all that a plugin file (resolved) provides; nothing if it has hooks of every run."""
-        module = self._manager.get_plugin(str(path))
-        if any(hasattr(module, hook) for hook in vars(hooks) if hook.startswith("evac_") and hook not in HOOKS):
+        if any(hasattr(self._manager.get_plugin(str(path)), hook) for hook in RUN_HOOKS):
             return []
         return [key for key, owner in self._owners.items() if owner == str(path)]
 
@@ -332,31 +301,33 @@ class Registry:
             remedy = "see evac.contract.hooks for the hooks and their arguments"
             raise fault(f"plugin {plugin}", text_of(error), remedy, module) from error
         self.provenance.append(provenance)
-        for kind, hook in KINDS.items():
-            if not hasattr(module, hook):
-                continue
-            function = getattr(module, hook)
-            with plugin_code(f"plugin {plugin}: {hook}()", function):
+        returning = {kind: getattr(module, hook) for kind, hook in KINDS.items() if hasattr(module, hook)}
+        for kind, function in returning.items():
+            with plugin_code(f"plugin {plugin}: {function.__name__}()", function):
                 answer = function()
             check_answer(kind, answer, function, plugin)
             for item in answer:
-                self._enter(kind, item, plugin, function)
+                if kind == "case":
+                    self._enter_case(Path(item), plugin, function)
+                else:
+                    self._enter_class(item, plugin)
+        if not returning.keys() - {"case"}:
+            for cls in classes_in(module):
+                self._enter_class(cls, plugin)
 
-    def _enter(self, kind: str, item: Any, plugin: str, origin: Any) -> None:
-        """Enter one class or folder in its table, checked; `origin` is the code that returned it."""
-        word = kind.replace("_", " ")
-        if kind == "case":
-            item = Path(item)
-            if not (item / "case.toml").is_file():
-                raise fault(f"plugin {plugin}", f"{item}, the folder of a case, has no case.toml", "add it", origin)
-            name = item.name
-        else:
-            check_class(item, plugin)
-            name = item.name
+    def _enter_class(self, cls: type[Any], plugin: str) -> None:
+        self._enter(check_class(cls, plugin), cls.name, cls, plugin, cls)
+
+    def _enter_case(self, folder: Path, plugin: str, origin: Any) -> None:
+        if not (folder / "case.toml").is_file():
+            raise fault(f"plugin {plugin}", f"{folder}, the folder of a case, has no case.toml", "add it", origin)
+        self._enter("case", folder.name, folder, plugin, origin)
+
+    def _enter(self, kind: str, name: str, item: Any, plugin: str, origin: Any) -> None:
+        """Enter a class or a folder in its table; `origin` is the code of the plugin that provides it."""
         if (kind, name) in self._owners:
-            where = origin if kind == "case" else item
-            taken = f"{word} {name!r} is provided by {self._owners[kind, name]} already"
-            raise fault(f"plugin {plugin}", taken, "choose another name, or remove one of the plugins", where)
+            taken = f"{kind.replace('_', ' ')} {name!r} is provided by {self._owners[kind, name]} already"
+            raise fault(f"plugin {plugin}", taken, "choose another name, or remove one of the plugins", origin)
         self._owners[kind, name] = plugin
         self._tables[kind][name] = item
 

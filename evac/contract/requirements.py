@@ -23,19 +23,21 @@ BASES = {
     "exporter": ("evac.export.exporter", "Exporter"),
 }
 
+#: Kinds of plugins, and the hook that returns each.
+KINDS = {kind: f"evac_{kind}s" for kind in BASES} | {"case": "evac_building_cases"}
+
+#: Names of all hooks, and of those that are called in every run.
+HOOKS = [name for name in vars(hooks) if name.startswith("evac_")]
+RUN_HOOKS = [name for name in HOOKS if name not in KINDS.values()]
+
 #: Names that would hide a key of their section.
 RESERVED = {("contact_model", "model")}
 
 
 def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str) -> None:
-    """Check that a module has hooks, all of them valid, and was written for this version of the interface.
+    """Check that a module has plugin classes or valid hooks, and was written for this version of the interface.
 
-    Parameters
-    ----------
-    manager : pluggy.PluginManager
-    module : module
-    plugin : str
-        Name of the plugin, for the message.
+    `plugin` is the name of the plugin for the message, as in all functions of this module.
 
     Raises
     ------
@@ -43,32 +45,25 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
         It does not; names the plugin and what to change.
     """
     what = f"plugin {plugin}"
-    known = [name for name in vars(hooks) if name.startswith("evac_")]
     marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
-    unmarked = [name for name in known if name not in marked and inspect.isfunction(getattr(module, name, None))]
-    if not marked and not unmarked:
-        raise fault(what, "defines no hook", f"define at least one of {', '.join(known)}", module)
+    unmarked = [name for name in HOOKS if name not in marked and inspect.isfunction(getattr(module, name, None))]
+    if not (marked or unmarked or classes_in(module)):
+        bases, known = ", ".join(base for _, base in BASES.values()), ", ".join(HOOKS)
+        raise fault(what, "defines no plugin", f"derive a class from one of {bases}, or define a hook: {known}", module)
     check_interface(module, plugin)
     if unmarked:
         function = getattr(module, unmarked[0])
         raise fault(what, f"{unmarked[0]} is not marked as a hook", "decorate it with @hookimpl", function)
     for name, options in marked.items():
         function = getattr(module, name)
-        if name not in known:
-            raise fault(what, f"there is no hook {name!r}", did_you_mean(name, known), function)
+        if name not in HOOKS:
+            raise fault(what, f"there is no hook {name!r}", did_you_mean(name, HOOKS), function)
         if options.get("wrapper") or options.get("hookwrapper"):
             raise fault(what, f"{name} is a hook wrapper", "make it an ordinary hook", function)
 
 
 def check_interface(module: ModuleType, plugin: str) -> None:
     """Check that a module states the version of the plugin interface, and that it is this one.
-
-    Parameters
-    ----------
-    module : module
-        A module with hooks.
-    plugin : str
-        Name of the plugin, for the message.
 
     Raises
     ------
@@ -94,16 +89,25 @@ def check_interface(module: ModuleType, plugin: str) -> None:
     raise fault(f"plugin {plugin}", wrong, remedy, module, "evac_interface")
 
 
+def classes_in(module: ModuleType) -> list[type[Any]]:
+    """Return the plugin classes that a module or package defines, in order.
+
+    A class without a name of its own is regarded as a base of the others if one of them derives from it.
+    """
+    found = {one: None for one in vars(module).values() if kind_of(one) and _is_in(module, one)}
+    return [
+        one
+        for one in found
+        if "name" in vars(one) or not any(other is not one and issubclass(other, one) for other in found)
+    ]
+
+
+def _is_in(module: ModuleType, cls: type[Any]) -> bool:
+    return f"{cls.__module__}.".startswith(f"{module.__name__}.")
+
+
 def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
     """Check that a hook returns a list, of classes of a kind or, for the kind ``"case"``, of folders.
-
-    Parameters
-    ----------
-    kind : str
-    answer : object
-    hook : function
-    plugin : str
-        Name of the plugin, for the message.
 
     Raises
     ------
@@ -119,23 +123,12 @@ def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
         if not isinstance(item, type):
             found = f"an object of class {type(item).__name__}"
             raise fault(what, f"{returns} {found}", f"return the class itself, which must derive from {base}", hook)
-        if not is_a(kind, item):
+        if kind_of(item) != kind:
             raise fault(what, f"{returns} {item.__name__}", f"derive it from {base}", hook)
 
 
 def check_class(cls: Any, plugin: str) -> str:
-    """Check that a class is a complete plugin class with a valid name, and return its kind.
-
-    Parameters
-    ----------
-    cls : type
-    plugin : str
-        Name of the plugin, for the message.
-
-    Returns
-    -------
-    str
-        The kind, a key of `BASES`.
+    """Check that a class is a complete plugin class with a valid name, and return its kind, a key of `BASES`.
 
     Raises
     ------
@@ -176,46 +169,41 @@ def _check_methods(kind: str, cls: Any, plugin: str) -> None:
         if key.startswith("_") or not inspect.isfunction(method) or found is method:
             continue
         given = list(inspect.signature(method).parameters)
-        call = f"{key}({', '.join(given)})"
         try:
             own = inspect.signature(found)
             own.bind(*given)
         except (TypeError, ValueError):
             shown = f"{key}{own}" if callable(found) else f"{key}, which is not a method"
-            raise fault(
-                what, f"{cls.__name__} defines {shown}", f"define {call}", found if callable(found) else cls, key
-            ) from None
+            wrong, remedy = f"{cls.__name__} defines {shown}", f"define {key}({', '.join(given)})"
+            raise fault(what, wrong, remedy, found if callable(found) else cls, key) from None
 
 
 def _check_parameter(cls: Any, key: str, parameter: Parameter, plugin: str) -> None:
-    """Check the name and the default of a declared parameter."""
-    what, remedy = f"plugin {plugin}", "change its default or its range"
+    """Check the name and the default of a declared parameter; distributions are checked where they are used."""
+    what = f"plugin {plugin}"
     if any(callable(vars(base).get(key)) for base in cls.__mro__):
         wrong = f"the parameter {key} of {cls.__name__} has the name of a method"
         raise fault(what, wrong, "rename the parameter", cls, key)
-    bounds = (parameter.minimum, parameter.above, parameter.maximum)
-    is_number = isinstance(parameter.default, (int, float)) or parameter.distribution
-    if any(bound is not None for bound in bounds) and not is_number:
-        wrong = (
-            f"the parameter {key} of {cls.__name__} has bounds, but its default {parameter.default!r} is not a number"
-        )
-        raise fault(what, wrong, "remove the bounds", cls, key)
     if parameter.distribution:
-        return  # is checked when it is used, since distributions are slow to import
+        return
+    bounds = (parameter.minimum, parameter.above, parameter.maximum)
+    if any(bound is not None for bound in bounds) and not isinstance(parameter.default, (int, float)):
+        wrong = f"the parameter {key} of {cls.__name__} has bounds, but its default {parameter.default!r} is no number"
+        raise fault(what, wrong, "remove the bounds", cls, key)
     try:
         parameter.check(f"the default of {cls.name}.{key}", parameter.default)
     except PluginError as error:
-        raise fault(what, str(error), remedy, cls, key) from None
+        raise fault(what, str(error), "change its default or its range", cls, key) from None
 
 
 def _check_suffixes(kind: str, cls: Any, plugin: str) -> None:
-    if kind == "importer" and not _are_suffixes(getattr(cls, "suffixes", None)):
-        wrong = f"{cls.__name__}.suffixes is {getattr(cls, 'suffixes', None)!r}"
-        remedy = "write a tuple of endings in lower case, such as ('.obj',)"
-        raise fault(f"plugin {plugin}", wrong, remedy, cls, "suffixes")
+    if kind == "importer" and not _are_suffixes(suffixes := getattr(cls, "suffixes", None)):
+        wrong, remedy = f"{cls.__name__}.suffixes is {suffixes!r}", "write a tuple of endings, such as ('.obj',)"
+        raise fault(f"plugin {plugin}", wrong, f"{remedy}, in lower case", cls, "suffixes")
     if kind == "exporter" and getattr(cls, "suffix", None) != "" and not _are_suffixes((cls.suffix,)):
-        wrong, remedy = f"{cls.__name__}.suffix is {cls.suffix!r}", "write an ending in lower case, such as '.csv'"
-        raise fault(f"plugin {plugin}", wrong, f"{remedy}, or none for a folder", cls, "suffix")
+        wrong = f"{cls.__name__}.suffix is {cls.suffix!r}"
+        remedy = "write an ending in lower case, such as '.csv', or none for a folder"
+        raise fault(f"plugin {plugin}", wrong, remedy, cls, "suffix")
 
 
 def _are_suffixes(value: Any) -> bool:
@@ -226,11 +214,7 @@ def _are_suffixes(value: Any) -> bool:
     )
 
 
-def kind_of(cls: Any) -> str:
-    """Return the kind of a plugin class, or an empty string if it has none."""
-    return next((kind for kind in BASES if is_a(kind, cls)), "")
-
-
-def is_a(kind: str, item: Any) -> bool:
-    """Return whether an object is a plugin class of a kind, without importing the base class."""
-    return isinstance(item, type) and any((base.__module__, base.__qualname__) == BASES[kind] for base in item.__mro__)
+def kind_of(item: Any) -> str:
+    """Return the kind of a plugin class, without importing its base class, or an empty string if it has none."""
+    bases = {(base.__module__, base.__qualname__) for base in item.__mro__} if isinstance(item, type) else set()
+    return next((kind for kind, base in BASES.items() if base in bases), "")

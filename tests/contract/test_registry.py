@@ -7,7 +7,8 @@ import pytest
 
 from evac.base.errors import BuildingError, PluginError
 from evac.contract.hooks import INTERFACE
-from evac.contract.registry import BUILTIN_PLUGINS, KINDS, Registry
+from evac.contract.registry import BUILTIN_PLUGINS, Registry
+from evac.contract.requirements import KINDS
 from evac.physics.contact.model import ContactModel
 
 SPRING = """
@@ -70,6 +71,52 @@ def test_a_file_is_registered_and_described(tmp_path):
     ]
 
 
+CLASSES = """
+    from evac import Force, Recorder, hookimpl
+    evac_interface = 3
+
+    class Radial(Force):
+        def cutoff(self):
+            return 1.0
+
+    class Near(Radial):
+        name = "near"
+
+    class Far(Near):
+        name = "far"
+
+    class Idle(Recorder):
+        name = "idle"
+        def record(self, simulation):
+            pass
+
+    Alias = Near
+"""
+
+
+def test_all_classes_that_a_module_defines_are_registered(tmp_path):
+    registry = bare(written(tmp_path, "classes.py", CLASSES))
+    assert list(registry.forces) == ["near", "far"]  # Radial is only their base, Force is imported
+    assert list(registry.recorders) == ["idle"]
+
+
+def test_a_hook_that_returns_classes_chooses_them(tmp_path):
+    hook = "\n@hookimpl\ndef evac_{}():\n    return [{}]\n"
+    path = written(tmp_path, "chosen.py", textwrap.dedent(CLASSES) + hook.format("forces", "Far"))
+    assert (list(bare(path).forces), list(bare(path).recorders)) == (["far"], [])
+    path = written(tmp_path, "metrics.py", textwrap.dedent(CLASSES) + hook.format("metrics", "").replace("[]", "{}"))
+    assert (list(bare(path).forces), list(bare(path).recorders)) == (["near", "far"], ["idle"])
+
+
+def test_a_package_has_the_classes_of_its_own_modules(tmp_path, monkeypatch):
+    (tmp_path / "gathering").mkdir()
+    written(tmp_path / "gathering", "models.py", CLASSES)
+    written(tmp_path, "gathering/__init__.py", "from gathering.models import Far, Idle\nevac_interface = 3\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    registry = Registry(builtins=("gathering",))
+    assert (list(registry.forces), list(registry.recorders)) == (["far"], ["idle"])
+
+
 def test_a_file_named_twice_is_registered_once(tmp_path):
     path = written(tmp_path, "spring.py", SPRING)
     registry = bare(path, path)
@@ -115,7 +162,10 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
          ["scene", "see evac.contract.hooks"]),
         ("from evac import hookimpl\n@hookimpl(wrapper=True)\ndef evac_finish():\n    yield\n",
          ["evac_finish is a hook wrapper"]),
-        ("gravity = 9.81\n", ["evac_contact_models"]),
+        ("gravity = 9.81\n", ["defines no plugin", "ContactModel", "evac_contact_models"]),
+        ("from evac import ContactModel\n", ["defines no plugin"]),
+        ("from evac import Force\nclass A(Force):\n    pass\n", ["A.name is ''"]),
+        ("from evac import Force\nclass A(Force):\n    name = 'a'\n", ["A has no cutoff(), which every Force needs"]),
         ("import no_such_module\n", ["cannot be loaded", "ModuleNotFoundError", "no_such_module"]),
         ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return 1 / 0\n",
          ["evac_forces(): ZeroDivisionError: division by zero"]),

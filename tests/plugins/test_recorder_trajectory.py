@@ -9,7 +9,7 @@ from evac.building.model.building import Building, Level
 from evac.folder.files import TRAJECTORY_NAME
 from evac.results.results import versions
 from evac.trajectory.trajectory import read_trajectory
-from evac_plugins.recorder_trajectory import TrajectoryRecorder, evac_recorders
+from evac_plugins.recorder_trajectory import TrajectoryRecorder
 
 CORNER = np.array([3.0e6, 5.0e6])
 
@@ -110,7 +110,3 @@ def test_without_a_folder_nothing_is_kept(simulation, tmp_path):
 def test_run_that_ended_before_its_start_can_be_finished(simulation, tmp_path):
     TrajectoryRecorder().finish(simulation, None)
     assert list(tmp_path.rglob(TRAJECTORY_NAME)) == []
-
-
-def test_hook_offers_the_recorder():
-    assert [recorder.name for recorder in evac_recorders()] == ["trajectory"]

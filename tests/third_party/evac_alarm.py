@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from evac import Behaviour, Parameter, hookimpl
+from evac import Behaviour, Parameter
 
 
 class Alarm(Behaviour):
@@ -27,9 +27,3 @@ class Alarm(Behaviour):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_behaviours():
-    """Register the behaviour."""
-    return [Alarm]

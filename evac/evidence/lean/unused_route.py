@@ -1,10 +1,8 @@
 """A behaviour with a route that nobody takes, to measure the cost of a field for an unused strategy."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from evac.base.parameters import Parameter
-from evac.contract.hooks import hookimpl
 from evac.directions.routes import STRATEGIES, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 
@@ -26,9 +24,3 @@ class UnusedRoute(Behaviour):
 
 
 evac_interface = 3
-
-
-@hookimpl
-def evac_behaviours() -> Sequence[type[Behaviour]]:
-    """Register the behaviour."""
-    return [UnusedRoute]
