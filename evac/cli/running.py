@@ -34,14 +34,14 @@ def run_shown(
     for warning in simulation.warnings():
         display.line(f"warning: {warning}")
     display.phase("first tick")
-    with Interrupt(display, SIGNALS, announce) as progress:
+    with Interrupt(SIGNALS, announce) as interrupt:
 
         def writing() -> None:
-            progress.release(signal.SIGINT)
+            interrupt.release(signal.SIGINT)
             display.phase("writing the results")
 
-        results = run_into(simulation, place, progress, checkpoint=checkpoint, writing=writing)
-    return results, 128 + progress.wanted if results.ended == INTERRUPTED else results.exit_status
+        results = run_into(simulation, place, display, interrupt, checkpoint, writing)
+    return results, 128 + interrupt.wanted if results.ended == INTERRUPTED else results.exit_status
 
 
 def show_run(results: "Results") -> None:

@@ -24,7 +24,9 @@ from evac.folder.reading import checked
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
+from evac.results.ending import INTERRUPTED
 from evac.results.results import plain
+from evac.simulation.loop import Operation
 from evac.simulation.made_with import differences_of, inputs_of, made_of
 from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
@@ -48,7 +50,7 @@ class Checkpoints:
     place : ResultFolder
         Its ``running`` is the folder of the simulation.
     every : float or None
-        Wall time between two checkpoints [s]; with None only `save_last` saves one.
+        Wall time between two checkpoints [s]. With None one is saved only when the run is interrupted.
     """
 
     def __init__(self, simulation: Simulation, place: ResultFolder, every: float | None) -> None:
@@ -58,7 +60,11 @@ class Checkpoints:
         self._saved_at = 0.0
         self._has_warned = False
 
-    def begin(self) -> None:
+    def operation(self) -> Operation:
+        """Return the operation that saves them after a tick."""
+        return Operation("checkpoints", "recording", self._save_or_warn, self._is_due, self._begin)
+
+    def _begin(self) -> None:
         """If checkpoints are wanted, check that all plugins can save their state, and save the first checkpoint.
 
         Raises
@@ -72,14 +78,14 @@ class Checkpoints:
             raise PluginError("\n".join(f"no checkpoints: {line}" for line in missing))
         self._save()
 
-    def save_if_due(self) -> None:
-        """Save the state after a tick if a checkpoint is due; if it cannot be written, warn once."""
-        if self._every is None or time.monotonic() - self._saved_at < self._every:
-            return
-        self._save()
+    def _is_due(self) -> bool:
+        """Return whether a checkpoint is due; a run that has ended without an interruption cannot be resumed."""
+        if self._simulation.ended:
+            return self._simulation.ended == INTERRUPTED
+        return self._every is not None and time.monotonic() - self._saved_at >= self._every
 
-    def save_last(self) -> None:
-        """Save the state after the tick at which the run is stopped; if a plugin cannot save its state, warn."""
+    def _save_or_warn(self) -> None:
+        """Save the state; if a plugin cannot save its state, warn."""
         if missing := without_state(self._simulation):
             warnings.warn("; ".join(f"no checkpoint: {line}" for line in missing), FolderWarning, stacklevel=2)
         else:

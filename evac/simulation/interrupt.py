@@ -6,20 +6,15 @@ from collections.abc import Callable, Iterable
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-from evac.base.phases import Progress
-from evac.results.ending import Stopped
-
 
 class Interrupt:
-    """Stops the run at the end of the tick after the first signal; a second Ctrl-C stops at once, without results.
+    """Notes the first signal, after which the run stops at the end of its tick; a second Ctrl-C stops it at once.
 
     Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside the main thread, which is the
     only one that receives signals, no handler is installed.
 
     Parameters
     ----------
-    progress : callable, optional
-        Called with a `Progress` at every tick.
     names : iterable of str
         Names of the signals; those that do not exist on the system are skipped.
     announce : callable, optional
@@ -31,24 +26,11 @@ class Interrupt:
         Number of the signal received; 0 if there was none.
     """
 
-    def __init__(
-        self,
-        progress: Callable[[Progress], None] | None = None,
-        names: Iterable[str] = ("SIGINT",),
-        announce: Callable[[int], None] | None = None,
-    ) -> None:
-        self.progress = progress
+    def __init__(self, names: Iterable[str] = ("SIGINT",), announce: Callable[[int], None] | None = None) -> None:
         self.wanted = 0
         self._numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
         self._announce = announce
         self._before: dict[int, Any] = {}
-
-    def __call__(self, state: Progress) -> None:
-        """Show the state of the run, or stop it."""
-        if self.progress is not None:
-            self.progress(state)
-        if self.wanted:
-            raise Stopped
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():

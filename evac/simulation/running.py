@@ -23,10 +23,11 @@ from evac.folder.files import (
     TRAJECTORY_NAME,
 )
 from evac.folder.resultfolder import ResultFolder, remove_written
-from evac.results.ending import FAILED, INTERRUPTED, Stopped
+from evac.results.ending import FAILED, INTERRUPTED
 from evac.results.results import Results
 from evac.simulation.checkpoints import Checkpoints, find_checkpoint
 from evac.simulation.interrupt import Interrupt
+from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recording import check_lengths
 from evac.trajectory.trajectory import read_trajectory
@@ -234,13 +235,9 @@ def _run_interruptible(
     checkpoint: float | None,
 ) -> Results:
     """Run a simulation as `run_into` does; the first Ctrl-C ends it at the end of its tick."""
-    with Interrupt(progress) as interrupt:
+    with Interrupt() as interrupt:
         results = run_into(
-            simulation,
-            place,
-            interrupt,
-            checkpoint=checkpoint,
-            writing=lambda: interrupt.release(signal.SIGINT),
+            simulation, place, progress, interrupt, checkpoint, writing=lambda: interrupt.release(signal.SIGINT)
         )
     if interrupt.wanted and results.ended == INTERRUPTED:
         raise KeyboardInterrupt(
@@ -252,10 +249,10 @@ def _run_interruptible(
 def run_into(
     simulation: Simulation,
     place: ResultFolder,
-    progress: Callable[[Progress], None] | None = None,
-    *,
-    checkpoint: float | None = None,
-    writing: Callable[[], None] | None = None,
+    progress: Callable[[Progress], None] | None,
+    interrupt: Interrupt,
+    checkpoint: float | None,
+    writing: Callable[[], None],
 ) -> Results:
     """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written.
 
@@ -265,11 +262,13 @@ def run_into(
         Created with the folder ``place.running``.
     place : ResultFolder
         Locked, and started or reopened.
-    progress : callable, optional
-        Called with a `Progress` at every tick. If it raises `Stopped`, a checkpoint is saved.
-    checkpoint : float, optional
+    progress : callable or None
+        Called with a `Progress` at every tick. If it raises `Stopped`, the run is interrupted.
+    interrupt : Interrupt
+        If it has noted a signal, the run is interrupted, and a checkpoint is saved.
+    checkpoint : float or None
         As for `run`.
-    writing : callable, optional
+    writing : callable
         Called when the run is over, before its outputs are written.
 
     Returns
@@ -282,24 +281,15 @@ def run_into(
     EvacError
         As for `run`.
     """
-    checkpoints = Checkpoints(simulation, place, checkpoint)
     first = simulation.step
-
-    def after_tick(state: Progress) -> None:
-        place.check()
-        try:
-            if progress is not None:
-                progress(state)
-        except Stopped:
-            if not simulation.ended:
-                checkpoints.save_last()
-            raise
-        if not simulation.ended:  # a run that has ended cannot be resumed
-            checkpoints.save_if_due()
-
+    simulation.loop.operations += [
+        Operation("result folder", "output", place.check),
+        Operation("interrupts", "output", simulation.stop, lambda: interrupt.wanted > 0),
+        Checkpoints(simulation, place, checkpoint).operation(),
+    ]
     with simulation.phases.enter("output"):
         try:
-            results = simulation.run(after_tick, checkpoints.begin)
+            results = simulation.run(progress)
             results = replace(results, plugin_files=simulation.recording.plugin_files())
             write_tables(results, place.running, simulation.phases)
             _check_files(simulation, place)
@@ -312,8 +302,7 @@ def run_into(
         else:
             folder = place.publish()
             (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
-        if writing is not None:
-            writing()
+        writing()
         draw_pictures(results, folder)
         results = replace(results, folder=folder, phases=simulation.phases.seconds())
         with _optional(folder / SUMMARY_NAME):  # again, with the wall time of the pictures

@@ -146,8 +146,8 @@ class Scene:
         state = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
         return {"closed": np.array(sorted(self.building.closed), dtype=np.int64), **state}
 
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned.
+    def restore(self, state: Mapping[str, NDArray[Any]], time: float) -> None:
+        """Restore the arrays that `state` returned at a time [s].
 
         Raises
         ------
@@ -155,6 +155,7 @@ class Scene:
             An array is not what `state` returns.
         """
         closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_links - 1)
+        self.time = time
         self.changes, self._waiting = _changes_in(state, "changes"), _changes_in(state, "waiting")
         self._become(replace(self.building, closed=frozenset(closed.tolist())))
 

@@ -97,7 +97,7 @@ def test_pupils_keep_behind_their_teachers_and_six_classes_get_out():
         assert np.mean(np.concatenate(ahead) > SECOND) <= 0.05
         kept += [np.mean(values > SECOND) <= 0.05 for values in ahead if len(values)]
         assert simulation.ended == "everybody out"
-        stair = {row for row, level in enumerate(simulation._start[1]) if level > 0}
+        stair = {row for row, level in enumerate(simulation.start_level) if level > 0}
         crossed = set(simulation.population.crossings[0].tolist())
         assert stair <= crossed
     assert np.mean(kept) >= 0.95  # of the pupils of all runs

@@ -1,0 +1,157 @@
+"""The loop of a run: everything that happens at ticks is an operation with a trigger, in one list."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evac.base.phases import Progress
+from evac.results.ending import Stopped
+
+if TYPE_CHECKING:
+    from evac.simulation.simulation import Simulation
+
+
+def _always() -> bool:
+    return True
+
+
+@dataclass
+class Operation:
+    """Something that happens at ticks.
+
+    Attributes
+    ----------
+    name : str
+    phase : str
+        The phase of `evac.base.phases.PHASES` to which its wall time belongs.
+    act : callable
+        Called without arguments at each tick at which it is due.
+    is_due : callable
+        Its trigger: returns whether it is due, when the operations before it have acted.
+    begin : callable, optional
+        Called once, before the first tick, in the order of the list.
+    """
+
+    name: str
+    phase: str
+    act: Callable[[], object]
+    is_due: Callable[[], bool] = _always
+    begin: Callable[[], object] | None = None
+
+
+class Loop:
+    """Advances a simulation by one tick after the other.
+
+    Parameters
+    ----------
+    simulation : Simulation
+
+    Attributes
+    ----------
+    operations : list of Operation
+        In the order in which they act in each tick. Others may be added, at the end if they use the state after it.
+    progress : callable or None
+        Called with a `Progress` at every tick; if it raises `Stopped`, the run ends with this tick.
+    """
+
+    def __init__(self, simulation: "Simulation") -> None:
+        self.progress: Callable[[Progress], None] | None = None
+        self._simulation, self._settings = simulation, simulation.case.simulation
+        self._steps_per_record = round(simulation.case.output.every / self._settings.tick)
+        self._steps_per_record *= self._settings.steps_per_tick
+        self._before = simulation.population.crowd.position.copy()
+        self._end, self._is_output = 0, False
+        scene, outside = simulation.scene, simulation.outside
+        self.operations = [
+            Operation("changes", "behaviours", scene.apply_waiting),
+            Operation("behaviours", "behaviours", self._decide),
+            Operation("physics", "physics", self._move),
+            Operation("settling", "recording", self._settle),
+            Operation("people outside", "recording", self._walk_on, lambda: outside is not None),
+            Operation("velocities", "recording", self._watch_velocities),
+            Operation("forces", "recording", self._watch_forces, lambda: self._is_output),
+            Operation("recorders", "recording", self._record, lambda: self._is_output, self._start_recording),
+            Operation("ending", "recording", self._end_run),
+            Operation("progress", "output", self._show, lambda: self.progress is not None),
+        ]
+
+    def begin(self) -> None:
+        """Begin the operations that have not begun."""
+        for operation in self.operations:
+            begin, operation.begin = operation.begin, None
+            if begin is not None:
+                begin()
+
+    def advance(self) -> None:
+        """Make a tick."""
+        self.begin()
+        simulation, settings = self._simulation, self._settings
+        self._end = min(simulation.step + settings.steps_per_tick, settings.last_step)
+        self._is_output = self._end % self._steps_per_record == 0
+        for phase, operations in groupby(self.operations, lambda operation: operation.phase):
+            with simulation.phases.enter(phase):
+                for operation in operations:
+                    if operation.is_due():
+                        operation.act()
+
+    def _decide(self) -> None:
+        self._simulation.deciding.act(self._simulation.time)
+
+    def _move(self) -> None:
+        simulation, settings = self._simulation, self._settings
+        crowd, first = simulation.population.crowd, simulation.step
+        self._before[:] = crowd.position
+        reports = self._is_output or self._end == settings.last_step or simulation.deciding.reads_forces
+        self._events = simulation.engine.advance(
+            simulation.contact, crowd, first, self._end - first, settings.step, settings.is_explicit, reports
+        )
+
+    def _settle(self) -> None:
+        """Count exits and crossings, and advance the clock."""
+        simulation = self._simulation
+        self._span = (self._end - simulation.step) * self._settings.step
+        simulation.step = self._end
+        simulation.scene.time = simulation.time
+        np.subtract(simulation.population.crowd.position, self._before, out=simulation.displacement_velocity)
+        simulation.displacement_velocity /= self._span
+        self._left = simulation.population.settle(self._events)
+
+    def _walk_on(self) -> None:
+        assert self._simulation.outside is not None
+        self._simulation.outside.advance(self._left, self._simulation.time, self._span)
+
+    def _watch_velocities(self) -> None:
+        simulation = self._simulation
+        simulation.watch.look_at_velocities(
+            simulation.time, simulation.population.crowd, simulation.displacement_velocity
+        )
+
+    def _watch_forces(self) -> None:
+        self._simulation.watch.look_at_forces(self._simulation.time, self._simulation.population.crowd)
+
+    def _start_recording(self) -> None:
+        simulation = self._simulation
+        if not simulation.recording.is_started:
+            with simulation.phases.enter("kernels"):
+                simulation.engine.load(simulation.contact)
+            with simulation.phases.enter("recording"):
+                simulation.recording.start(simulation)
+
+    def _record(self) -> None:
+        self._simulation.recording.record(self._simulation)
+
+    def _end_run(self) -> None:
+        simulation = self._simulation
+        simulation.ended = simulation.ending.reason(simulation.step, simulation.population.crowd, simulation.fields)
+
+    def _show(self) -> None:
+        simulation, population = self._simulation, self._simulation.population
+        people = len(population.crowd.level)
+        assert self.progress is not None
+        try:
+            self.progress(Progress(simulation.time, self._settings.duration, people, people - population.inside))
+        except Stopped:
+            simulation.stop()

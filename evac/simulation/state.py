@@ -1,0 +1,81 @@
+"""The state of a run between two ticks: the arrays that are needed to continue it with the same bits."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.errors import plugin_code
+from evac.base.plugin_state import state_of
+from evac.base.saved import SavedError, part_of, taken
+from evac.case.schema import LONGEST_RUN
+
+if TYPE_CHECKING:
+    from evac.simulation.simulation import Simulation
+
+
+def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
+    """Return copies of the arrays of all parts, see `Simulation.state`."""
+    simulation.engine.load(simulation.contact)  # prepares the contact model, so that it has a state
+    contact = simulation.contact
+    state = simulation.deciding.state() | state_of(
+        contact, f"contact model {contact.name!r}", f"contact.{contact.name}."
+    )
+    parts = {
+        "population": simulation.population.state(),
+        "engine": simulation.engine.snapshot(),
+        "scene": simulation.scene.state(),
+        "outside": {} if simulation.outside is None else simulation.outside.state(),
+        "watch": simulation.watch.state(),
+        "simulation": {
+            "clock": np.array([simulation.step, simulation.deciding.version]),
+            "ending": simulation.ending.state(),
+            "start_position": simulation.start_position,
+            "start_level": simulation.start_level,
+            "displacement_velocity": simulation.displacement_velocity.copy(),
+        },
+    }
+    return state | {f"{name}.{key}": array for name, part in parts.items() for key, array in part.items()}
+
+
+def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
+    """Restore the arrays that `saved_state` returned, see `Simulation.restore`."""
+    with simulation.phases.enter("kernels"):
+        simulation.engine.load(simulation.contact)
+    with part_of(state, "simulation.") as own:
+        _restore_own(simulation, own)
+    with part_of(state, "scene.") as own:
+        simulation.scene.restore(own, simulation.time)
+    building = simulation.building
+    with part_of(state, "population.") as own:
+        simulation.population.restore(own, building, len(simulation.fields.routes))
+    if simulation.outside is not None and any(key.startswith("outside.") for key in state):  # not if a change adds it
+        with part_of(state, "outside.") as own:
+            simulation.outside.restore(own)
+    simulation.deciding.restore(state)
+    contact = simulation.contact
+    what = f"contact model {contact.name!r}: restore"
+    with plugin_code(what, contact), part_of(state, f"contact.{contact.name}.") as own:
+        contact.restore(own)
+    with part_of(state, "engine.") as own:
+        simulation.engine.restore(own)
+    with part_of(state, "watch.") as own:
+        simulation.watch.restore(own, len(building.levels))
+    simulation.ended = simulation.ending.over(simulation.step, simulation.population.crowd)
+
+
+def _restore_own(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
+    """Restore the arrays that no part of the simulation owns."""
+    settings, ending = simulation.case.simulation, simulation.ending
+    clock = taken(state, "clock", np.int64, (2,), 0, round(LONGEST_RUN / settings.step))
+    step, simulation.deciding.version = clock.tolist()
+    if step % settings.steps_per_tick and step < settings.last_step:
+        raise SavedError(f"clock: step {step} is not at the end of a tick")
+    simulation.step = step
+    position, level = simulation.start_position, simulation.start_level
+    simulation.start_position = taken(state, "start_position", np.float64, position.shape)
+    simulation.start_level = taken(state, "start_level", np.int32, level.shape, 0, len(simulation.building.levels) - 1)
+    displaced = simulation.displacement_velocity
+    displaced[:] = taken(state, "displacement_velocity", np.float64, displaced.shape)
+    ending.restore(taken(state, "ending", np.float64, ending.state().shape, 0.0, np.inf))
