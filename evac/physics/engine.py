@@ -129,7 +129,11 @@ class Engine(Protocol):
         """Return how each force in use acts, by name."""
 
     def contact_report(self, model: ContactModel) -> dict[str, Any]:
-        """Return the counts and sums of the run until now for summary.json, with the names in docs/results.md."""
+        """Return the counts and sums of the run until now for summary.json, with the names in docs/results.md.
+
+        Quality warnings need ``model``, ``steps``, ``greatest_overlap``, ``unconverged_steps``, ``failed_solves``,
+        ``failed_position_corrections`` and ``energy``.
+        """
 
     def close(self) -> None:
         """End what would outlive the run, such as threads; a later tick may begin it again."""

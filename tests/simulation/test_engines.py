@@ -66,7 +66,10 @@ class FreeWalk(Engine):
         return {}
 
     def contact_report(self, model):
-        return {"model": model.name, "parameters": model.values(), "steps": self.steps}
+        energy = {"driving_work": 0.0, "contact_dissipation": 0.0, "contact_creation": 0.0}
+        none = dict.fromkeys(("unconverged_steps", "failed_solves", "failed_position_corrections"), 0)
+        own = {"steps": self.steps, "greatest_overlap": 0.0, "energy": energy}
+        return {"model": model.name, "parameters": model.values(), **own, **none}
 
     def close(self):
         pass
