@@ -7,7 +7,7 @@ momentum need O(n) iterations, plain sweeps O(n^2).
 import math
 
 from evac.jit import fused, inner, kernel
-from evac.physics.contact.blocks import call_conduct
+from evac.physics.contact.blocks import on_all_blocks
 from evac.physics.contact.rows import (
     BIAS,
     CAUTION,
@@ -108,11 +108,7 @@ def _make(rows, phase):
     """Make a phase on all blocks, and on the rows between blocks behind them, or before them if it sweeps back."""
     if phase == BACK:
         make_phase(rows, phase, rows.blocks)
-    if rows.conduct != 0:
-        call_conduct(rows.conduct, rows, phase)
-    else:
-        for block in range(rows.blocks):
-            make_phase(rows, phase, block)
+    on_all_blocks(rows, phase)
     if phase != BACK:
         make_phase(rows, phase, rows.blocks)
 

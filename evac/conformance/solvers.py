@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from evac.base.errors import counted
 from evac.conformance.failures import CheckError, examining, scene
 from evac.physics.allocation import make_problem
+from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.rows import call_solver
 from evac.physics.contact.solver import Solver
+from evac.physics.parts import load_solver
 from evac.physics.state import Problem
 
 FloatArray = NDArray[np.float64]
@@ -242,6 +244,7 @@ _GIVEN = ("size", "bodies", "rigid", "body", "other", "data", "elastic", "scale"
 
 def _solve(solver: type[Solver], one: Exercise, problem: Problem, tolerance: float, limit: int) -> int:
     """Solve a problem, check the result, and return the number of iterations."""
+    problem.on_blocks, problem.make_phase = make_on_blocks.address, load_solver(solver).make_phase
     made = int(solver.solve(problem, tolerance, limit))
     percussion = _percussions(problem)
     if not np.isfinite(percussion).all() or percussion.min() < 0.0:

@@ -38,20 +38,16 @@ __all__ = [
     "Quads",
     "Struct",
     "Triples",
-    "acquire",
     "body_force",
     "call_body_force",
     "call_pair_contact",
     "call_pair_force",
-    "claim",
     "fused",
     "inlined",
     "inner",
     "kernel",
     "pair_contact",
     "pair_force",
-    "pause",
-    "release",
     "row",
 ]
 
@@ -60,22 +56,6 @@ fused = Intrinsic("fused", lambda a, b, c: a * b + c)
 
 #: Return row k of a grid as an array.
 row = Intrinsic("row", lambda grid, k: grid[k])
-
-#: Read and write number k of an array that another thread writes and reads: what it wrote before is seen after.
-acquire = Intrinsic("acquire", lambda array, k: array[k])
-release = Intrinsic("release", lambda array, k, value: array.__setitem__(k, value))
-
-
-def _raise_to(array: Any, k: int, value: int) -> int:
-    before, array[k] = array[k], max(array[k], value)
-    return int(before < value)
-
-
-#: Raise number k of an array to a value; return 1, or 0 if it has that value already because another thread was faster.
-claim = Intrinsic("claim", _raise_to)
-
-#: Let the processor rest for a moment in a loop that waits for another thread.
-pause = Intrinsic("pause", lambda: 0)
 
 #: Call the pair force at an address with gap, nx, ny, ex, ey and its parameters: (fx, fy) [N].
 call_pair_force = AddressCall([float, float, float, float, float, Floats], (float, float))

@@ -279,34 +279,17 @@ def _row_type(args: Any) -> Any:
     return signature(RowType(args[0].kind.dtype), args[0], types.int64)
 
 
-def _acquire(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    place = _place(context, builder, sig.args[0], args[0], types.int64, args[1])
-    return builder.load_atomic(place, "acquire", 8)
+def _lower_on_number(operation: Intrinsic) -> Callable[..., Any]:
+    """Return the lowering of an operation on one number of an array, or without arguments."""
+    lower = operation.lower
+    assert lower is not None
 
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if not args:
+            return lower(builder)
+        return lower(builder, _place(context, builder, sig.args[0], args[0], types.int64, args[1]), *args[2:])
 
-def _release(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    place = _place(context, builder, sig.args[0], args[0], types.int64, args[1])
-    builder.store_atomic(args[2], place, "release", 8)
-    return args[2]
-
-
-def _claim(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    place = _place(context, builder, sig.args[0], args[0], types.int64, args[1])
-    before = builder.atomic_rmw("max", place, args[2], "seq_cst")
-    return builder.zext(builder.icmp_signed("<", before, args[2]), _WORD)
-
-
-def _pause(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    triple = builder.module.triple
-    if triple.startswith(("x86", "i686")):
-        builder.call(
-            builder.module.declare_intrinsic("llvm.x86.sse2.pause", (), ir.FunctionType(ir.VoidType(), [])), []
-        )
-    elif triple.startswith(("aarch64", "arm64")):
-        number = ir.IntType(32)
-        hint = builder.module.declare_intrinsic("llvm.aarch64.hint", (), ir.FunctionType(ir.VoidType(), [number]))
-        builder.call(hint, [number(1)])
-    return ir.Constant(_WORD, 0)
+    return generate
 
 
 @lower_cast(RowType, BufferType)
@@ -349,16 +332,17 @@ def _truncate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return context.cast(builder, args[0], sig.args[0], types.int64)
 
 
+def _integers(args: Any) -> Any:
+    """Return the signature of an operation on an array and integers."""
+    return signature(types.int64, *args[:1], *[types.int64] * (len(args) - 1))
+
+
 _THREE = signature(types.float64, types.float64, types.float64, types.float64)
 
-#: Typing and lowering of each `Intrinsic`, by name.
+#: Typing and lowering of each `Intrinsic` that does not know its own, by name.
 _INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "fused": (lambda args: _THREE, _fused),
     "row": (_row_type, _row),
-    "acquire": (lambda args: signature(types.int64, args[0], types.int64), _acquire),
-    "release": (lambda args: signature(types.int64, args[0], types.int64, types.int64), _release),
-    "claim": (lambda args: signature(types.int64, args[0], types.int64, types.int64), _claim),
-    "pause": (lambda args: signature(types.int64), _pause),
 }
 
 _known: dict[Any, types.Type] = {}
@@ -381,5 +365,8 @@ def _typeof_address_call(value: AddressCall, context: Any) -> types.Type:
 @typeof_impl.register(Intrinsic)
 def _typeof_intrinsic(value: Intrinsic, context: Any) -> types.Type:
     if value not in _known:
-        _known[value] = _callable(value, *_INTRINSICS[value.name])
+        if value.lower is None:
+            _known[value] = _callable(value, *_INTRINSICS[value.name])
+        else:
+            _known[value] = _callable(value, _integers, _lower_on_number(value))
     return _known[value]

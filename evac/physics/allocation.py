@@ -10,21 +10,22 @@ from evac.physics import tallies as at
 from evac.physics.contact.blocks import BLOCKS, WALLS
 from evac.physics.contact.cells import make_cells
 from evac.physics.state import (
+    CHUNK,
     Bodies,
     Clock,
     Contacts,
     Events,
     Forces,
     Lists,
+    LoadedSolver,
     Parts,
     Problem,
     State,
+    Team,
     Traits,
     WarmStart,
     World,
 )
-from evac.physics.threads.pieces import CHUNK
-from evac.physics.threads.turns import Team
 
 S = TypeVar("S", bound=Struct)
 
@@ -62,11 +63,16 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
         forces=forces,
         body_forces=body_forces,
         traits=allocate(Traits, 0),
-        parts=allocate(Parts, 0, parameters=Struct()),
+        parts=allocate(Parts, 0, parameters=Struct(), solver=no_solver(), stronger=no_solver()),
         team=allocate(Team, 0),
         tally=np.zeros(len(at.NAMES)),
         tally_before=np.zeros(len(at.NAMES)),
     )
+
+
+def no_solver() -> LoadedSolver:
+    """Return a solver that is not loaded."""
+    return LoadedSolver(solve=0, make_phase=0, is_checked=0)
 
 
 def make_lists(people: int, pairs: int, walls: int, levels: int) -> Lists:

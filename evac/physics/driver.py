@@ -17,12 +17,12 @@ import numpy as np
 from evac.directions.fields import columns_of
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
-from evac.physics.contact.contacts import find_contacts, keep_percussions, report_contact_force, set_reach
-from evac.physics.contact.neighbours import build_lists
+from evac.physics.contact.contacts import keep_percussions, report_contact_force
 from evac.physics.contact.overlaps import call_separate
-from evac.physics.drive import call_add_forces, call_drive, set_desired
-from evac.physics.motion import add_contact_work, move, remember
-from evac.physics.state import Bodies, Crowd, State
+from evac.physics.drive import call_add_forces
+from evac.physics.motion import add_contact_work
+from evac.physics.phases import build_lists
+from evac.physics.state import CHUNK, DRIVE, FIND, LOOK, MOVE, OPEN, REACH, Bodies, Crowd, State, call_phase
 from evac.physics.status import (
     EVENTS_FULL,
     FIRST_MISSING_PART,
@@ -34,7 +34,6 @@ from evac.physics.status import (
     TOO_STIFF,
     WALL_CROSSED,
 )
-from evac.physics.threads.pieces import CHUNK, DRIVE, FIND, LIST, LOOK, MOVE, OPEN, REACH, call_team
 
 #: Largest number of parts that a step is divided into before the run is stopped.
 GREATEST_PARTS = 256
@@ -165,11 +164,8 @@ def set_clock(state: State, part: int, parts: int) -> None:
 @kernel
 def approach(state: State) -> int:
     """Set the free velocities and find the contacts in reach; return a status."""
-    bodies, traits, h = state.bodies, state.traits, state.clock.h
-    if state.parts.team != 0:
-        call_team(state.parts.team, state, LOOK)
-    else:
-        set_desired(state.world, bodies, 0, bodies.inside)
+    bodies, traits, h, phase = state.bodies, state.traits, state.clock.h, state.parts.phase
+    call_phase(phase, state, LOOK)
     if state.parts.forces != 0:
         status = _renew_lists(state, state.forces.farthest, 0.0, 0.0)
         if status == OK:
@@ -182,10 +178,7 @@ def approach(state: State) -> int:
             status = call_add_forces(state.parts.body_forces, state)
         if status != OK:
             return status
-    if state.parts.team != 0:
-        fastest = call_team(state.parts.team, state, DRIVE)
-    else:
-        fastest = call_drive(state.parts.drive, state, 0, bodies.inside)
+    fastest = call_phase(phase, state, DRIVE)
     bodies.relaxation_step = h
     bodies.fastest = fastest
     state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)
@@ -193,10 +186,7 @@ def approach(state: State) -> int:
         return TOO_FAST
     floor = max(traits.reach_floor, traits.reach_fastest * h * fastest)
     bodies.reach_floor = floor
-    if state.parts.team != 0:
-        call_team(state.parts.team, state, REACH)
-    else:
-        set_reach(bodies, 0, bodies.inside, h, traits.reach_share)
+    call_phase(phase, state, REACH)
     status = search(state, 0.0, 2.0 * max(traits.reach_share * h * fastest, floor) + h * fastest)
     if status == OK:
         _tally_contacts(state)
@@ -209,9 +199,7 @@ def search(state, pairs, contacts):
     status = _renew_lists(state, pairs, 0.0, contacts)
     if status != OK:
         return status
-    if state.parts.team != 0:
-        return int(call_team(state.parts.team, state, FIND))
-    return find_contacts(state, 0, state.bodies.inside)
+    return int(call_phase(state.parts.phase, state, FIND))
 
 
 @inner
@@ -229,10 +217,7 @@ def _renew_lists(state, pairs, walls, contacts):
         lists.wall_reach = max(walls, 1.25 * contacts)
         lists.stale = 1
     if lists.stale:
-        if state.parts.team != 0:
-            status = int(call_team(state.parts.team, state, LIST))
-        else:
-            status = build_lists(state.world, state.bodies, lists)
+        status = build_lists(state)
         if status == OK:
             state.tally[at.LIST_BUILDS] += 1.0
         return status
@@ -299,10 +284,7 @@ def conclude(state: State) -> int:
         keep_percussions(contacts, state.warm_start)
     tally[at.SUB_STEPS] += 1.0
     clock.h_before = clock.h
-    if state.parts.team != 0:
-        status = int(call_team(state.parts.team, state, MOVE))
-    else:
-        status = move(state, 0, bodies.inside, clock.time, clock.h, traits.old_share, True)
+    status = int(call_phase(state.parts.phase, state, MOVE))
     if status == OK and not traits.overdamped:
         for chunk in range((bodies.inside + CHUNK - 1) // CHUNK):
             tally[at.DRIVING_WORK] += bodies.work[chunk]
@@ -312,11 +294,8 @@ def conclude(state: State) -> int:
 @kernel
 def open_step(state: State) -> None:
     """Save bodies, sums, events and percussions at the start of a step."""
-    bodies, memory = state.bodies, state.warm_start
-    if state.parts.team != 0:
-        call_team(state.parts.team, state, OPEN)
-    else:
-        remember(bodies, 0, bodies.inside)
+    memory = state.warm_start
+    call_phase(state.parts.phase, state, OPEN)
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
     state.events.number_before = state.events.number

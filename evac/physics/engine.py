@@ -1,12 +1,11 @@
 """The engine, which makes the steps of a tick: what a simulation requires of one, and the compiled engine."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Protocol
 
 import numpy as np
 
-from evac.base.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
+from evac.base.errors import PluginError, SimulationError, fault, place_of, plugin_code
 from evac.base.saved import FINITE, taken
 from evac.jit import AddressCall, Entry
 from evac.jit.loading import addresses_of
@@ -21,8 +20,10 @@ from evac.physics.allocation import (
     make_room_for_contacts,
     make_state,
     make_warm_start,
+    no_solver,
 )
 from evac.physics.body_forces import add_body_forces
+from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
 from evac.physics.contact.packing import pack_forces
@@ -30,10 +31,10 @@ from evac.physics.contact.solver import Solver
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.order import rows_by_place, rows_by_travel_time
-from evac.physics.parts import drive_of, entries_of_loop, solver_of
+from evac.physics.parts import drive_of, entries_of_loop, load_solver, solver_of
+from evac.physics.phases import make_alone
 from evac.physics.seams import reaches
 from evac.physics.state import Crowd, Events, State, World
-from evac.physics.threads.team import conduct, conduct_blocks, serve
 from evac.physics.threads.threads import Threads
 
 #: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
@@ -184,8 +185,7 @@ class CompiledEngine(Engine):
         self._body_forces = [force for force in self._forces if force.body is not None]
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
-        self.threads = Threads(self.state, threads) if threads > 1 else None
-        self._people_of_threads = people_per_thread * threads
+        self.threads = Threads(self.state, threads, people_per_thread * threads)
         self._model: ContactModel | None = None
 
     def advance(
@@ -206,7 +206,7 @@ class CompiledEngine(Engine):
             while clock.now < clock.last:
                 with (
                     plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}", model),
-                    self._served(model),
+                    self.threads.serving(model),
                 ):
                     found = model.advance(self)
                 if found != status.OK:
@@ -215,16 +215,9 @@ class CompiledEngine(Engine):
         driver.scatter(crowd, state.bodies)
         return state.events
 
-    def _served(self, model: ContactModel) -> AbstractContextManager[None]:
-        """Let threads serve the loop, unless they would wait too long: with few people inside, or a loop in Python."""
-        if self.threads is None or model.law is None or self.state.bodies.inside < self._people_of_threads:
-            return nullcontext()
-        return self.threads.serving()
-
     def close(self) -> None:
         """End the threads, if there are any."""
-        if self.threads is not None:
-            self.threads.end()
+        self.threads.end()
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model requires; return their number."""
@@ -251,13 +244,11 @@ class CompiledEngine(Engine):
         parts = state.parts
         parts.parameters = self._own
         parts.law = model.law.address if model.law else 0
-        parts.solver = parts.make_phase = 0
+        parts.phase = make_alone.address
+        parts.solver = parts.stronger = no_solver()
         if isinstance(model, SolvedContactModel):
-            solver = self._solver(model)
-            parts.solver, parts.checks_solver = solver.solve.address, int(is_foreign(solver))
-            if self.threads is not None and solver.make_phase is not None:
-                parts.make_phase = solver.make_phase.address
-        parts.stronger = parts.separation = 0
+            parts.solver, parts.on_blocks = load_solver(self._solver(model)), make_on_blocks.address
+        parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
         parts.drive = drive_of(model).address
         parts.forces = add_forces.address if self._pair_forces else 0
@@ -280,12 +271,8 @@ class CompiledEngine(Engine):
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        shared: list[Entry] = []
-        if self.threads is not None and model.law is not None:
-            shared += [conduct, serve]
-            if isinstance(model, SolvedContactModel) and (phase := self._solver(model).make_phase) is not None:
-                shared += [conduct_blocks, phase]
-        return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full) + shared
+        found = entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full)
+        return found + self.threads.entries(model)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the optional parts of the step loop: name, whether it is included, and the reason."""
@@ -320,16 +307,15 @@ class CompiledEngine(Engine):
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load a part that a step turned out to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
-            solver = self._solver(model, stronger=True)
-            self.state.parts.stronger, self.state.parts.checks_stronger = solver.solve.address, int(is_foreign(solver))
+            self.state.parts.stronger = load_solver(self._solver(model, stronger=True))
         else:
             self.state.parts.separation = separate.address
 
     def _handle(self, model: ContactModel, found: int, time: float) -> None:
         """Handle a status: load a part, enlarge an array, or raise SimulationError."""
         state, parts = self.state, self.state.parts
-        missing = {status.NEEDS_STRONGER_SOLVER: not parts.stronger, status.NEEDS_SEPARATION: not parts.separation}
-        if isinstance(model, SolvedContactModel) and missing.get(found):
+        loaded = {status.NEEDS_STRONGER_SOLVER: parts.stronger.solve, status.NEEDS_SEPARATION: parts.separation}
+        if isinstance(model, SolvedContactModel) and not loaded.get(found, 1):
             self._load_part(model, found)
         elif found == status.PAIRS_FULL:
             state.lists.pair_body = grown(state.lists.pair_body)

@@ -8,8 +8,8 @@ from evac.physics.contact.contacts import normal_velocity, tangential_velocity
 from evac.physics.contact.neighbours import segment_distance
 from evac.physics.seams import crossing, touches
 from evac.physics.sight import passes_through
+from evac.physics.state import CHUNK
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
-from evac.physics.threads.pieces import CHUNK
 
 PORTAL = 0
 EXIT = 1

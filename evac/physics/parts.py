@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
-from evac.base.errors import PluginError, fault, plugin_code
+from evac.base.errors import PluginError, fault, is_foreign, plugin_code
 from evac.base.parameters import did_you_mean
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry, call_body_force, call_pair_force
 from evac.physics import driver
 from evac.physics.body_forces import add_body_forces
+from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
 from evac.physics.contact.packing import check_indices, cutoff_of, packed_row
@@ -16,14 +17,16 @@ from evac.physics.contact.rows import call_solver
 from evac.physics.contact.solver import Solver
 from evac.physics.drive import add_forces, drive, drive_overdamped
 from evac.physics.force import Force
+from evac.physics.phases import make_alone
 from evac.physics.seams import reaches
+from evac.physics.state import LoadedSolver
 
 
 def entries_of_loop(
     model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
-    found = [drive_of(model)]
+    found = [drive_of(model), make_alone]
     if isinstance(model, PairContact):
         model.check_pair()
     if model.along_the_way:
@@ -33,9 +36,9 @@ def entries_of_loop(
     else:
         found += [driver.advance, model.law]
     if isinstance(model, SolvedContactModel):
-        found.append(solver_of(model, solvers).solve)
+        found += [make_on_blocks, *entries_of_solver(solver_of(model, solvers))]
         if full:
-            found.append(solver_of(model, solvers, stronger=True).solve)
+            found += entries_of_solver(solver_of(model, solvers, stronger=True))
         if full and model.separates:
             found.append(separate)
     if has_seams:
@@ -67,6 +70,17 @@ def functions_of(force: Force) -> list[Entry]:
         raise fault(what, "names no function", remedy, force)
     cutoff_of(force)
     return found
+
+
+def entries_of_solver(solver: type[Solver]) -> list[Entry]:
+    """Return the kernels of a solver."""
+    return [solver.solve] if solver.make_phase is None else [solver.solve, solver.make_phase]
+
+
+def load_solver(solver: type[Solver]) -> LoadedSolver:
+    """Return a solver as kernels call it."""
+    make_phase = solver.make_phase.address if solver.make_phase else 0
+    return LoadedSolver(solve=solver.solve.address, make_phase=make_phase, is_checked=int(is_foreign(solver)))
 
 
 def drive_of(model: ContactModel) -> Entry:

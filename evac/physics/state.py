@@ -7,15 +7,33 @@ from numpy.typing import ArrayLike, NDArray
 
 from evac.base.arrays import FloatArray
 from evac.directions.fields import PackedFields
-from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
+from evac.jit import (
+    AddressCall,
+    ByteGrid,
+    Bytes,
+    FloatGrid,
+    Floats,
+    Indices,
+    Ints,
+    Longs,
+    Pairs,
+    Quads,
+    Struct,
+    Triples,
+)
 from evac.jit.layout import Array
 from evac.physics.contact.cells import Cells
-from evac.physics.threads.turns import Team
 
 #: Rows of the packed contact problem, see `evac.physics.contact.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
 NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
+
+#: What each of several threads has found in a phase, see `evac.physics.threads.team`.
+Counts = Annotated[NDArray[np.int64], Array("int64", (None, 8))]
+
+#: Bodies whose sums are taken together; threads have whole chunks.
+CHUNK = 64
 
 
 class Crowd(Struct):
@@ -202,7 +220,7 @@ class Bodies(Struct):
     relaxation: Floats  # share of the difference to the desired velocity closed in a step, 1 - exp(-h / tau)
     relaxation_step: float  # step h that `relaxation` was computed for [s], 0 after sorting
     near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
-    work: Floats  # scratch: driving work of each `pieces.CHUNK` bodies [J]
+    work: Floats  # scratch: driving work of each `CHUNK` bodies [J]
 
 
 class Lists(Struct):
@@ -218,6 +236,21 @@ class Lists(Struct):
     pair_reach: float  # reach of the list of bodies, beyond touching [m]
     wall_reach: float  # reach of the list of walls, beyond touching [m]
     skin: float  # additional reach, so that lists remain valid for several steps [m]
+    pairs: int  # number of pairs that were listed last, -1: there was no room for them
+    room: int  # room for pairs that this took
+    walls: int  # number of walls that were listed last, -1: there was no room for them
+
+
+class Team(Struct):
+    """Threads that share a step, see `evac.physics.threads.team`; rows are a line of the caches (64 bytes) apart."""
+
+    threads: int
+    rest: int  # address of the system's function that sleeps
+    turn: Longs  # (8 threads,) word of a phase: of thread 0 that to be done, of the others the last one done
+    begun: Longs  # (8 blocks,) word of the last phase in which a thread has begun with a block
+    made: Longs  # (8 blocks,) word of the last phase that was made on a block
+    found: Counts  # (threads, 8) what each has found
+    result: Floats  # (8 threads,) what the phase has returned: a status, or the greatest speed [m/s]
 
 
 class Problem(Struct):
@@ -237,8 +270,8 @@ class Problem(Struct):
     row: Ints  # row of each unknown, in the order of contacts
     sums: FloatGrid  # (blocks + 1, 8) what a solver finds in each block
     share: float  # extrapolation factor of a sweep
-    conduct: int  # address of `evac.physics.threads.team.conduct_blocks`, 0: one thread
-    make_phase: int  # address of the solver's kernel for a phase on a block, see `evac.physics.contact.solver`
+    on_blocks: int  # address of the kernel that makes a phase of the solver on all blocks, see `blocks.on_all_blocks`
+    make_phase: int  # address of the solver's kernel for a phase on one block, see `evac.physics.contact.solver`
     team: Team
     rigid: int  # 1: every row is rigid and pushes only
     residual: float  # residual of the percussions, set by the solver [m/s]
@@ -363,22 +396,28 @@ class Traits(Struct):
     reports_percussions: int  # 1: contact forces are the percussions divided by h; 0: the law reports them
 
 
+class LoadedSolver(Struct):
+    """A solver as kernels call it, see `evac.physics.contact.solver`."""
+
+    solve: int  # address, 0: not loaded
+    make_phase: int  # address, 0: the solver does not work on blocks
+    is_checked: int  # 1: it is not part of evac, so that its results are checked
+
+
 class Parts(Struct):
     """Addresses of parts that are compiled and loaded only if needed; 0 if a part is not loaded."""
 
+    phase: int  # makes a phase of the step on all bodies, see `evac.physics.phases`
     law: int
     parameters: Struct  # of the law
-    solver: int
-    stronger: int  # solver for solves that fail
-    checks_solver: int  # 1: the solver is not part of evac, so that its results are checked
-    checks_stronger: int
+    solver: LoadedSolver
+    stronger: LoadedSolver  # for solves that fail
+    on_blocks: int  # makes a phase of the solver on all blocks, see `evac.physics.contact.blocks`
     separation: int
     drive: int
     forces: int
     body_forces: int
     seams: int
-    team: int  # makes a phase of the step on several cores
-    make_phase: int  # makes a phase of the solver on a block
 
 
 class State(Struct):
@@ -399,3 +438,11 @@ class State(Struct):
     team: Team
     tally: Floats  # sums over the run, named in `evac.physics.tallies`
     tally_before: Floats  # at the start of the step
+
+
+#: Phases of a step, see `evac.physics.phases`: save the bodies; set desired directions, free velocities, search
+#: distances; list neighbours; find contacts; take the free velocities; move.
+OPEN, LOOK, DRIVE, REACH, LIST, FIND, TAKE, MOVE = range(8)
+
+#: Call ``state.parts.phase``: make a phase on all bodies; returns a status, for `DRIVE` the greatest speed [m/s].
+call_phase = AddressCall([State, int], (float,))

@@ -5,7 +5,6 @@ import math
 import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +16,8 @@ from evac.jit import (
     FloatGrid,
     Floats,
     Ints,
-    Longs,
     Pairs,
     Struct,
-    claim,
     fused,
     inlined,
     inner,
@@ -271,33 +268,6 @@ def test_what_cannot_be_compiled_names_the_kernel(function):
         match=rf"kernel {function.__name__}: cannot be compiled: .*, line {function.__code__.co_firstlineno + 1}\)",
     ):
         _ = kernel(function).address
-
-
-@kernel
-def claim_all(words: Longs, number: int, won: Longs, place: int) -> None:
-    for value in range(1, number + 1):
-        won[place] += claim(words, 8, value)
-
-
-def test_what_is_claimed_goes_to_one_thread():
-    """Four threads claim 100,000 numbers in turn: a number can be missed where a later one was faster, never twice."""
-    words, won = np.zeros(16, np.int64), np.zeros(32, np.int64)
-    racing = [threading.Thread(target=claim_all, args=(words, 100_000, won, 8 * k)) for k in range(4)]
-    for thread in racing:
-        thread.start()
-    for thread in racing:
-        thread.join()
-    assert words[8] == 100_000
-    assert 0 < won.sum() <= 100_000
-    assert np.count_nonzero(words) == 1
-
-
-def test_a_value_is_claimed_once_and_no_lower_one_afterwards():
-    words, won = np.zeros(9, np.int64), np.zeros(1, np.int64)
-    claim_all(words, 5, won, 0)
-    assert (words[8], won[0]) == (5, 5)
-    claim_all(words, 6, won, 0)
-    assert (words[8], won[0]) == (6, 6)
 
 
 @inlined

@@ -4,9 +4,11 @@ import numpy as np
 
 from evac.jit import Pairs, kernel
 from evac.physics.allocation import make_contacts, make_problem, make_state
+from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.packing import pack_forces
 from evac.physics.contact.percussions import pack, solve_once
 from evac.physics.contact.rows import row_residual
+from evac.physics.parts import load_solver
 from evac.physics.state import State
 from evac.physics.world import make_world
 from tests.physics.scenes import SOLVERS, make_building, uniform_fields
@@ -17,7 +19,6 @@ WORLD = make_world(make_building(), uniform_fields())
 @kernel
 def do_solve(
     state: State,
-    solver: int,
     free: Pairs,
     velocity: Pairs,
     compliance: float,
@@ -25,7 +26,7 @@ def do_solve(
     tolerance: float,
     limit: int,
 ) -> None:
-    solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit)
+    solve_once(state, state.parts.solver, free, velocity, compliance, tangential, tolerance, limit)
 
 
 @kernel
@@ -57,8 +58,8 @@ def make_problem_state(inverse_mass, contacts):
 def run_solver(solver, state, free, velocity, compliance, tangential, tolerance, limit):
     """Solve by the solver of a name, from the percussions in the contacts; return (iterations, residual [m/s])."""
     state.problem.iterations = 0
-    address = SOLVERS[solver].solve.address
-    do_solve(state, address, free, velocity, compliance, tangential, tolerance, limit)
+    state.parts.solver, state.parts.on_blocks = load_solver(SOLVERS[solver]), make_on_blocks.address
+    do_solve(state, free, velocity, compliance, tangential, tolerance, limit)
     return state.problem.iterations, state.problem.residual
 
 

@@ -6,7 +6,7 @@ import pytest
 from evac.jit import kernel
 from evac.physics.allocation import SKIN, grown, make_room_for_contacts
 from evac.physics.contact.contacts import find_contacts
-from evac.physics.contact.neighbours import build_lists, list_pairs, sort_into_cells
+from evac.physics.contact.neighbours import list_neighbours, sort_into_cells
 from evac.physics.driver import gather
 from evac.physics.seams import reaches
 from evac.physics.state import Bodies, Lists, State, World, make_crowd
@@ -17,7 +17,8 @@ from tests.physics.scenes import make_building, make_engine, random_crowd
 
 @kernel
 def build(world: World, bodies: Bodies, lists: Lists) -> int:
-    return build_lists(world, bodies, lists)
+    sort_into_cells(bodies, lists)
+    return list_neighbours(world, bodies, lists, 0, bodies.inside)
 
 
 @kernel
@@ -69,7 +70,8 @@ def test_lists_are_those_of_brute_force(seed, reach):
 @kernel
 def list_room(world: World, bodies: Bodies, lists: Lists) -> int:
     sort_into_cells(bodies, lists)
-    return list_pairs(world, bodies, lists, lists.pair_body, 0, bodies.inside)[1]
+    list_neighbours(world, bodies, lists, 0, bodies.inside)
+    return lists.room
 
 
 def stacked(storeys, far=None):

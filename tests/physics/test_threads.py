@@ -10,15 +10,17 @@ import numpy as np
 import pytest
 
 from evac.base.errors import ScenarioError, SimulationError
-from evac.jit import kernel
+from evac.jit import Longs, kernel
 from evac.jit.kernels import INTERPRETED
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
 from evac.physics.contact.solver import Solver
 from evac.physics.engine import CompiledEngine
 from evac.physics.order import rows_by_place
-from evac.physics.state import Events, Problem, copy_of, make_crowd
+from evac.physics.phases import make_alone
+from evac.physics.state import CHUNK, Events, Problem, copy_of, make_crowd
 from evac.physics.threads import threads
-from evac.physics.threads.pieces import CHUNK
+from evac.physics.threads.atomics import claim
+from evac.physics.threads.team import conduct
 from evac.physics.threads.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads, unused_threads
 from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem
@@ -299,18 +301,56 @@ def test_the_size_decides_up_to_the_number_that_is_given(monkeypatch, wanted, pe
     assert all(f"{wanted} given" in line and f"use {number}" in line for line in told)
 
 
+class Watched(Dem):
+    """Notes which kernel makes the phases of each tick."""
+
+    name = "watched"
+
+    def advance(self, engine):
+        self.phases = [*getattr(self, "phases", []), engine.state.parts.phase]
+        return super().advance(engine)
+
+
 @pytest.mark.parametrize(("share", "ticks"), [(0, 2), (PEOPLE // 2, 1), (PEOPLE, 0)])
 def test_threads_serve_while_enough_people_are_inside(share, ticks):
     """For each of two threads; two people leave after the first of two ticks."""
     crowd = copy_of(CROWD)
     world = make_world(ROOMS, fields_towards((13.0, 5.0), 2))
     engine = CompiledEngine(world, PEOPLE, [], threads=2, people_per_thread=share)
-    engine.threads.serving = Mock(wraps=engine.threads.serving)
+    model = Watched()
     for first in (0, 10):
-        engine.advance(Dem(), crowd, first, 10, 0.01, False, False)
+        engine.advance(model, crowd, first, 10, 0.01, False, False)
         crowd.level[:2] = -1
-    assert engine.threads.serving.call_count == ticks
+    assert model.phases.count(conduct.address) == ticks
+    assert engine.state.parts.phase == make_alone.address
     engine.close()
+
+
+@kernel
+def claim_all(words: Longs, number: int, won: Longs, place: int) -> None:
+    for value in range(1, number + 1):
+        won[place] += claim(words, 8, value)
+
+
+def test_what_is_claimed_goes_to_one_thread():
+    """Four threads claim 100,000 numbers in turn: a number can be missed where a later one was faster, never twice."""
+    words, won = np.zeros(16, np.int64), np.zeros(32, np.int64)
+    racing = [threading.Thread(target=claim_all, args=(words, 100_000, won, 8 * k)) for k in range(4)]
+    for thread in racing:
+        thread.start()
+    for thread in racing:
+        thread.join()
+    assert words[8] == 100_000
+    assert 0 < won.sum() <= 100_000
+    assert np.count_nonzero(words) == 1
+
+
+def test_a_value_is_claimed_once_and_no_lower_one_afterwards():
+    words, won = np.zeros(9, np.int64), np.zeros(1, np.int64)
+    claim_all(words, 5, won, 0)
+    assert (words[8], won[0]) == (5, 5)
+    claim_all(words, 6, won, 0)
+    assert (words[8], won[0]) == (6, 6)
 
 
 def test_no_thread_is_refused():

@@ -10,9 +10,11 @@ from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_c
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
 from evac.evidence.models import COARSE, plugins
 from evac.jit import kernel
+from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.percussions import solve_once
 from evac.physics.contact.rows import INELASTIC
+from evac.physics.parts import load_solver
 from evac.physics.state import Contacts, State
 
 #: Steps that a model makes from the snapshot before its contact problem is used, so that the state is typical of it.
@@ -118,8 +120,9 @@ class ContactProblem:
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
         """Solve to a residual [m/s] in at most `limit` iterations; return (iterations, residual)."""
-        address = plugins().solvers[solver].solve.address
-        return run_solver(self.state, address, self.law.compliance, tolerance, limit), self.state.problem.residual
+        parts = self.state.parts
+        parts.solver, parts.on_blocks = load_solver(plugins().solvers[solver]), make_on_blocks.address
+        return run_solver(self.state, self.law.compliance, tolerance, limit), self.state.problem.residual
 
     def reference(self, precision: float = PRECISION) -> FloatArray:
         """Return the velocities (n, 2) from the library's interior-point solver, to a residual [m/s]."""
@@ -139,10 +142,10 @@ class ContactProblem:
 
 
 @kernel
-def run_solver(state: State, solver: int, compliance: float, tolerance: float, limit: int) -> int:
-    """Solve the problem in a state, without tangential law, by the solver at an address; return the iterations."""
+def run_solver(state: State, compliance: float, tolerance: float, limit: int) -> int:
+    """Solve the problem in a state, without tangential law, by its solver; return the iterations."""
     state.problem.iterations = 0
-    solve_once(state, solver, state.bodies.free, state.bodies.solved, compliance, 0.0, tolerance, limit)
+    solve_once(state, state.parts.solver, state.bodies.free, state.bodies.solved, compliance, 0.0, tolerance, limit)
     return state.problem.iterations
 
 

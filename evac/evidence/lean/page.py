@@ -18,6 +18,7 @@ from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of, reported
 from evac.physics.contact.overlaps import separate
 from evac.physics.engine import CompiledEngine
+from evac.physics.parts import load_solver
 from evac.physics.seams import reaches
 from evac.simulation.simulation import Simulation
 
@@ -215,7 +216,7 @@ def force(simulation: Simulation, loop: Sequence[str]) -> None:
     if "seams" in loop:
         parts.seams = reaches.address
     if "stronger" in loop:
-        parts.stronger = solvers[solvers[model.values()["solver"]].stronger].solve.address
+        parts.stronger = load_solver(solvers[solvers[model.values()["solver"]].stronger])
     if "separation" in loop:
         parts.separation = separate.address
     engine.full = "tests" in loop

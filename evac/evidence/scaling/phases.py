@@ -1,11 +1,9 @@
 """Kernels that repeat one phase of a step on a crowd as it stands, to time the phases apart."""
 
 from evac.jit import kernel
-from evac.physics.contact.contacts import find_contacts
-from evac.physics.contact.neighbours import build_lists
-from evac.physics.drive import call_drive, set_desired
 from evac.physics.driver import conclude, cut, open_step
-from evac.physics.state import State
+from evac.physics.phases import build_lists
+from evac.physics.state import DRIVE, FIND, LOOK, State, call_phase
 from evac.physics.status import OK
 
 
@@ -14,7 +12,7 @@ def repeat_lists(state: State, repeats: int) -> int:
     """Build the neighbour lists so many times; return the last status."""
     status = OK
     for _ in range(repeats):
-        status = build_lists(state.world, state.bodies, state.lists)
+        status = build_lists(state)
     return status
 
 
@@ -23,7 +21,7 @@ def repeat_search(state: State, repeats: int) -> int:
     """Find the contacts within the reaches of the last step so many times; return the last status."""
     status = OK
     for _ in range(repeats):
-        status = find_contacts(state, 0, state.bodies.inside)
+        status = int(call_phase(state.parts.phase, state, FIND))
     return status
 
 
@@ -31,8 +29,8 @@ def repeat_search(state: State, repeats: int) -> int:
 def repeat_drive(state: State, repeats: int) -> int:
     """Set the desired directions and free velocities so many times; return a status, OK."""
     for _ in range(repeats):
-        set_desired(state.world, state.bodies, 0, state.bodies.inside)
-        call_drive(state.parts.drive, state, 0, state.bodies.inside)
+        call_phase(state.parts.phase, state, LOOK)
+        call_phase(state.parts.phase, state, DRIVE)
     return OK
 
 

@@ -9,7 +9,7 @@ between blocks are a last block without bodies. Each block has a wall of its own
 velocity slow each other down.
 """
 
-from evac.jit import AddressCall, inner
+from evac.jit import AddressCall, inner, kernel
 from evac.physics.state import Problem
 
 #: Largest number of blocks.
@@ -28,11 +28,23 @@ WALLS = WALL * (BLOCKS - 1) + 1
 #: Distance in packed rows of consecutive unknowns.
 APART = 8
 
-#: Call with a problem and a phase: `evac.physics.threads.team.conduct_blocks`.
-call_conduct = AddressCall([Problem, int], (int,))
+#: Make a phase of the solver on all blocks, and on one block; the results are not used.
+call_on_blocks = AddressCall([Problem, int], (int,))
+call_on_block = AddressCall([Problem, int, int], (int,))
 
-#: Call the phase of a solver on a block, with the problem, the phase and the block; the result is not used.
-call_block = AddressCall([Problem, int, int], (int,))
+
+@inner
+def on_all_blocks(rows, phase):
+    """Make a phase of the solver on all blocks, with all threads of the run, and wait for them."""
+    call_on_blocks(rows.on_blocks, rows, phase)
+
+
+@kernel
+def make_on_blocks(rows: Problem, phase: int) -> int:
+    """Make a phase of the solver on all blocks with one thread."""
+    for block in range(rows.blocks):
+        call_on_block(rows.make_phase, rows, phase, block)
+    return 0
 
 
 @inner

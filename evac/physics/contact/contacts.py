@@ -10,8 +10,8 @@ from evac.jit import inner
 from evac.physics.contact.neighbours import segment_distance
 from evac.physics.drive import unit_normal
 from evac.physics.seams import touches
+from evac.physics.state import TAKE, call_phase
 from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
-from evac.physics.threads.pieces import TAKE, call_team
 
 #: A wall end may lie this far beyond a nearer wall's tangent line and still be implied by it [m].
 IMPLIED = 1e-9
@@ -235,10 +235,7 @@ def tangential_velocity(velocity, contacts, c):
 @inner
 def use_free_velocity(state):
     """Set the velocities after the sub-step to the free velocities, as without contacts."""
-    if state.parts.team != 0:
-        call_team(state.parts.team, state, TAKE)
-    else:
-        take_velocities(state.bodies, 0, state.bodies.inside)
+    call_phase(state.parts.phase, state, TAKE)
 
 
 @inner
@@ -285,17 +282,26 @@ def keep_only_meeting(world, bodies, contacts, h, margin):
     for c in range(contacts.number):
         if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= margin + world.rounding:
             if used != c:
-                contacts.body[used] = contacts.body[c]
-                contacts.other[used] = contacts.other[c]
-                contacts.key[used] = contacts.key[c]
-                contacts.normal[used, 0] = contacts.normal[c, 0]
-                contacts.normal[used, 1] = contacts.normal[c, 1]
-                contacts.gap[used] = contacts.gap[c]
-                contacts.omega[used] = contacts.omega[c]
-                contacts.percussion[used] = contacts.percussion[c]
-                contacts.velocity_before[used] = contacts.velocity_before[c]
+                copy_contact(contacts, c, contacts, used)
             used += 1
     contacts.number = used
+
+
+@inner
+def copy_contact(given, k, contacts, c):
+    """Copy contact k of `given`, as the search has left it, to contact c."""
+    contacts.body[c] = given.body[k]
+    contacts.other[c] = given.other[k]
+    contacts.key[c] = given.key[k]
+    contacts.normal[c, 0] = given.normal[k, 0]
+    contacts.normal[c, 1] = given.normal[k, 1]
+    contacts.gap[c] = given.gap[k]
+    contacts.omega[c] = given.omega[k]
+    contacts.velocity_before[c] = given.velocity_before[k]
+    contacts.percussion[c] = given.percussion[k]
+    contacts.bias[c] = given.bias[k]
+    contacts.friction[c] = given.friction[k]
+    contacts.sticky[c] = given.sticky[k]
 
 
 @inner

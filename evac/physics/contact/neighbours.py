@@ -26,19 +26,6 @@ def segment_distance(x1, y1, x2, y2, px, py):
 
 
 @inner
-def build_lists(world, bodies, lists):
-    """Build the lists of bodies and walls; return OK, PAIRS_FULL or WALLS_FULL."""
-    n = bodies.inside
-    sort_into_cells(bodies, lists)
-    if list_pairs(world, bodies, lists, lists.pair_body, 0, n)[0] < 0:
-        return PAIRS_FULL
-    if list_walls(world, bodies, lists, lists.wall_item, 0, n) < 0:
-        return WALLS_FULL
-    lists.stale = 0
-    return OK
-
-
-@inner
 def sort_into_cells(bodies, lists):
     """Sort the bodies into cells, and begin both lists."""
     n = bodies.inside
@@ -54,12 +41,22 @@ def sort_into_cells(bodies, lists):
 
 
 @inner
-def list_pairs(world, bodies, lists, pair_body, low_body, high_body):
-    """List the pairs of some bodies in `pair_body`; return their number, -1 if too many, and the room it takes.
+def list_neighbours(world, bodies, lists, first, last):
+    """List the pairs and walls of some bodies; return OK, PAIRS_FULL or WALLS_FULL."""
+    lists.pairs, lists.room = _list_pairs(world, bodies, lists, first, last)
+    if lists.pairs < 0:
+        return PAIRS_FULL
+    lists.walls = _list_walls(world, bodies, lists, first, last)
+    return WALLS_FULL if lists.walls < 0 else OK
+
+
+@inner
+def _list_pairs(world, bodies, lists, low_body, high_body):
+    """List the pairs of some bodies; return their number, -1 if too many, and the room that listing them takes.
 
     Bodies on different levels can touch through portals only, so other levels matter to those near one.
     """
-    cells, span = lists.cells, lists.pair_reach + lists.skin
+    pair_body, cells, span = lists.pair_body, lists.cells, lists.pair_reach + lists.skin
     capacity = pair_body.shape[0]
     used, room = 0, 0
     for i in range(low_body, high_body):
@@ -130,12 +127,12 @@ def _sort(numbers, first, last):
 
 
 @inner
-def list_walls(world, bodies, lists, wall_item, low_body, high_body):
-    """List the walls of some bodies in `wall_item`; return their number, -1 if too many.
+def _list_walls(world, bodies, lists, low_body, high_body):
+    """List the walls of some bodies; return their number, -1 if too many.
 
     Note also where they are, and which can reach a portal or exit before the lists are built again.
     """
-    capacity = wall_item.shape[0]
+    wall_item, capacity = lists.wall_item, lists.wall_item.shape[0]
     span, near = lists.wall_reach + lists.skin, 1.5 * lists.skin
     used = 0
     for i in range(low_body, high_body):

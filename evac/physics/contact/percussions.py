@@ -61,14 +61,14 @@ def find_percussions(state, free, velocity, normal, tangential, tolerance, limit
             velocity[i, 0] = free[i, 0]
             velocity[i, 1] = free[i, 1]
         return 0.0
-    if state.parts.solver == 0:  # the model is not a SolvedContactModel, so there is no packed problem
+    if state.parts.solver.solve == 0:  # the model is not a SolvedContactModel, so there is no packed problem
         problem.missing = 1
         return math.inf
     compliance = 2.0 / normal if normal > 0.0 else INELASTIC
     solve_once(state, state.parts.solver, free, velocity, compliance, tangential, tolerance, limit)
     if problem.residual <= enough:
         return problem.residual
-    if state.parts.stronger == 0:
+    if state.parts.stronger.solve == 0:
         problem.missing = 1
         return problem.residual
     problem.retried = 1
@@ -81,15 +81,12 @@ def find_percussions(state, free, velocity, normal, tangential, tolerance, limit
 
 @inner
 def solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit):
-    """Solve the problem once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
-    problem, parts = state.problem, state.parts
+    """Solve the problem once by a loaded solver; the compliance is 2/K_N [1/kg], or INELASTIC."""
+    problem = state.problem
     pack(state, free, compliance, tangential)
-    conduct = problem.conduct
-    if solver != parts.solver:
-        problem.conduct = 0  # threads make the phases of the model's own solver
-    problem.iterations += call_solver(solver, problem, tolerance, limit)
-    problem.conduct = conduct
-    if (parts.checks_solver if solver == parts.solver else parts.checks_stronger) == 1:
+    problem.make_phase, problem.on_blocks = solver.make_phase, state.parts.on_blocks
+    problem.iterations += call_solver(solver.solve, problem, tolerance, limit)
+    if solver.is_checked:
         _check_solution(state, tolerance)
     if not _unpack(state, velocity, tangential):
         problem.residual = math.inf  # with NaN values, comparisons of residuals are all false

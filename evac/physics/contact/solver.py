@@ -20,9 +20,8 @@ class Solver(Configurable):
         The kernel.
     make_phase : Entry or None
         A kernel ``make_phase(problem: Problem, phase: int, block: int) -> int`` that does a part of the work of `solve`
-        on a block, see `evac.physics.contact.blocks`. If `solve` calls its `call_conduct` with a phase, all
-        threads call it on their blocks. Phases have numbers from 0 to 50. The returned number is not used, and the
-        call must not be made where ``problem.conduct`` is 0, since there is only one thread.
+        on a block, with phases from 0 to 50. `solve` has it called on all blocks, by all threads of the run, with
+        `evac.physics.contact.blocks.on_all_blocks`. The returned number is not used.
     stronger : str
         Name of the solver that solves the problem again, without warm start, if this one did not converge.
     """

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from evac.base.errors import ScenarioError
+from evac.jit import Entry
 from evac.jit.kernels import INTERPRETED
 from evac.jit.workers import cores
 from evac.physics.allocation import allocate, make_contacts
 from evac.physics.contact.blocks import BLOCKS
-from evac.physics.state import Events, State
-from evac.physics.threads import pieces
-from evac.physics.threads.team import Member, conduct, conduct_blocks, serve
-from evac.physics.threads.turns import Team
+from evac.physics.contact.model import ContactModel, SolvedContactModel
+from evac.physics.state import Events, Lists, State, Team
+from evac.physics.threads.team import LEAVE, Member, conduct, conduct_blocks, serve
 
-#: A thread pays from so many people on, also where other programs use the same cores: a phase of a step then waits for
-#: a thread that does not run, which takes longer than the phase where there are few. docs/results.md has the times.
+#: People for each thread below which further threads take longer, since a phase waits for threads that do not run
+#: because other programs use the same cores. docs/results.md has the times.
 PEOPLE_PER_THREAD = 25_000
 
 #: More threads than this are not taken unless they are asked for.
@@ -56,17 +56,20 @@ def unused_threads(wanted: int | None, people: int) -> tuple[str, ...]:
 
 
 class Threads:
-    """Threads beside the one that calls the step loop, which makes the first.
+    """The threads of a run. The first one is the thread that calls the step loop; it has others beside it if needed.
 
     Parameters
     ----------
     state : State
         Of the run.
     number : int
-        Of all threads, at least 2.
+        Of all threads.
+    people : int
+        With fewer people inside than these, the first thread works alone, since the others would wait too long.
     """
 
-    def __init__(self, state: State, number: int) -> None:
+    def __init__(self, state: State, number: int, people: int = 0) -> None:
+        self._people = people
         state.team = Team(
             threads=number,
             rest=_address_of_rest(),
@@ -74,7 +77,7 @@ class Threads:
             begun=np.zeros(8 * BLOCKS, np.int64),
             made=np.zeros(8 * BLOCKS, np.int64),
             found=np.zeros((number, 8), np.int64),
-            fastest=np.zeros(8 * number),
+            result=np.zeros(8 * number),
         )
         self._state = state
         self._members = [_make_member(state, k) for k in range(1, number)]
@@ -84,39 +87,45 @@ class Threads:
         self._process = 0
         self._is_serving = False
 
+    def entries(self, model: ContactModel) -> list[Entry]:
+        """Return the kernels by which threads share the steps of a model: none of a model whose loop is in Python."""
+        if not self._members or model.law is None:
+            return []
+        return [conduct, serve, conduct_blocks] if isinstance(model, SolvedContactModel) else [conduct, serve]
+
     @contextmanager
-    def serving(self) -> Generator[None, None, None]:
-        """Let the threads serve the step loop, which is called within."""
+    def serving(self, model: ContactModel) -> Generator[None, None, None]:
+        """Let the threads serve the step loop of a model, which is called within."""
+        if not self._members or model.law is None or self._state.bodies.inside < self._people:
+            yield
+            return
         if self._is_serving:  # and was interrupted before all had left
             self.end()
         if self._process != os.getpid():  # not begun, or left behind by a fork
             self._begin()
         for member in self._members:
             _align(member, self._state)
+        parts = self._state.parts
+        alone = parts.phase, parts.on_blocks
         self._is_serving = True
         try:
-            self._lend()
+            parts.phase = conduct.address
+            if parts.on_blocks:
+                parts.on_blocks, self._state.problem.team = conduct_blocks.address, self._state.team
             for call in self._calls:
                 call.put(True)
             yield
         finally:
-            self._state.parts.team = self._state.problem.conduct = 0
-            conduct(self._state, pieces.LEAVE)
+            parts.phase, parts.on_blocks = alone
+            conduct(self._state, LEAVE)
         for _ in self._threads:
             self._done.get()
         self._is_serving = False
 
-    def _lend(self) -> None:
-        """Let the step loop and the solver call the threads."""
-        parts, problem = self._state.parts, self._state.problem
-        parts.team = conduct.address
-        problem.team, problem.make_phase = self._state.team, parts.make_phase
-        problem.conduct = conduct_blocks.address if parts.make_phase else 0
-
     def end(self) -> None:
         """End the threads; they begin again when they are needed."""
         if self._process == os.getpid():
-            conduct(self._state, pieces.LEAVE)
+            conduct(self._state, LEAVE)
             _dismiss(self._calls)
             for thread in self._threads:
                 thread.join()
@@ -165,25 +174,29 @@ def _dismiss(calls: "Sequence[SimpleQueue[bool]]") -> None:
 def _make_member(state: State, number: int) -> Member:
     """Return what a thread works on."""
     contacts, events = make_contacts(len(state.contacts.body)), allocate(Events, len(state.events.row))
-    return Member(
-        number=number,
-        own=state.replace(contacts=contacts, events=events),
-        pair_body=np.zeros_like(state.lists.pair_body),
-        wall_item=np.zeros_like(state.lists.wall_item),
-        main=state,
-    )
+    own, listing = state.replace(contacts=contacts, events=events), state.replace(lists=_own_lists(state))
+    return Member(number=number, main=state, own=own, listing=listing)
+
+
+def _own_lists(state: State) -> Lists:
+    """Return the lists of a run with other arrays for pairs and walls."""
+    lists = state.lists
+    return lists.replace(pair_body=np.zeros_like(lists.pair_body), wall_item=np.zeros_like(lists.wall_item))
 
 
 def _align(member: Member, state: State) -> None:
     """Let a thread's state have what the run's has now, and as much room."""
-    own = member.own
+    own, listing = member.own, member.listing
     for name, value in state.values().items():
-        if name not in ("contacts", "events") and getattr(own, name) is not value:
+        if name not in ("contacts", "events"):
             setattr(own, name, value)
+        if name != "lists":
+            setattr(listing, name, value)
     if len(own.contacts.body) != len(state.contacts.body):
         own.contacts = make_contacts(len(state.contacts.body))
     if len(own.events.row) != len(state.events.row):
         own.events = allocate(Events, len(state.events.row))
-    for name in ("pair_body", "wall_item"):
-        if len(getattr(member, name)) != len(getattr(state.lists, name)):
-            setattr(member, name, np.zeros_like(getattr(state.lists, name)))
+    lists, kept = state.lists, listing.lists
+    room = len(kept.pair_body) == len(lists.pair_body) and len(kept.wall_item) == len(lists.wall_item)
+    if not room or kept.pair_start is not lists.pair_start:
+        listing.lists = _own_lists(state)
