@@ -14,6 +14,7 @@ from evac.physics import tallies as at
 from evac.physics.contact.contacts import push, set_reach, tangential_velocity, use_free_velocity
 from evac.physics.contact.model import BorderScene, ContactModel
 from evac.physics.contact.stability import add_stiffness, forget_stiffnesses, longest_step, makes_unstable
+from evac.physics.extent import extent
 from evac.physics.state import State, World
 from evac.physics.status import OK, SEARCH_AGAIN, TOO_STIFF, WALL_CROSSED
 
@@ -171,7 +172,8 @@ def _hardest(state, own, c, radius):
         force, tangent = press(overlap, radius, own)
         energy += _energy(overlap, tangent, onset, length) - before * speed * force
     if contacts.other[c] >= 0:
-        distance = state.bodies.radius[contacts.body[c]] + state.bodies.radius[contacts.other[c]]
+        i, j, nx, ny = contacts.body[c], contacts.other[c], contacts.normal[c, 0], contacts.normal[c, 1]
+        distance = extent(state.bodies, i, -nx, -ny) + extent(state.bodies, j, nx, ny)
         turn = tangential_velocity(state.bodies.velocity, contacts, c)
         energy -= mass * turn**2 * (((distance + gap) / (distance - onset)) ** 2 - 1.0)
     most = _energy(radius, HARDEST, onset, length)
@@ -187,10 +189,10 @@ def _hardest(state, own, c, radius):
 
 @inner
 def _radius(bodies, contacts, c):
-    """Return the radius of the smaller body of contact c [m]."""
-    j = contacts.other[c]
-    own = bodies.radius[contacts.body[c]]
-    return min(own, bodies.radius[j]) if j >= 0 else own
+    """Return how far the smaller body of contact c extends towards the contact [m]."""
+    j, nx, ny = contacts.other[c], contacts.normal[c, 0], contacts.normal[c, 1]
+    own = extent(bodies, contacts.body[c], -nx, -ny)
+    return min(own, extent(bodies, j, nx, ny)) if j >= 0 else own
 
 
 @inner

@@ -7,6 +7,7 @@ import shapely
 
 from evac.base.errors import counted
 from evac.people.population import Group
+from evac.physics.extent import extent, greatest_extent
 from evac.physics.state import Crowd
 
 #: Quantities with their units and usual ranges for people.
@@ -94,11 +95,14 @@ def overlapping(crowd: Crowd) -> tuple[int, float]:
     pairs, deepest = 0, 0.0
     for level in np.unique(crowd.level[crowd.level >= 0]):
         rows = np.flatnonzero(crowd.level == level)
-        position, radius = crowd.position[rows], crowd.radius[rows]
+        position, greatest = crowd.position[rows], float(greatest_extent(crowd, rows).max())
         points = shapely.points(position)
-        near = shapely.STRtree(points).query(points, predicate="dwithin", distance=2.0 * float(radius.max()))
+        near = shapely.STRtree(points).query(points, predicate="dwithin", distance=2.0 * greatest)
         one, other = near[:, near[0] < near[1]]
-        overlap = radius[one] + radius[other] - np.hypot(*(position[one] - position[other]).T)
+        apart = position[one] - position[other]
+        distance = np.hypot(*apart.T)
+        nx, ny = (apart / np.where(distance > 0.0, distance, 1.0)[:, None]).T
+        overlap = extent(crowd, rows[one], -nx, -ny) + extent(crowd, rows[other], nx, ny) - distance
         pairs += int((overlap > ROUNDING).sum())
         deepest = max(deepest, float(overlap.max(initial=0.0)))
     return pairs, deepest

@@ -5,6 +5,7 @@ import math
 from evac.jit import call_body_force, inner, kernel, row
 from evac.physics.contact.contacts import wall_normal
 from evac.physics.contact.neighbours import segment_distance
+from evac.physics.extent import extent, greatest_extent
 from evac.physics.seams import touches
 from evac.physics.state import State
 from evac.physics.status import OK
@@ -40,7 +41,7 @@ def _nearest_wall(state, i, reach):
     """
     world, bodies, lists = state.world, state.bodies, state.lists
     x, y = bodies.position[i, 0], bodies.position[i, 1]
-    nearest, nx, ny = bodies.radius[i] + reach, 0.0, 0.0
+    nearest, nx, ny = greatest_extent(bodies, i) + reach, 0.0, 0.0
     is_found = False
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
@@ -54,5 +55,5 @@ def _nearest_wall(state, i, reach):
             nearest = distance
             is_found = True
     if is_found:
-        return nearest - bodies.radius[i], nx, ny
+        return nearest - extent(bodies, i, -nx, -ny), nx, ny
     return math.inf, 0.0, 0.0

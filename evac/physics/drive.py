@@ -5,6 +5,7 @@ import math
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.directions.sampling import column_of, direction_in_cell, node_at, sample_direction
 from evac.jit import AddressCall, call_pair_force, inner, kernel, row
+from evac.physics.extent import extent, greatest_extent
 from evac.physics.seams import touches
 from evac.physics.state import State
 from evac.physics.status import OK
@@ -105,7 +106,7 @@ def add_forces(state: State) -> int:
                 continue
             nx = bodies.position[i, 0] - bodies.position[j, 0]
             ny = bodies.position[i, 1] - bodies.position[j, 1]
-            limit = bodies.radius[i] + bodies.radius[j] + forces.farthest
+            limit = greatest_extent(bodies, i) + greatest_extent(bodies, j) + forces.farthest
             square = nx * nx + ny * ny
             if square >= limit * limit:
                 continue
@@ -120,7 +121,7 @@ def add_forces(state: State) -> int:
             ):
                 continue
             nx, ny, distance = unit_normal(nx, ny, square)
-            gap = distance - bodies.radius[i] - bodies.radius[j]
+            gap = distance - extent(bodies, i, -nx, -ny) - extent(bodies, j, nx, ny)
             for f in range(forces.number):
                 if gap >= forces.cutoff[f]:
                     continue

@@ -6,6 +6,7 @@ from evac.jit import inner
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import normal_velocity, tangential_velocity
 from evac.physics.contact.neighbours import segment_distance
+from evac.physics.extent import greatest_extent
 from evac.physics.seams import crossing, touches
 from evac.physics.sight import passes_through
 from evac.physics.state import CHUNK
@@ -111,7 +112,7 @@ def move(state, first, last, time, h, old_share, is_walk):
             bodies.failed = events.failed = i
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
-        if path > bodies.radius[i] + lists.wall_reach + 0.5 * lists.skin:
+        if path > greatest_extent(bodies, i) + lists.wall_reach + 0.5 * lists.skin:
             bodies.failed = events.failed = i  # beyond the walls in the lists
             return TOO_FAST
         if (full or path >= bodies.wall_distance[i]) and _crosses_wall(state, i, ax, ay, bx, by):

@@ -9,6 +9,7 @@ import math
 from evac.jit import inner
 from evac.physics.contact.neighbours import segment_distance
 from evac.physics.drive import unit_normal
+from evac.physics.extent import extent, greatest_extent
 from evac.physics.seams import touches
 from evac.physics.state import TAKE, call_phase
 from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
@@ -43,7 +44,7 @@ def _near_walls(state, i):
     found = 0
     level = bodies.level[i]
     x, y = bodies.position[i, 0], bodies.position[i, 1]
-    limit = bodies.radius[i] + bodies.reach[i]
+    limit = greatest_extent(bodies, i) + bodies.reach[i]
     nearest = 1e300
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
@@ -128,7 +129,7 @@ def find_contacts(state, first, last):
         level = bodies.level[i]
         if level < 0:
             continue
-        x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i]
+        x, y = bodies.position[i, 0], bodies.position[i, 1]
         bodies.wall_distance[i] = 1e300
         if lists.wall_start[i + 1] > lists.wall_start[i]:
             found = _near_walls(state, i)
@@ -144,8 +145,9 @@ def find_contacts(state, first, last):
                 if used == capacity:
                     return CONTACTS_FULL
                 key, omega = int(near[k, 3]) - walls, bodies.inverse_mass[i]
-                gap = near[k, 0] - r
-                memory = _append(state, used, memory, i, -1, key, near[k, 1], near[k, 2], gap, omega)
+                nx, ny = near[k, 1], near[k, 2]
+                gap = near[k, 0] - extent(bodies, i, -nx, -ny)
+                memory = _append(state, used, memory, i, -1, key, nx, ny, gap, omega)
                 used += 1
         for k in range(_pick_near(bodies, lists, contacts.picked, i)):
             j = contacts.picked[k]
@@ -155,7 +157,8 @@ def find_contacts(state, first, last):
                 return CONTACTS_FULL
             nx, ny = x - bodies.position[j, 0], y - bodies.position[j, 1]
             nx, ny, distance = unit_normal(nx, ny, nx * nx + ny * ny)
-            gap, omega = distance - bodies.radius[i] - bodies.radius[j], bodies.inverse_mass[i] + bodies.inverse_mass[j]
+            gap = distance - extent(bodies, i, -nx, -ny) - extent(bodies, j, nx, ny)
+            omega = bodies.inverse_mass[i] + bodies.inverse_mass[j]
             memory = _append(state, used, memory, i, j, j, nx, ny, gap, omega)
             used += 1
     contacts.number = used
@@ -168,12 +171,12 @@ def _pick_near(bodies, lists, found, i):
 
     Each is written down, and kept by counting it: no processor foresees a branch on who is near.
     """
-    x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + bodies.reach[i]
+    x, y, r = bodies.position[i, 0], bodies.position[i, 1], greatest_extent(bodies, i) + bodies.reach[i]
     picked = 0
     for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
         j = lists.pair_body[slot]
         dx, dy = x - bodies.position[j, 0], y - bodies.position[j, 1]
-        limit = r + bodies.radius[j] + bodies.reach[j]
+        limit = r + greatest_extent(bodies, j) + bodies.reach[j]
         found[picked] = j
         picked += (dx * dx + dy * dy <= limit * limit) & (bodies.level[j] >= 0)
     return picked

@@ -7,6 +7,7 @@ lists were built.
 
 from evac.jit import inner
 from evac.physics.contact.cells import line_at, sort_by_level
+from evac.physics.extent import greatest_extent
 from evac.physics.sight import walls_near
 from evac.physics.status import OK, PAIRS_FULL, WALLS_FULL
 
@@ -32,7 +33,7 @@ def sort_into_cells(bodies, lists):
     greatest = 0.0
     for i in range(n):
         if bodies.level[i] >= 0:
-            greatest = max(greatest, bodies.radius[i])
+            greatest = max(greatest, greatest_extent(bodies, i))
     lists.pair_start[0] = 0
     lists.wall_start[0] = 0
     lists.greatest = greatest
@@ -62,7 +63,7 @@ def _list_pairs(world, bodies, lists, low_body, high_body):
     for i in range(low_body, high_body):
         first = used
         own = bodies.level[i]
-        x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
+        x, y, r = bodies.position[i, 0], bodies.position[i, 1], greatest_extent(bodies, i) + span
         levels = levels_in_reach(world, own, x, y, r + lists.greatest) if own >= 0 else 0
         for k in range(levels):
             level = world.linked_level[world.linked_start[own] + k]
@@ -88,7 +89,7 @@ def _list_pairs(world, bodies, lists, low_body, high_body):
                     j = cells.slots[slot]
                     dx = bodies.position[j, 0] - x
                     dy = bodies.position[j, 1] - y
-                    limit = r + bodies.radius[j]
+                    limit = r + greatest_extent(bodies, j)
                     # Written in any case, and kept by counting it: no processor foresees a branch that depends on this.
                     pair_body[used] = j
                     used += (dx * dx + dy * dy < limit * limit) & (j > i)
@@ -139,7 +140,7 @@ def _list_walls(world, bodies, lists, low_body, high_body):
         level = bodies.level[i]
         bodies.near_link[i] = 0
         if level >= 0:
-            x, y, limit = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
+            x, y, limit = bodies.position[i, 0], bodies.position[i, 1], greatest_extent(bodies, i) + span
             first = used
             levels = levels_in_reach(world, level, x, y, limit)
             for k in range(levels):
