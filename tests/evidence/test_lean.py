@@ -99,6 +99,7 @@ def test_kernels_that_a_case_leaves_out_are_told_with_what_compiling_them_takes(
                      "social.social": "forced in"}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_what_a_case_loads_is_what_its_step_loop_needs():
     simulation = Simulation(load_case("square_room", lean.model_overrides("DEM")))
     needed = {entry.label for entry in simulation.engine.entries(simulation.contact)}
@@ -123,6 +124,7 @@ def test_output_of_a_fresh_process_counts_the_imports():
     assert commands._fresh(switches) > commands._again(switches)
 
 
+@pytest.mark.slow
 def test_page_is_written(tmp_path, monkeypatch):
     few = {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]}
     monkeypatch.setattr(commands, "commands", lambda folder: few)

@@ -242,6 +242,7 @@ def test_memory_grows_with_the_people_alone():
     assert found == problem - without - 4 * 8 * 2000
 
 
+@pytest.mark.slow
 def test_page_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(scaling, "QUICK_SIZES", {20: (1, 1), 50: (1, 1)})
     monkeypatch.setattr(large, "QUICK_SIZES", (30,))

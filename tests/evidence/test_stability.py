@@ -205,6 +205,7 @@ def test_scattered_bodies_do_not_overlap_and_a_full_room_is_refused():
         scenes.scattered(20, (0.0, 0.0, 1.0, 1.0), 0.25, generator)
 
 
+@pytest.mark.slow
 def test_quick_run_writes_every_map_and_finds_nothing_wrong(tmp_path):
     run(Evidence("stability", tmp_path, quick=True))
     for name in ("dem_stiffness", "tau", "speed", "mass_ratio", "radius_ratio"):

@@ -183,6 +183,7 @@ def test_a_test_is_passed_if_all_its_checks_are():
     assert (row["test"], row["DEM"], row["NSM2"]) == ("IMO 4", "yes", "NO: 2.66, 2 times the bound")
 
 
+@pytest.mark.slow
 def test_quick_run_writes_verdicts_stairs_and_doors(tmp_path):
     run(Evidence("validation", tmp_path, quick=True))
     assert (tmp_path / "validation.png").is_file()
