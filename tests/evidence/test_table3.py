@@ -11,7 +11,7 @@ from evac.evidence.models import MODELS, make_model, model_overrides
 from evac.evidence.report import Evidence
 from evac.evidence.square_room import GAP, SetTask, change, crowd_at, flow, run_set, start_positions, stopped
 from evac.evidence.table3 import classroom
-from evac.evidence.table3.classroom import ClassTask, median_last, report_classroom, run_class, share_interval
+from evac.evidence.table3.classroom import ClassTask, median_last, report_classroom, run_class
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 from evac.evidence.table3.page import PUBLISHED, report_flow
 from evac.evidence.table3.school import SchoolRuns, SchoolTask, curve, longest_pause, run_school, school_row
@@ -154,12 +154,6 @@ def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):
     rows = np.genfromtxt(tmp_path / "figure3.csv", delimiter=",", names=True)
     back = rows["back_at_95__of_its_velocity_after_s"]
     assert (np.diff(back) > 0.0).all()  # sooner for smaller tau
-
-
-def test_share_interval_is_clopper_and_pearsons():
-    assert share_interval(0, 50) == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 50)))
-    assert share_interval(50, 50) == pytest.approx((0.025 ** (1 / 50), 1.0))
-    assert share_interval(12, 50) == pytest.approx((0.13061, 0.38169), abs=1e-5)  # tabulated
 
 
 def test_classroom_blocks_the_same_runs_whoever_computes_them():

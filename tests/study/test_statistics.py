@@ -110,6 +110,8 @@ def test_the_interval_of_a_share_is_exact():
     assert binom.cdf(3, 20, high) == pytest.approx(0.025)
     assert share_interval(0, 20)[0] == 0.0
     assert share_interval(20, 20)[1] == 1.0
+    assert share_interval(0, 50) == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 50)))
+    assert share_interval(12, 50) == pytest.approx((0.13061, 0.38169), abs=1e-5)  # tabulated
 
 
 def test_runs_of_the_same_people_are_no_sample_of_their_number():

@@ -1,19 +1,10 @@
 """Evidence of accuracy: work and precision, all alternatives in one run on the same problems."""
 
-from evac.evidence.accuracy import (
-    fields,
-    headroom,
-    overlap,
-    peer,
-    rows,
-    solvers,
-    targets,
-    trajectories,
-)
+from evac.evidence.accuracy import fields, overlap, peer, rows, solvers, targets, trajectories
 from evac.evidence.report import Evidence
 
 #: The parts in the order of the page.
-PARTS = (solvers, targets, headroom, rows, peer, trajectories, overlap, fields)
+PARTS = (solvers, targets, rows, peer, trajectories, overlap, fields)
 
 
 def run(evidence: Evidence) -> None:

@@ -17,6 +17,7 @@ from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.results.ending import EVERYBODY_OUT
 from evac.simulation.simulation import Simulation
+from evac.study.statistics import share_interval
 
 Row = dict[str, Any]
 
@@ -25,9 +26,6 @@ ROWS = 6
 
 #: Pupils out are counted at these times [s].
 MOMENTS = (5.0, 10.0, 15.0, 20.0)
-
-#: Confidence of the intervals of shares.
-CONFIDENCE = 0.95
 
 #: Statements of the paper on each model, without numbers.
 PUBLISHED: Mapping[str, str] = {
@@ -149,16 +147,6 @@ def _all_rows(found: ClassRuns) -> list[Row]:
 def median_last(times: FloatArray) -> float:
     """Return the median over runs (runs, pupils) of the last exit time [s]; infinite for a run with people left."""
     return float(np.median(np.nan_to_num(times, nan=np.inf).max(axis=1)))
-
-
-def share_interval(count: int, runs: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the Clopper-Pearson interval of a share observed in `count` of `runs`."""
-    from scipy.stats import beta
-
-    tail = 0.5 * (1.0 - confidence)
-    low = float(beta.ppf(tail, count, runs - count + 1)) if count else 0.0
-    high = float(beta.ppf(1.0 - tail, count + 1, runs - count)) if count < runs else 1.0
-    return low, high
 
 
 def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> Row:
