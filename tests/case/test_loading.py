@@ -313,7 +313,7 @@ def test_importing_pulls_in_nothing_heavy():
 
 
 def test_an_unknown_solver_is_refused_with_its_key():
-    with pytest.raises(ScenarioError, match=r"contact\.nsm2\.solver: unknown solver 'uzava'; did you mean 'uzawa'\?"):
+    with pytest.raises(ScenarioError, match=r"contact\.nsm2\.solver: .*'uzava'.*'uzawa'"):
         load_case("square_room", {"contact.nsm2.solver": "uzava"})
 
 

@@ -109,8 +109,8 @@ def test_an_importer_that_reads_another_surface_each_time_is_found(tmp_path):
     changes = {"building.mesh": str(tmp_path / "room.plan"), "building.areas": []}
     case = load_case("square_room", changes, registry=registry)
     with pytest.raises(
-        PluginError, match=r"check_surface, scene '.*room\.plan': two readings .* points .*; keep no state"
+        PluginError, match=r"check_surface, scene '.*room\.plan': .* points .*state"
     ):
         check_plugin(Counting, case)
-    with pytest.raises(PluginError, match=r"read by 'meshio' .*; give a case that uses 'counting'"):
+    with pytest.raises(PluginError, match=r"'meshio' .*'counting'"):
         check_plugin(Counting, load_case("square_room", registry=registry))

@@ -165,7 +165,7 @@ def test_evac_importers(plugin, tmp_path):
     assert [way.width for way in simulation.building.exits] == [1.2]
     assert any(plugin.startswith(str(path)) for plugin in simulation.results().plugins)
     (tmp_path / "room.mine").write_text("5 x")
-    with pytest.raises(evac.BuildingError, match=r"room\.mine: cannot be read: could not convert"):
+    with pytest.raises(evac.BuildingError, match=r"room\.mine: "):
         evac.Simulation(case)
     with pytest.raises(evac.BuildingError, match=r"'\.mine'"):
         evac.Simulation(case.change({"importers.mine": False}))

@@ -216,7 +216,7 @@ def test_rooms_are_read_and_evacuated(plugin_files, tmp_path):
     made = evac.import_building([tmp_path / "a.rooms"], tmp_path / "case", people=6, registry=case.registry)
     assert (made.fault, [room.name for room in made.rooms]) == ("", ["hall", "stage"])
     (tmp_path / "a.rooms").write_text("room hall 0 0 8\n")
-    with pytest.raises(evac.BuildingError, match=r"a\.rooms: cannot be read: line 1: "):
+    with pytest.raises(evac.BuildingError, match=r"a\.rooms: .*line 1: "):
         evac.Simulation(case)
 
 

@@ -87,7 +87,7 @@ def test_a_file_system_without_locks_is_warned_of(tmp_path, monkeypatch):
 def test_a_file_that_is_no_lock_is_left_alone(tmp_path, content):
     path = tmp_path / "r.lock"
     path.write_text(content)
-    with pytest.raises(ResultError, match=r"r\.lock: .*move it away"), FileLock(path, "r", "wait"):
+    with pytest.raises(ResultError, match=r"r\.lock: "), FileLock(path, "r", "wait"):
         pass
     assert path.read_text() == content
 

@@ -163,7 +163,7 @@ def test_results_with_the_names_of_folders_of_a_run_are_left_alone(tmp_path, suf
     own = tmp_path / f"r{suffix}"
     run_into(own)
     before = contents(tmp_path)
-    with pytest.raises(ResultError, match=rf"r{re.escape(suffix)}: .*move it away"), ResultFolder(tmp_path / "r"):
+    with pytest.raises(ResultError, match=rf"r{re.escape(suffix)}: "), ResultFolder(tmp_path / "r"):
         pass
     assert contents(tmp_path) == before
 

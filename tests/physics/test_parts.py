@@ -210,7 +210,7 @@ def test_a_force_of_another_signature_is_refused(pair, words):
 
 
 def test_an_unknown_solver_names_the_closest_one():
-    with pytest.raises(PluginError, match=r"contact\.nsm1\.solver: unknown solver 'uzava'; did you mean 'uzawa'"):
+    with pytest.raises(PluginError, match=r"contact\.nsm1\.solver: .*'uzava'.*'uzawa'"):
         walk(Nsm1(solver="uzava"), make_crowd([(0, 0)]), 1)
 
 
@@ -224,5 +224,5 @@ def test_a_law_that_returns_no_status_is_named():
         return Constants(stiffness=1.0)
 
     model = type("Odd", (Odd,), {"law": law_of_no_status, "own": own})()
-    with pytest.raises(PluginError, match="'odd': its law returns 77"):
+    with pytest.raises(PluginError, match="'odd': .* 77"):
         walk(model, make_crowd([(0, 0)]), 1)

@@ -157,7 +157,7 @@ def test_what_cannot_be_drawn_is_refused(trajectory, tmp_path, monkeypatch):
         with pytest.raises(ResultError, match=f"^{name}: "):
             render_animation(renderer, tmp_path / "run.gif", **{name: value})
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ResultError, match="pip install imageio-ffmpeg"):
+    with pytest.raises(ResultError, match="imageio-ffmpeg"):
         render_animation(renderer, tmp_path / "run.mp4")
 
 

@@ -163,7 +163,7 @@ def test_what_is_wrong_with_the_file_of_a_storey_is_told_with_both(plan_file):
     with pytest.raises(BuildingError, match=r"house\.plan\.toml: storey 'ground': .*ground\.wkt"):
         read_building(plan_file)
     (plan_file.parent / "ground.wkt").unlink()
-    with pytest.raises(BuildingError, match=r"house\.plan\.toml: storey 'ground': .*ground\.wkt: no such file"):
+    with pytest.raises(BuildingError, match=r"house\.plan\.toml: storey 'ground': .*ground\.wkt: "):
         read_building(plan_file)
 
 

@@ -186,7 +186,7 @@ def test_a_run_that_was_stopped_leaves_tables_and_goes_on(tmp_path, hall):
     assert_same_files(tmp_path / "whole", tmp_path / "r")
     with pytest.raises(ResultError, match="--checkpoint"):
         evac.resume(tmp_path / "r")
-    with pytest.raises(ResultError, match="nowhere: no such result folder"):
+    with pytest.raises(ResultError, match="nowhere: "):
         evac.resume(tmp_path / "nowhere")
 
 
@@ -285,7 +285,7 @@ def test_no_file_outside_the_folder_is_cut(tmp_path, hall, name):
     name = str(tmp_path / "thesis.txt") if name.startswith("/") else name
     empty = {"length": 0, "sha256": hashlib.sha256().hexdigest()}
     write_checkpoint(found.path, found.header.model_dump() | {"files": {name: empty}}, found.arrays)
-    with pytest.raises(ResultError, match=f"{name} is not a file of this folder"):
+    with pytest.raises(ResultError, match=f"{name} .*folder"):
         evac.resume(tmp_path / "r")
     assert (tmp_path / "thesis.txt").read_text() == "precious"
 
@@ -327,7 +327,7 @@ def forge(folder, header=(), **arrays):
 def test_arrays_that_no_run_can_have_are_refused_by_name(tmp_path, hall, name, value):
     kill(evac.load(hall), tmp_path / "r", 1.0)
     before = forge(tmp_path / "r", **{name: value})
-    with pytest.raises(ResultError, match=rf"checkpoint\.evac: the state cannot be restored: {name}") as caught:
+    with pytest.raises(ResultError, match=rf"checkpoint\.evac: .*: {name}") as caught:
         evac.resume(tmp_path / "r")
     assert "\n" not in str(caught.value)
     assert content(tmp_path / "r.running") == before
@@ -357,7 +357,7 @@ def test_the_trajectory_of_another_run_is_refused_before_it_is_cut(tmp_path, hal
     path = tmp_path / "r.running" / "trajectory.evac"
     path.write_bytes((tmp_path / "other.running" / "trajectory.evac").read_bytes())
     before = content(tmp_path / "r.running")
-    with pytest.raises(ResultError, match=r"trajectory\.evac: is not the file of the checkpoint"):
+    with pytest.raises(ResultError, match=r"trajectory\.evac: .*checkpoint"):
         evac.resume(tmp_path / "r")
     assert content(tmp_path / "r.running") == before
 

