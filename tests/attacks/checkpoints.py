@@ -10,7 +10,6 @@ import random
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ import evac
 from evac.base.errors import EvacError, ScenarioError, SimulationError
 from evac.folder.checkpoint import read_checkpoint, write_checkpoint
 from evac.folder.files import CHECKPOINT_NAME
+from tests.attacks.seeded import Case
 
 Json = Any
 Arrays = dict[str, NDArray[Any]]
@@ -51,24 +51,6 @@ HALL: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class Case:
-    """One change of a checkpoint, which a number determines.
-
-    Attributes
-    ----------
-    change : str
-        Key of `CHANGES`.
-    seed : int
-    """
-
-    change: str
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{self.change}-{self.seed}"
-
-
 def cases(number: int = 700, seed: int = 1) -> Iterator[Case]:
     """Yield every kind of change once, then `number` cases that the seed determines."""
     generator = random.Random(seed)
@@ -84,7 +66,7 @@ def run(case: Case, folder: Path) -> str:
     shutil.copytree(_interrupted() / "r.running", result)
     path = result / CHECKPOINT_NAME
     header, arrays = read_checkpoint(path)
-    CHANGES[case.change](header, arrays, random.Random(f"{case}"))
+    CHANGES[case.kind](header, arrays, random.Random(f"{case}"))
     write_checkpoint(path, header, arrays)
     before = _content(folder)
     refusal: EvacError | None = None

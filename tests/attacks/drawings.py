@@ -1,10 +1,7 @@
 """Attacks by drawings: DXF files and solid meshes with flaws have the ground that shapely gives, or are refused."""
 
 import itertools
-import random
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,35 +13,13 @@ from evac.building.model.building import Building
 from evac.building.surface.build import build_building
 from evac.contract.registry import BUILTIN_IMPORTERS, Registry
 from evac.simulation.assembly import read_surface
+from tests.attacks.seeded import Case, in_turn
 from tests.building.random_plans import plan_shapes
 
 #: Greatest share by which the ground may differ from what shapely gives [1].
 AGREES = 1e-3
 #: A message of geometry names a place, or says that there is nothing at all.
 PLACE = r"\(-?\d+\.\d\d, -?\d+\.\d\d|no polygon with an area|layers of the floor|enclose nothing"
-
-
-@dataclass(frozen=True)
-class Case:
-    """One drawing, which a number determines."""
-
-    kind: str
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{self.kind}-{self.seed}"
-
-
-#: What once went wrong.
-CRASHERS: tuple[Case, ...] = ()
-
-
-def cases(number: int, seed: int) -> Iterator[Case]:
-    """Yield the crashers, then cases that the seed determines; each kind in turn."""
-    yield from CRASHERS
-    generator = random.Random(seed)
-    for k in range(number):
-        yield Case(list(KINDS)[k % len(KINDS)], generator.randrange(10**6))
 
 
 def run(case: Case, folder: Path) -> str:
@@ -251,3 +226,7 @@ def _write(path: Path, lines: list[tuple[str, np.ndarray, bool]], rng: np.random
 
 
 KINDS = {"outlines": _outlines, "lines": _lines, "truncated": _truncated, "mutated": _mutated, "bodies": _bodies}
+
+
+#: Cases of a number and a seed.
+cases = in_turn(KINDS)

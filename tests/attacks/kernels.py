@@ -6,13 +6,13 @@ import resource
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 from evac.jit.store import Store, user_store
 from tests.attacks.commands import write_case
+from tests.attacks.seeded import Case, in_turn
 
 COMMAND = [sys.executable, "-m", "evac", "run"]
 
@@ -24,36 +24,13 @@ QUIET = ("output.replay=false", "behaviours.response_time=false")
 LONGEST = 300.0
 
 
-@dataclass(frozen=True)
-class Case:
-    """One damage of the cache, which a number determines."""
-
-    damage: str
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{self.damage}-{self.seed}"
-
-
-#: What once went wrong.
-CRASHERS: tuple[Case, ...] = ()
-
-
-def cases(number: int, seed: int) -> Iterator[Case]:
-    """Yield the crashers, then cases that the seed determines; each damage in turn."""
-    yield from CRASHERS
-    generator = random.Random(seed)
-    for k in range(number):
-        yield Case(list(DAMAGES)[k % len(DAMAGES)], generator.randrange(10**6))
-
-
 def run(case: Case, folder: Path) -> str:
     """Run a small case with a damaged cache, and compare with the run whose cache is whole."""
     write_case(folder)
     place = folder / "cache"
     _copy(place / "kernels")
     generator = random.Random(f"{case}")
-    environment = DAMAGES[case.damage](place / "kernels", generator) or {}
+    environment = DAMAGES[case.kind](place / "kernels", generator) or {}
     said = _run(folder, {"EVAC_CACHE_DIR": str(place)} | environment)
     people = (folder / "result" / "people.csv").read_bytes()
     assert people == expected(), "another result"
@@ -173,3 +150,7 @@ DAMAGES: dict[str, Callable[[Path, random.Random], dict[str, str] | None]] = {
     "a file for the folder": _no_folder,
     "full disk": _limited,
 }
+
+
+#: Cases of a number and a seed.
+cases = in_turn(DAMAGES)

@@ -8,8 +8,6 @@ import json
 import random
 import shutil
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,41 +19,17 @@ from evac.replay.writer import replay_trajectory
 from evac.report.of_run import run_report
 from evac.report.page import Labels
 from tests.attacks.checkpoints import HALL, ODD, places, table
+from tests.attacks.seeded import Case, in_turn
 
 #: Cells of a table of people.
 CELLS = ("", "x", "-1", "nan", "inf", "-1e308", "1e308", "1e999", "\ud800", "\x00", '"', "=1+1", "é" * 200_000, "front")
 
 
-@dataclass(frozen=True)
-class Case:
-    """One edit of a file, which a number determines.
-
-    Attributes
-    ----------
-    name : str
-        File.
-    seed : int
-    """
-
-    name: str
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{self.name}-{self.seed}"
-
-
-def cases(number: int = 300, seed: int = 1) -> Iterator[Case]:
-    """Yield `number` cases that the seed determines."""
-    generator = random.Random(seed)
-    for k in range(number):
-        yield Case((SUMMARY_NAME, PEOPLE_NAME)[k % 2], generator.randrange(10**6))
-
-
 def run(case: Case, folder: Path) -> str:
     """Run one case in an empty folder; return which of replay and report were ``refused`` or ``shown``."""
     shutil.copytree(_result(), folder / "r")
-    path, generator = folder / "r" / case.name, random.Random(f"{case}")
-    (_edit_summary if case.name == SUMMARY_NAME else _edit_people)(path, generator)
+    path, generator = folder / "r" / case.kind, random.Random(f"{case}")
+    (_edit_summary if case.kind == SUMMARY_NAME else _edit_people)(path, generator)
     trajectory = evac.read_trajectory(folder / "r")
     replay = _outcome(path, lambda: replay_trajectory(trajectory, folder / "replay.html"))
     report = _outcome(path, lambda: run_report(folder / "r", Labels(None, None, None, None), density=4.0, maps=()))
@@ -112,3 +86,7 @@ def _edit_people(path: Path, generator: random.Random) -> None:
         rows[row][column] = generator.choice(CELLS)
     text = "\n".join(",".join(cells) for cells in rows)
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
+
+
+#: Cases of a number and a seed.
+cases = in_turn((SUMMARY_NAME, PEOPLE_NAME))

@@ -1,43 +1,19 @@
 """Attacks on the text of a case.toml: encodings, damage, sizes."""
 
 import random
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
 from tests.attacks.commands import CASE, call, write_case
+from tests.attacks.seeded import Case, in_turn
 
 TEXT = CASE.replace("MODEL", "nsm2")
-
-
-@dataclass(frozen=True)
-class Case:
-    """One change of the text, which a number determines."""
-
-    change: str
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{self.change}-{self.seed}"
-
-
-#: What once went wrong.
-CRASHERS: tuple[Case, ...] = (Case("nested deeply", 0), Case("dotted deeply", 0), Case("many unknown keys", 0))
-
-
-def cases(number: int, seed: int) -> Iterator[Case]:
-    """Yield the crashers, then cases that the seed determines; each change in turn."""
-    yield from CRASHERS
-    generator = random.Random(seed)
-    names = list(CHANGES)
-    for k in range(number):
-        yield Case(names[k % len(names)], generator.randrange(10**6))
 
 
 def run(case: Case, folder: Path) -> str:
     """Run a small case with another text: it runs, or is refused with a message that names the file."""
     path = write_case(folder)
-    path.write_bytes(CHANGES[case.change](random.Random(f"{case}")))
+    path.write_bytes(CHANGES[case.kind](random.Random(f"{case}")))
     status, said = call(["run", str(path), "--out", str(folder / "result")])
     assert status != 2 or "case.toml" in said or "room.obj" in said, said[-2000:]
     return "refused" if status == 2 else "ran"
@@ -179,3 +155,7 @@ CHANGES: dict[str, Callable[[random.Random], bytes]] = {
     "many presets": _repeated(lambda k: f"[presets.p{k}]\nspeed = 1.0\n", 9_000),
     "comment": lambda generator: (TEXT + "# " + "x" * generator.choice((100, 10**6, 9 * 10**6))).encode(),
 }
+
+
+#: Cases of a number and a seed.
+cases = in_turn(CHANGES, (Case("nested deeply", 0), Case("dotted deeply", 0), Case("many unknown keys", 0)))

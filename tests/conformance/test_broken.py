@@ -108,9 +108,7 @@ def test_an_importer_that_reads_another_surface_each_time_is_found(tmp_path):
     (tmp_path / "room.plan").write_text("square")
     changes = {"building.mesh": str(tmp_path / "room.plan"), "building.areas": []}
     case = load_case("square_room", changes, registry=registry)
-    with pytest.raises(
-        PluginError, match=r"check_surface, scene '.*room\.plan': .* points .*state"
-    ):
+    with pytest.raises(PluginError, match=r"check_surface, scene '.*room\.plan': .* points .*state"):
         check_plugin(Counting, case)
     with pytest.raises(PluginError, match=r"'meshio' .*'counting'"):
         check_plugin(Counting, load_case("square_room", registry=registry))

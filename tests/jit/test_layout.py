@@ -186,7 +186,7 @@ def test_missing_and_unknown_attributes_are_refused_by_name(values):
 
 @pytest.mark.parametrize("hint", [str, list[float], NDArray[np.float64], dict, "Inner | None"])
 def test_types_that_kernels_do_not_know_are_refused(hint):
-    with pytest.raises(TypeError, match="int, float, bool.* Struct"):
+    with pytest.raises(TypeError, match=r"int, float, bool.* Struct"):
         type("Odd", (Struct,), {"__annotations__": {"value": hint}, "__module__": __name__})
 
 

@@ -224,5 +224,5 @@ def test_a_law_that_returns_no_status_is_named():
         return Constants(stiffness=1.0)
 
     model = type("Odd", (Odd,), {"law": law_of_no_status, "own": own})()
-    with pytest.raises(PluginError, match="'odd': .* 77"):
+    with pytest.raises(PluginError, match=r"'odd': .* 77"):
         walk(model, make_crowd([(0, 0)]), 1)
