@@ -12,11 +12,11 @@ from evac.folder.files import TRAJECTORY_NAME
 from evac.results.results import versions
 from evac.trajectory.header import building_to_json
 from evac.trajectory.recorder import Recorder
-from evac.trajectory.writer import TrajectoryWriter, read_to_continue
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # evac.trajectory.writer imports Arrow, which a run without a folder does not need
     from evac.results.results import Results
     from evac.simulation.simulation import Simulation
+    from evac.trajectory.writer import TrajectoryWriter
 
 
 class TrajectoryRecorder(Recorder):
@@ -25,11 +25,13 @@ class TrajectoryRecorder(Recorder):
     """
 
     name = "trajectory"
-    _writer: TrajectoryWriter | None = None
+    _writer: "TrajectoryWriter | None" = None
 
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and the settings of the run."""
         if simulation.folder is not None and simulation.case.output.trajectory:
+            from evac.trajectory.writer import TrajectoryWriter
+
             corners = simulation.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
@@ -62,6 +64,8 @@ class TrajectoryRecorder(Recorder):
         if (TRAJECTORY_NAME in files) != is_written or bool(state) != is_written:
             raise SavedError("length: the checkpoint does not say where the trajectory ends")
         if is_written:
+            from evac.trajectory.writer import read_to_continue
+
             length = files[TRAJECTORY_NAME]
             taken(state, "recorded", np.float64, (), -1.0, simulation.time)
             taken(state, "length", np.int64, (), length, length)
@@ -72,6 +76,8 @@ class TrajectoryRecorder(Recorder):
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Open the file again, after its last frame."""
         if simulation.folder is not None and state:
+            from evac.trajectory.writer import TrajectoryWriter
+
             self._writer = TrajectoryWriter.reopen(simulation.folder / TRAJECTORY_NAME, int(state["length"]))
             self._recorded = float(state["recorded"])
 

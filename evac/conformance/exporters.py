@@ -54,7 +54,7 @@ def _exported(exporter: Exporter, trajectory: Trajectory, place: Path) -> dict[P
 
 def check_without_frames(exporter: Exporter, trajectory: Trajectory) -> None:
     """Check that a run without frames is written, or refused with `ResultError`."""
-    empty = replace(trajectory, time=trajectory.time[:0], records=())
+    empty = replace(trajectory, time=trajectory.time[:0], rows=())
     with tempfile.TemporaryDirectory() as folder, scene("a run without frames"):
         try:
             export(empty, exporter, Path(folder, f"export{exporter.suffix}"))

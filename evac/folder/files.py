@@ -9,11 +9,13 @@ from pathlib import Path
 
 from evac.base.errors import ResultError
 from evac.folder.manifest import MANIFEST_NAME, TEMPORARY, note_written
+from evac.folder.records import MARK, PREFIX
 
 TRAJECTORY_NAME = "trajectory.evac"
 
-#: First bytes of a trajectory, of the present format and of an earlier one that can still be read.
-TRAJECTORY_STARTS = (b"EVACTRJ2", b"EVACTRJ1")
+#: Key of the header of a trajectory, in the metadata of its schema, and first bytes of one of earlier versions of evac.
+TRAJECTORY_KEY = b"evac.trajectory"
+FORMER_TRAJECTORY = b"EVACTRJ"
 SUMMARY_NAME = "summary.json"
 EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
@@ -219,9 +221,12 @@ def writing(what: str, place: Path) -> Iterator[None]:
 
 
 def is_trajectory(path: Path) -> bool:
-    """Return whether a file starts like a trajectory of evac; False if it cannot be read."""
+    """Return whether a file starts like a trajectory of evac, also of earlier versions; False if it cannot be read."""
     try:
         with path.open("rb") as file:
-            return file.read(len(TRAJECTORY_STARTS[0])) in TRAJECTORY_STARTS
+            prefix = file.read(PREFIX)
+            if prefix.startswith(FORMER_TRAJECTORY):
+                return True
+            return prefix[:4] == MARK and TRAJECTORY_KEY in file.read(int.from_bytes(prefix[4:], "little"))
     except OSError:
         return False

@@ -25,9 +25,9 @@ import pyarrow.parquet as pq
 from evac.base.errors import ResultError, text_of
 from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, writing
 from evac.folder.manifest import note_written
+from evac.folder.records import read_sealed, sealed
 from evac.results.ending import FAILED
 from evac.study.points import Point
-from evac.study.records import read_sealed, sealed
 from evac.study.runs import Row
 
 #: Longest time after which rows are forced to disk, when the next one is appended [s].
@@ -228,7 +228,7 @@ class Store:
                 return
             try:
                 self._check_schema(pa.ipc.read_schema(pa.py_buffer(found)), self._stream_path)
-            except pa.ArrowException:
+            except (pa.ArrowException, OSError):
                 return
             self._end = len(found)
             while (batch := self._batch_at(file, self._end, size)) is not None:
@@ -243,7 +243,7 @@ class Store:
         try:
             batch = pa.ipc.read_record_batch(pa.py_buffer(found), self.schema)
             batch.validate(full=True)
-        except pa.ArrowException:
+        except (pa.ArrowException, OSError):
             return None
         point, run = (batch.column(name).to_pylist() for name in ("point", "run"))
         is_one = len(point) == len(run) == 1 and None not in (*point, *run)

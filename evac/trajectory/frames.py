@@ -1,166 +1,173 @@
-"""The frames of a trajectory file: positions in the file, checksums, and checks of range and order."""
+"""The frames of a trajectory file: checks of their checksums, numbers and order."""
 
-import zlib
-from dataclasses import dataclass
+import json
+from mmap import mmap
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.ipc
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray
-from evac.base.errors import ResultError
-from evac.trajectory.layout import CHECK, FIELDS, FRAME, FRAME_1, FRAME_HEAD_BYTES, FRAME_HEAD_BYTES_1, RECORD_BYTES
+from evac.base.change import Change
+from evac.base.errors import BuildingError, ResultError
+from evac.building.model.building import Building
+from evac.building.model.links import building_at
+from evac.folder.records import MARK, read_sealed
+from evac.trajectory.layout import FIELDS, HEADER_BYTES_MAX, damaged
 
-Records = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Bounds of the numbers in a file.
-
-    Attributes
-    ----------
-    people : int
-    levels : int
-    low, high : (2,) float64 [m]
-        Range of positions, from the header's origin.
-    """
-
-    people: int
-    levels: int
-    low: FloatArray
-    high: FloatArray
+#: Positions farther than this outside the bounding rectangle of the building are treated as damage [m].
+FAR_OUTSIDE = 1000.0
 
 
-@dataclass(frozen=True)
-class _Head:
-    """The head of a frame.
+class Rows(NamedTuple):
+    """What is recorded at one time; the arrays are views of the file.
 
     Attributes
     ----------
     time : float [s]
-    first, end : int
-        Bytes at which the records start and end.
-    is_sound : bool
-        Whether the head is valid, so that the next frame starts at `end`.
-    check : int
-        Checksum of the records.
-    salt : int
-        Initial value of that checksum.
+    person : (c,) unsigned or int32
+        Those who are inside, in ascending order.
+    level : (c,) unsigned or int32
+    motion : (c, 5) float32
+        The numbers `FIELDS` from x on.
+    changes : tuple of Change
+        Changes of the scene since the frame before.
     """
 
     time: float
-    first: int
-    end: int
-    is_sound: bool
-    check: int
-    salt: int
+    person: NDArray[Any]
+    level: NDArray[Any]
+    motion: NDArray[np.float32]
+    changes: tuple[Change, ...]
 
 
-def read_frames(
-    path: Path, data: memoryview, start: int, form: int, bounds: Bounds
-) -> tuple[FloatArray, tuple[Records, ...], int]:
-    """Return times and records of all complete frames; the records are views of `data`.
+class FrameError(ValueError):
+    """A frame is invalid; says why."""
 
-    Data that a killed run or a system failure may leave after the last complete frame are ignored: an incomplete
-    frame, a last frame whose records do not match their checksum, zeros up to the end of the file.
+
+class FrameReader:
+    """Reads the frames of a file.
 
     Parameters
     ----------
     path : Path
         For messages.
-    data : memoryview
+    data : mmap
         The whole file.
-    start : int
-        Byte of the first frame.
-    form : int
-        Format of the file, 1 or 2.
-    bounds : Bounds
+    schema : pyarrow.Schema
+    people : int
+    building : Building
+    origin : (2,) float64 [m]
 
-    Returns
-    -------
-    time : (f,) float64 [s]
-    records : tuple of (c, 7) float32
+    Attributes
+    ----------
+    frames : list of Rows
+        Those that have been read.
     end : int
-        Byte at which the last complete frame ends.
-
-    Raises
-    ------
-    ResultError
-        A frame before the last is damaged, or contains invalid numbers; names frame and byte.
+        Byte at which the last one ends.
     """
-    read_head, head_bytes = (_head_1, FRAME_HEAD_BYTES_1) if form == 1 else (_head, FRAME_HEAD_BYTES)
-    times: list[float] = []
-    records: list[Records] = []
-    while start + head_bytes <= len(data):
-        head = read_head(data, start, len(times), bounds.people)
-        if head.is_sound and head.end > len(data):
-            break
-        if not head.is_sound or head.check != zlib.crc32(data[head.first : head.end], head.salt):
-            if _is_blank(data[head.end if head.is_sound else start :]):
-                break
-            raise _damaged_frame(path, len(times), start, "its checksum does not match")
-        rows = np.frombuffer(data, "<f4", (head.end - head.first) // 4, head.first).reshape(-1, len(FIELDS))
-        fault = _fault(head.time, times[-1] if times else None, rows, bounds)
-        if fault:
-            raise _damaged_frame(path, len(times), start, fault)
-        times.append(head.time)
-        records.append(rows)
-        start = head.end
-    return np.array(times, np.float64), tuple(records), start
 
+    def __init__(
+        self, path: Path, data: mmap, schema: pa.Schema, people: int, building: Building, origin: NDArray[np.float64]
+    ) -> None:
+        self.frames: list[Rows] = []
+        self.end = 0
+        self._path, self._data, self._schema = path, data, schema
+        self._building, self._people = building, people
+        plan = building.vertices[:, :2] - origin
+        self._changed = [0.0]  # time of the last change
+        self._low, self._high = plan.min(axis=0) - FAR_OUTSIDE, plan.max(axis=0) + FAR_OUTSIDE
 
-def _head(data: memoryview, start: int, number: int, people: int) -> _Head:
-    """Return a head of format 2, which has a checksum of its own."""
-    time, stated, count = FRAME.unpack_from(data, start)
-    own, check = (CHECK.unpack_from(data, start + FRAME.size + at)[0] for at in (0, CHECK.size))
-    is_sound = own == zlib.crc32(data[start : start + FRAME.size]) and stated == number and count <= people
-    first = start + FRAME_HEAD_BYTES
-    return _Head(time, first, first + RECORD_BYTES * count, is_sound, check, 0)
+    def read(self, start: int) -> None:
+        """Read all complete frames from a byte on.
 
+        Data that a killed run or a system failure may leave after the last complete frame are ignored: a frame that is
+        incomplete or does not match its checksum, if no other one begins behind it.
 
-def _head_1(data: memoryview, start: int, number: int, people: int) -> _Head:
-    """Return a head of format 1, which has one checksum for head and records."""
-    time, count = FRAME_1.unpack_from(data, start)
-    check = CHECK.unpack_from(data, start + FRAME_1.size)[0]
-    first = start + FRAME_HEAD_BYTES_1
-    salt = zlib.crc32(data[start : start + FRAME_1.size])
-    return _Head(time, first, first + RECORD_BYTES * count, count <= people, check, salt)
+        Raises
+        ------
+        ResultError
+            A frame before the last is damaged, or contains invalid numbers; names frame and byte.
+        """
+        whole, most = pa.py_buffer(self._data), HEADER_BYTES_MAX + 32 * self._people
+        self.end = start
+        while self.end < len(self._data):
+            record = read_sealed(self._data, self.end, min(len(self._data), self.end + most))
+            if record is None:
+                if self._data.find(MARK, self.end + len(MARK)) < 0:
+                    return
+                raise self._damaged("its checksum does not match")
+            try:
+                self.frames.append(self._checked(whole.slice(self.end, len(record))))
+            except FrameError as error:
+                raise self._damaged(str(error)) from error
+            self.end += len(record)
 
+    def _checked(self, record: pa.Buffer) -> Rows:
+        """Return the content of a frame whose checksum matches."""
+        try:
+            batch = pa.ipc.read_record_batch(record, self._schema)
+            batch.validate(full=True)
+        except (pa.ArrowException, OSError) as error:
+            raise FrameError(f"Arrow cannot read it: {str(error).partition(chr(10))[0]:.200}") from error
+        if batch.num_rows != 1:
+            raise FrameError(f"it has {batch.num_rows} rows instead of one")
+        time, people, changes = batch.columns
+        one = people.flatten()
+        person, level, motion = one.flatten()
+        if any(array.null_count for array in (time, people, changes, one, person, level, motion, motion.flatten())):
+            raise FrameError("a value is missing")
+        rows = Rows(
+            time[0].as_py(),
+            person.to_numpy(),
+            level.to_numpy(),
+            motion.flatten().to_numpy().reshape(-1, len(FIELDS) - 2),
+            (),
+        )
+        self._check_numbers(rows)
+        return rows._replace(changes=self._changes(changes[0].as_py(), rows.time))
 
-def _is_blank(rest: memoryview) -> bool:
-    """Return whether only zeros follow, which a file system may leave after a power failure."""
-    return not np.frombuffer(rest, np.uint8).any()
+    def _check_numbers(self, rows: Rows) -> None:
+        time, person, motion = rows.time, rows.person, rows.motion
+        before = self.frames[-1].time if self.frames else None
+        if not 0.0 <= time < np.inf:
+            raise FrameError(f"its time is {time!r} s")
+        if before is not None and time <= before:
+            raise FrameError(f"its time, {time!r} s, is not after that of the frame before, {before!r} s")
+        if not person.size:
+            return
+        columns = np.ascontiguousarray(motion.T)  # for which numpy computes extrema ten times faster
+        least, greatest = columns.min(axis=1), columns.max(axis=1)
+        if not (np.isfinite(least) & np.isfinite(greatest)).all():
+            row, column = np.argwhere(~np.isfinite(motion))[0]
+            raise FrameError(f"{FIELDS[2 + column]} of record {row} is {motion[row, column]}")
+        if person[0] < 0 or person[-1] >= self._people or (person[1:] <= person[:-1]).any():
+            raise FrameError(f"persons are not in ascending order from 0 to {self._people - 1}")
+        if rows.level.min() < 0 or rows.level.max() >= len(self._building.levels):
+            raise FrameError(f"a level is not between 0 and {len(self._building.levels) - 1}")
+        if (least[:2] < self._low).any() or (greatest[:2] > self._high).any():
+            far = ((motion[:, :2] < self._low) | (motion[:, :2] > self._high)).any(axis=1)
+            raise FrameError(f"person {person[far.argmax()]} is far outside the building")
 
+    def _changes(self, text: str, time: float) -> tuple[Change, ...]:
+        """Return the changes of a frame at `time` [s], which are in order of time."""
+        try:
+            found = json.loads(text) if text else []
+            if not isinstance(found, list):
+                raise ValueError("not a list")
+            changes = tuple(Change.from_row(row) for row in found)
+            building_at(self._building, changes, np.inf)
+        except (ValueError, RecursionError, BuildingError) as error:
+            raise FrameError(f"its changes cannot be read: {error}") from error
+        times = [*self._changed, *(change.time for change in changes), time]
+        if changes and sorted(times) != times:
+            raise FrameError(f"its changes, at {times[:-1]} s, are not in order of time up to {time!r} s")
+        self._changed = times[-2:-1]
+        return changes
 
-def _fault(time: float, before: float | None, rows: Records, bounds: Bounds) -> str:
-    """Return what is invalid in a frame whose checksum matches; empty if it is valid."""
-    if not 0.0 <= time < np.inf:
-        return f"its time is {time!r} s"
-    if before is not None and time <= before:
-        return f"its time, {time!r} s, is not after that of the frame before, {before!r} s"
-    if not rows.size:
-        return ""
-    columns = np.ascontiguousarray(rows.T)  # for which numpy computes extrema ten times faster
-    least, greatest = columns.min(axis=1), columns.max(axis=1)
-    if not (np.isfinite(least) & np.isfinite(greatest)).all():
-        row, column = np.argwhere(~np.isfinite(rows))[0]
-        return f"{FIELDS[column]} of record {row} is {rows[row, column]}"
-    if (np.floor(columns[:2]) != columns[:2]).any():
-        return "a person or a level is not a whole number"
-    if least[0] < 0 or greatest[0] >= bounds.people or (np.diff(columns[0]) <= 0).any():
-        return f"persons are not in ascending order from 0 to {bounds.people - 1}"
-    if least[1] < 0 or greatest[1] >= bounds.levels:
-        return f"a level is not between 0 and {bounds.levels - 1}"
-    if (least[2:4] < bounds.low).any() or (greatest[2:4] > bounds.high).any():
-        row = np.flatnonzero(((rows[:, 2:4] < bounds.low) | (rows[:, 2:4] > bounds.high)).any(axis=1))[0]
-        return f"person {rows[row, 0]:.0f} is far outside the building"
-    return ""
-
-
-def _damaged_frame(path: Path, number: int, start: int, what: str) -> ResultError:
-    before = f"a copy cut to {start} bytes holds the {number} frames before it" if number else "no frame is before it"
-    return ResultError(
-        f"{path}: frame {number} at byte {start} is damaged ({what}); run the case again, or take an undamaged copy; "
-        f"{before}"
-    )
+    def _damaged(self, what: str) -> ResultError:
+        number = len(self.frames)
+        cut = f"a copy cut to {self.end} bytes holds the {number} frames" if number else "no frame is"
+        return damaged(self._path, f"frame {number} at byte {self.end} is damaged ({what}; {cut} before it)")

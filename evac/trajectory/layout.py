@@ -1,30 +1,50 @@
-"""The bytes of a trajectory file: start, header and heads of frames, in formats 1 and 2. See docs/trajectory.md."""
+"""The columns of a trajectory file, an Arrow stream, and its header. See docs/trajectory.md."""
 
 import json
-import struct
-import zlib
 from collections.abc import Mapping
+from mmap import mmap
 from pathlib import Path
 from typing import Any
 
-from evac.base.errors import ResultError
-from evac.folder.files import TRAJECTORY_NAME, TRAJECTORY_STARTS
+import pyarrow as pa
+import pyarrow.ipc
 
-MAGIC, MAGIC_1 = TRAJECTORY_STARTS
-#: Fields of a record, float32 in little-endian order; x and y are relative to the header's origin.
+from evac.base.errors import ResultError
+from evac.folder.files import FORMER_TRAJECTORY, TRAJECTORY_KEY, TRAJECTORY_NAME
+from evac.folder.records import MARK, PREFIX, read_sealed, sealed
+
+FORMAT = 3
+
+#: Numbers that are recorded of each person; those from x on are in the column `motion`, and x and y are relative to the
+#: header's origin.
 FIELDS = ("person", "level", "x", "y", "velocity_x", "velocity_y", "contact_force")
-RECORD_BYTES = 4 * len(FIELDS)
+
 #: Greatest length of a header [bytes], much more than any building needs.
 HEADER_BYTES_MAX = 2**28
 
-LENGTH = struct.Struct("<I")
-CHECK = struct.Struct("<I")  # CRC-32
-FRAME = struct.Struct("<dII")  # time [s], number of the frame, number of records
-FRAME_1 = struct.Struct("<dI")  # time [s], number of records
-#: A frame's head: `FRAME`, its checksum, and that of the records.
-FRAME_HEAD_BYTES = FRAME.size + 2 * CHECK.size
-#: In format 1: `FRAME_1`, and the checksum of it and of the records together.
-FRAME_HEAD_BYTES_1 = FRAME_1.size + CHECK.size
+
+def columns(people: int, levels: int) -> pa.Schema:
+    """Return the columns of the trajectory of so many people on so many levels."""
+    motion = pa.list_(_required("item", pa.float32()), len(FIELDS) - 2)
+    person = pa.struct(
+        [_required("person", _row(people)), _required("level", _row(levels)), _required("motion", motion)]
+    )
+    return pa.schema(
+        [
+            _required("time", pa.float64()),
+            _required("people", pa.list_(_required("item", person))),
+            _required("changes", pa.utf8()),
+        ]
+    )
+
+
+def _required(name: str, kind: pa.DataType) -> pa.Field:
+    return pa.field(name, kind, nullable=False)
+
+
+def _row(count: int) -> pa.DataType:
+    """Return the smallest type for numbers from 0 to below `count`."""
+    return pa.uint8() if count <= 2**8 else pa.uint16() if count <= 2**16 else pa.int32()
 
 
 def damaged(path: Path, what: str) -> ResultError:
@@ -32,7 +52,7 @@ def damaged(path: Path, what: str) -> ResultError:
     return ResultError(f"{path}: {what}; run the case again, or take an undamaged copy")
 
 
-def pack_start(path: Path, header: Mapping[str, Any]) -> bytes:
+def pack_start(path: Path, header: Mapping[str, Any], schema: pa.Schema) -> bytes:
     """Return the bytes up to the first frame.
 
     Raises
@@ -46,57 +66,57 @@ def pack_start(path: Path, header: Mapping[str, Any]) -> bytes:
             f"{path}: the building is too large for a trajectory: its header would have {len(text)} bytes, "
             f"{HEADER_BYTES_MAX} are allowed; use a coarser mesh, or disable the recorder: recorders.trajectory=false"
         )
-    start = MAGIC + LENGTH.pack(len(text))
-    return start + CHECK.pack(zlib.crc32(text, zlib.crc32(start))) + text
+    return sealed(schema.with_metadata({TRAJECTORY_KEY: text}).serialize().to_pybytes(), 0)
 
 
-def read_header(path: Path, data: memoryview) -> tuple[dict[str, Any], int]:
-    """Return the header of a file, without checking its content, and the byte at which the frames start.
-
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    data : memoryview
-        The whole file.
+def read_start(path: Path, data: mmap) -> tuple[dict[str, Any], pa.Schema, int]:
+    """Return the header of a file, without checking its content, its columns, and the byte at which the frames start.
 
     Raises
     ------
     ResultError
         The file is not a trajectory, its format is unknown, or its start is damaged or incomplete.
     """
-    magic = bytes(data[: len(MAGIC)])
-    if magic not in (MAGIC, MAGIC_1):
+    if data[: len(FORMER_TRAJECTORY)] == FORMER_TRAJECTORY:
+        raise ResultError(f"{path}: a trajectory of an earlier version of evac, which is not read; run the case again")
+    if data[: len(MARK)] != MARK:
         raise ResultError(
-            f"{path}: not a trajectory of evac (it does not start with {MAGIC.decode()}); give a {TRAJECTORY_NAME}"
+            f"{path}: not a trajectory of evac, which is an Arrow stream (it does not start with four bytes FF); "
+            f"give a {TRAJECTORY_NAME}"
         )
-    number = 1 if magic == MAGIC_1 else 2
-    first = len(MAGIC) + LENGTH.size + (0 if number == 1 else CHECK.size)
-    length = LENGTH.unpack_from(data, len(MAGIC))[0] if len(data) >= first else 0
-    if length > HEADER_BYTES_MAX:
-        raise damaged(path, f"the header is damaged: its length, {length} bytes at byte {len(MAGIC)}, is not valid")
-    if len(data) < first + length or len(data) < first:
+    record = read_sealed(data, 0, min(len(data), 2 * HEADER_BYTES_MAX))
+    if record is None:
+        end = PREFIX + int.from_bytes(data[len(MARK) : PREFIX], "little")
         raise damaged(
             path,
-            f"the header is incomplete: it should end at byte {first + length}, the file has {len(data)} bytes "
-            "(the run was killed before its first frame, or the length at byte 8 is damaged)",
+            f"the header is damaged (bytes 0 to {end} do not match their checksum)"
+            if end <= len(data)
+            else f"the header is incomplete: it should end at byte {end}, the file has {len(data)} bytes (the run was "
+            f"killed before its first frame, or the length at byte {len(MARK)} is damaged)",
         )
-    text = data[first : first + length]
-    if number == 2:
-        check = CHECK.unpack_from(data, len(MAGIC) + LENGTH.size)[0]
-        if check != zlib.crc32(text, zlib.crc32(data[: len(MAGIC) + LENGTH.size])):
-            raise damaged(path, f"the header is damaged: bytes 0 to {first + length} do not match their checksum")
     try:
-        header = json.loads(bytes(text), parse_constant=_refuse)
+        schema = pa.ipc.read_schema(pa.py_buffer(record))
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise damaged(path, f"the header is damaged: {_line(error)}") from error
+    text = (schema.metadata or {}).get(TRAJECTORY_KEY)
+    if text is None:
+        raise ResultError(f"{path}: an Arrow stream, but not a trajectory of evac; give a {TRAJECTORY_NAME}")
+    try:
+        header = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise damaged(path, f"the header is not valid JSON: {error}") from error
     found = header.get("format") if isinstance(header, dict) else header
-    if not isinstance(header, dict) or found != number or isinstance(found, bool):
+    if not isinstance(header, dict) or found != FORMAT or isinstance(found, bool):
         raise ResultError(
-            f"{path}: unknown trajectory format {found!r:.40}; this version reads formats 1 and 2; run the case again, "
+            f"{path}: unknown trajectory format {found!r:.40}; this version reads format {FORMAT}; run the case again, "
             "or use the version of evac that wrote it"
         )
-    return header, first + length
+    return header, schema.remove_metadata(), len(record)
+
+
+def _line(error: Exception) -> str:
+    """Return the first line of a message of Arrow."""
+    return str(error).partition("\n")[0][:200]
 
 
 def _refuse(constant: str) -> float:

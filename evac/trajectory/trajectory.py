@@ -1,10 +1,10 @@
-"""Reading of trajectory files: a JSON header and frames. The format is specified in docs/trajectory.md."""
+"""Reading of trajectory files. The format is specified in docs/trajectory.md."""
 
 import mmap
 import os
 import stat
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -13,21 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.change import Change
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
+from evac.building.model.links import building_at
 from evac.folder.files import TRAJECTORY_NAME
-from evac.trajectory.frames import Bounds, read_frames
+from evac.trajectory.frames import FrameReader, Rows
 from evac.trajectory.header import HeaderError, building_from_json, origin_from_json, people_from_json
-from evac.trajectory.layout import FIELDS, damaged, read_header
+from evac.trajectory.layout import FIELDS, columns, damaged, read_start
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from pedpy import TrajectoryData, WalkableArea
 
     from evac.analysis.maps import LevelMaps
-
-#: Positions farther than this outside the bounding rectangle of the building are treated as damage [m].
-FAR_OUTSIDE = 1000.0
 
 
 class Frame(TypedDict):
@@ -71,17 +70,18 @@ class Trajectory:
     Attributes
     ----------
     path : Path
-        The file, of which the records are views.
+        The file.
     header : dict
         Header of the file, see docs/trajectory.md.
     building : Building
+        As it was at the start; `building_at` returns it at other times.
     group : (n,) int32
         Index in ``groups`` of each person, -1 for none.
     groups : tuple of str
     radius : (n,) float64 [m]
     time : (f,) float64 [s]
-    records : tuple of (c, 7) float32
-        The records of each frame, columns `FIELDS`.
+    rows : tuple of Rows
+        What is recorded at each time, as views of the file.
     end : int
         Byte at which the last complete frame ends.
     dropped_bytes : int
@@ -95,13 +95,13 @@ class Trajectory:
     groups: tuple[str, ...]
     radius: FloatArray
     time: FloatArray
-    records: tuple[NDArray[np.float32], ...]
+    rows: tuple[Rows, ...] = field(repr=False)
     end: int
     dropped_bytes: int
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return len(self.records)
+        return len(self.rows)
 
     def __repr__(self) -> str:
         end = f" from {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else ""
@@ -132,6 +132,25 @@ class Trajectory:
         return len(self.radius)
 
     @cached_property
+    def records(self) -> tuple[NDArray[np.float32], ...]:
+        """What is recorded of the people inside, (c, 7) float32 for each time with the columns `FIELDS`."""
+        return tuple(np.column_stack([r.person, r.level, r.motion]).astype(np.float32) for r in self.rows)
+
+    @cached_property
+    def changes(self) -> tuple[Change, ...]:
+        """Changes of the scene during the run, in order of time."""
+        return tuple(change for rows in self.rows for change in rows.changes)
+
+    def building_at(self, time: float) -> Building:
+        """Return the building with the exits and portals that are closed at `time` [s]."""
+        building = building_at(self.building, self.changes, time)
+        return self._buildings.setdefault(building.closed, building)
+
+    @cached_property
+    def _buildings(self) -> dict[frozenset[int], Building]:
+        return {}
+
+    @cached_property
     def origin(self) -> FloatArray:
         """Origin of the recorded positions in plan, (2,) [m]."""
         return np.array(self.header["origin"], np.float64)
@@ -145,13 +164,13 @@ class Trajectory:
         """Return the people inside in frame `k`; negative indices count from the end."""
         from evac.building.model.elevation import elevation
 
-        records = self.records[k].astype(np.float64)
-        level = records[:, 1].astype(np.int32)
-        position = records[:, 2:4] + self.origin
-        plan_velocity = records[:, 4:6]
+        rows = self.rows[k]
+        motion = rows.motion.astype(np.float64)
+        person, level = rows.person.astype(np.int32), rows.level.astype(np.int32)
+        position = motion[:, :2] + self.origin
+        plan_velocity = motion[:, 2:4]
         rise = np.einsum("ij,ij->i", plan_velocity, self._climb[level])
         velocity = np.column_stack([plan_velocity, rise])
-        person = records[:, 0].astype(np.int32)
         return Frame(
             time=float(self.time[k]),
             person=person,
@@ -160,8 +179,8 @@ class Trajectory:
             z=elevation(self.building, level, position),
             velocity=velocity,
             speed=np.linalg.norm(velocity, axis=1),
-            contact_force=records[:, 6],
-            crowd_pressure=records[:, 6] / (2.0 * np.pi * self.radius[person]),
+            contact_force=motion[:, 4],
+            crowd_pressure=motion[:, 4] / (2.0 * np.pi * self.radius[person]),
         )
 
     def maps(self, levels: "Iterable[str | int] | None" = None, **options: Any) -> "Mapping[str, LevelMaps]":
@@ -247,7 +266,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
 def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     """Read the first `length` bytes of a trajectory file, or all of them."""
     data = _mapped(path, length)
-    header, start = read_header(path, data)
+    header, schema, start = read_start(path, data)
     if header.get("fields") != list(FIELDS):
         raise damaged(path, f"the header's fields are {header.get('fields')!r:.200}; they must be {list(FIELDS)}")
     try:
@@ -255,18 +274,28 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
         people, origin = people_from_json(header), origin_from_json(header)
     except HeaderError as error:
         raise damaged(path, f"the header is damaged: {error}") from error
-    plan = building.vertices[:, :2] - origin
-    low, high = plan.min(axis=0) - FAR_OUTSIDE, plan.max(axis=0) + FAR_OUTSIDE
-    bounds = Bounds(len(people.radius), len(building.levels), low, high)
-    time, records, end = read_frames(path, data, start, header["format"], bounds)
+    if not schema.equals(columns(len(people.radius), len(building.levels))):
+        raise damaged(path, "the header is damaged: the columns of the file are not those of its people and levels")
+    reader = FrameReader(path, data, schema, len(people.radius), building, origin)
+    reader.read(start)
+    time = np.array([rows.time for rows in reader.frames], np.float64)
     for array in (people.group, people.radius, time):
         array.flags.writeable = False
     return Trajectory(
-        path, header, building, people.group, people.groups, people.radius, time, records, end, len(data) - end
+        path,
+        header,
+        building,
+        people.group,
+        people.groups,
+        people.radius,
+        time,
+        tuple(reader.frames),
+        reader.end,
+        len(data) - reader.end,
     )
 
 
-def _mapped(path: Path, length: int | None) -> memoryview:
+def _mapped(path: Path, length: int | None) -> mmap.mmap:
     """Return the bytes of a file, mapped into memory; all of them, or the first `length`."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
@@ -276,8 +305,9 @@ def _mapped(path: Path, length: int | None) -> memoryview:
             if length is not None and length > size:
                 raise damaged(path, f"the file has {size} bytes, {length} are needed")
             whole = size if length is None else length
-            # An empty file cannot be mapped.
-            return memoryview(mmap.mmap(file.fileno(), whole, access=mmap.ACCESS_READ) if whole else b"")
+            if not whole:  # which cannot be mapped
+                raise damaged(path, "the file is empty")
+            return mmap.mmap(file.fileno(), whole, access=mmap.ACCESS_READ)
     except FileNotFoundError as error:
         raise ResultError(
             f"{path}: no such file; check the path, or run the case with output.trajectory = true"

@@ -1,18 +1,22 @@
 """Writing of trajectory files, frame by frame. The format is specified in docs/trajectory.md."""
 
-import zlib
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray
-from evac.base.errors import ResultError, SimulationError
+from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.base.change import Change
+from evac.base.errors import SimulationError
 from evac.folder.files import writing
 from evac.folder.manifest import note_written
+from evac.folder.records import sealed
 from evac.physics.state import Crowd
-from evac.trajectory.layout import CHECK, FIELDS, FRAME, FRAME_HEAD_BYTES, RECORD_BYTES, damaged, pack_start
+from evac.trajectory.layout import FIELDS, FORMAT, columns, damaged, pack_start
 from evac.trajectory.trajectory import Trajectory, read_up_to
 
 
@@ -22,13 +26,11 @@ def read_to_continue(path: Path, length: int | None) -> Trajectory:
     Raises
     ------
     ResultError
-        The file is damaged or too short, no frame ends there, or it is of format 1.
+        The file is damaged or too short, or no frame ends there.
     """
     before = read_up_to(path, length)
     if before.dropped_bytes:
         raise damaged(path, f"no frame ends at byte {before.end + before.dropped_bytes}")
-    if before.header["format"] != 2:
-        raise ResultError(f"{path}: trajectory format 1 can be read, not continued; run the case again")
     return before
 
 
@@ -51,8 +53,8 @@ class TrajectoryWriter:
     path : Path
     length : int
         Number of bytes written: the end of the last frame, or of the header if there is none. See `reopen`.
-    frames : int
-        Number of frames written.
+    frames, changes : int
+        Numbers of frames and of changes written.
 
     Raises
     ------
@@ -62,14 +64,16 @@ class TrajectoryWriter:
 
     def __init__(self, path: Path, header: Mapping[str, Any], origin: FloatArray) -> None:
         origin = np.asarray(origin, np.float64)
-        start = pack_start(path, {**header, "format": 2, "fields": FIELDS, "origin": origin.tolist()})
-        self._set_up(path, origin, len(header["radius"]), 0, 0)
+        schema = columns(len(header["radius"]), len(header["building"]["levels"]))
+        given = {**header, "format": FORMAT, "fields": FIELDS, "origin": origin.tolist()}
+        start = pack_start(path, given, schema)
+        self._set_up(path, origin, schema, 0, 0, 0)
         with writing("the trajectory", path):
             path.parent.mkdir(parents=True, exist_ok=True)
             note_written([path])
             path.unlink(missing_ok=True)  # a link is not followed
             self._file = path.open("xb", buffering=0)
-            self._write(memoryview(start))
+            self._write(start)
 
     @classmethod
     def reopen(cls, path: Path, length: int | None = None) -> Self:
@@ -84,11 +88,12 @@ class TrajectoryWriter:
         Raises
         ------
         ResultError
-            The file is damaged or too short, no frame ends there, it is of format 1, or it cannot be written.
+            The file is damaged or too short, no frame ends there, or it cannot be written.
         """
         before = read_to_continue(path, length)
         writer = cls.__new__(cls)
-        writer._set_up(path, before.origin, before.number_of_people, before.end, len(before))
+        schema = columns(before.number_of_people, len(before.building.levels))
+        writer._set_up(path, before.origin, schema, before.end, len(before), len(before.changes))
         del before  # some systems cannot truncate a mapped file
         with writing("the trajectory", path):
             writer._file = path.open("r+b", buffering=0)
@@ -96,14 +101,13 @@ class TrajectoryWriter:
             writer._file.seek(writer.length)
         return writer
 
-    def _set_up(self, path: Path, origin: FloatArray, people: int, length: int, frames: int) -> None:
-        self.path, self.length, self.frames = path, length, frames
-        self._origin = origin
-        self._buffer = bytearray(FRAME_HEAD_BYTES + RECORD_BYTES * people)
-        self._view = memoryview(self._buffer)
-        self._records = np.frombuffer(self._buffer, "<f4", offset=FRAME_HEAD_BYTES).reshape(people, len(FIELDS))
+    def _set_up(
+        self, path: Path, origin: FloatArray, schema: pa.Schema, length: int, frames: int, changes: int
+    ) -> None:
+        self.path, self.length, self.frames, self.changes = path, length, frames, changes
+        self._origin, self._schema = origin, schema
 
-    def append(self, time: float, crowd: Crowd, velocity: FloatArray) -> None:
+    def append(self, time: float, crowd: Crowd, velocity: FloatArray, changes: Sequence[Change] = ()) -> None:
         """Write one frame with all people who are inside at `time`.
 
         Parameters
@@ -112,6 +116,8 @@ class TrajectoryWriter:
         crowd : Crowd
         velocity : (n, 2)
             Velocities to record, in plan [m/s]: `Simulation.displacement_velocity`.
+        changes : sequence of Change
+            Changes of the scene since the frame before.
 
         Raises
         ------
@@ -121,30 +127,50 @@ class TrajectoryWriter:
             A number is NaN, or infinite as float32.
         """
         rows = np.flatnonzero(crowd.level >= 0)
-        records = self._records[: rows.size]
+        motion = np.empty((rows.size, len(FIELDS) - 2), "<f4")
         with np.errstate(over="ignore"):  # reported below
-            records[:, 0] = rows
-            records[:, 1] = crowd.level[rows]
-            records[:, 2:4] = crowd.position[rows] - self._origin
-            records[:, 4:6] = velocity[rows]
-            records[:, 6] = crowd.contact_force[rows]
-        if not np.isfinite(records).all():
-            row, column = np.argwhere(~np.isfinite(records))[0]
+            motion[:, :2] = crowd.position[rows] - self._origin
+            motion[:, 2:4] = velocity[rows]
+            motion[:, 4] = crowd.contact_force[rows]
+        if not np.isfinite(motion).all():
+            row, column = np.argwhere(~np.isfinite(motion))[0]
             raise SimulationError(
-                f"t = {time:.3f} s: {FIELDS[column]} of person {rows[row]} is {records[row, column]} and cannot be "
+                f"t = {time:.3f} s: {FIELDS[2 + column]} of person {rows[row]} is {motion[row, column]} and cannot be "
                 "recorded; correct the plugin that sets it, or choose a smaller step"
             )
-        first, end = FRAME_HEAD_BYTES, FRAME_HEAD_BYTES + RECORD_BYTES * rows.size
-        FRAME.pack_into(self._buffer, 0, time, self.frames, rows.size)
-        CHECK.pack_into(self._buffer, FRAME.size, zlib.crc32(self._view[: FRAME.size]))
-        CHECK.pack_into(self._buffer, FRAME.size + CHECK.size, zlib.crc32(self._view[first:end]))
+        text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
+        batch = self._batch(time, rows, crowd.level[rows], motion, text)
         with writing(f"the trajectory at {time:.3f} s", self.path):
-            self._write(self._view[:end])
+            self._write(sealed(batch.serialize().to_pybytes(), self.length))
         self.frames += 1
+        self.changes += len(changes)
 
-    def _write(self, data: memoryview) -> None:
+    def _batch(
+        self, time: float, person: IndexArray, level: IntArray, motion: NDArray[np.float32], changes: bytes
+    ) -> pa.RecordBatch:
+        """Return a batch of one frame, made from buffers because `pyarrow.array` would import pandas."""
+        one = self._schema.field("people").type.value_type
+        count = len(person)
+        rows = [
+            _array(one.field(name).type, count, values.astype(one.field(name).type.to_pandas_dtype()))
+            for name, values in (("person", person), ("level", level))
+        ]
+        numbers = _array(pa.float32(), motion.size, motion)
+        rows.append(pa.Array.from_buffers(one.field("motion").type, count, [None], children=[numbers]))
+        people = pa.Array.from_buffers(one, count, [None], children=rows)
+        kinds = self._schema.types
+        return pa.RecordBatch.from_arrays(
+            [
+                _array(kinds[0], 1, np.array([time], "<f8")),
+                pa.Array.from_buffers(kinds[1], 1, [None, pa.py_buffer(_ends(count))], children=[people]),
+                pa.Array.from_buffers(kinds[2], 1, [None, pa.py_buffer(_ends(len(changes))), pa.py_buffer(changes)]),
+            ],
+            schema=self._schema,
+        )
+
+    def _write(self, record: bytes) -> None:
         """Write all bytes, in several calls if the system writes only a part."""
-        written = 0
+        data, written = memoryview(record), 0
         while written < len(data):
             written += self._file.write(data[written:])
         self.length += written
@@ -152,3 +178,12 @@ class TrajectoryWriter:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def _array(kind: pa.DataType, length: int, values: NDArray[Any]) -> pa.Array:
+    return pa.Array.from_buffers(kind, length, [None, pa.py_buffer(values)])
+
+
+def _ends(length: int) -> NDArray[np.int32]:
+    """Return where the only item of an array of lists begins and ends."""
+    return np.array([0, length], "<i4")

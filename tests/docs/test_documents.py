@@ -82,16 +82,19 @@ def test_python_of_the_readme_is_ten_lines_and_runs(text, tmp_path):
     assert 0.0 < float(re.fullmatch(r"mean speed in the room (\S+) m/s", lines[3])[1]) < 2.0
 
 
-def test_python_of_the_guides_to_pictures_and_exports_runs(text, tmp_path, monkeypatch, capsys):
+def test_python_of_the_guides_to_what_was_recorded_runs(text, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     evac.run(evac.load("classroom", {"simulation.duration": 6.0, "output.animation": False}), "classroom-result")
-    for document, blocks in (("docs/pictures.md", 2), ("docs/exports.md", 1)):
+    for document, blocks in (("docs/pictures.md", 2), ("docs/exports.md", 1), ("docs/trajectory.md", 1)):
         found = fenced(text(document), "python")
         assert len(found) == blocks
         for block in found:
             exec(compile(block, document, "exec"), {})
     assert (tmp_path / "classroom.png").stat().st_size > 0
-    greatest, passed = re.findall(r"(\S+) people pe|(\d+) people passed", capsys.readouterr().out)[-2:]
+    said = capsys.readouterr().out
+    frames, inside = re.search(r"(\d+) frames; (\d+) people are inside at 5.0 s", said).groups()
+    assert (int(frames), int(inside)) == (13, len(evac.read_trajectory("classroom-result")[10]["person"]))
+    greatest, passed = re.findall(r"(\S+) people pe|(\d+) people passed", said)[-2:]
     assert 2.0 < float(greatest[0]) < 12.0
     assert 25 <= int(passed[1]) <= 30
 

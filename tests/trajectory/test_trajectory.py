@@ -1,26 +1,24 @@
 import json
 import signal
-import struct
 import subprocess
 import sys
 import time
-import zlib
-from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.ipc
 import pytest
 
+from evac.base.change import Change
 from evac.base.errors import ResultError, SimulationError
 from evac.building.model.links import close_links
 from evac.folder.files import TRAJECTORY_NAME
+from evac.folder.records import sealed
 from evac.trajectory.header import building_from_json, building_to_json
-from evac.trajectory.layout import FIELDS, FRAME_HEAD_BYTES, RECORD_BYTES
+from evac.trajectory.layout import FIELDS, columns
 from evac.trajectory.trajectory import read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
-
-
-def frame_bytes(people):
-    return FRAME_HEAD_BYTES + RECORD_BYTES * people
+from tests.trajectory.parts import SCHEMA, places_of, with_header
 
 
 def test_round_trip_gives_back_what_was_recorded(descent):
@@ -109,7 +107,7 @@ def test_building_comes_back_whole(building):
 def test_a_writer_continues_to_the_same_bytes(descent, tmp_path):
     run = descent(people=3, frames=4)
     whole = run.path.read_bytes()
-    second = len(whole) - frame_bytes(2) - frame_bytes(3)
+    second = places_of(whole)[3]
     path = tmp_path / "cut.evac"
     path.write_bytes(whole + b"what is behind")
     writer = TrajectoryWriter.reopen(path, second)
@@ -124,13 +122,10 @@ def test_a_writer_continues_to_the_same_bytes(descent, tmp_path):
 def test_a_writer_continues_no_other_file(descent, tmp_path):
     run = descent(people=3, frames=4)
     whole = run.path.read_bytes()
-    for end in (len(whole) + 1, len(whole) - 1, 20):
+    for end in (len(whole) + 1, len(whole) - 1, 20, 0):
         with pytest.raises(ResultError, match=r"run\.evac"):
             TrajectoryWriter.reopen(_copy(tmp_path / "run.evac", whole), end)
         assert (tmp_path / "run.evac").read_bytes() == whole
-    old = Path(__file__).with_name("format_1.evac").read_bytes()
-    with pytest.raises(ResultError, match="format 1"):
-        TrajectoryWriter.reopen(_copy(tmp_path / "old.evac", old), len(old))
 
 
 def _copy(path, data):
@@ -153,33 +148,26 @@ def test_what_is_not_finite_is_not_written(descent, tmp_path):
     assert (tmp_path / "x.evac").read_bytes() == before
 
 
-def test_damage_in_the_last_frame_drops_it(descent, tmp_path):
-    run = descent(people=3, frames=3)
-    data = bytearray(run.path.read_bytes())
-    data[-1] ^= 0x01
-    damaged = tmp_path / "damaged.evac"
-    damaged.write_bytes(data)
-    trajectory = read_trajectory(damaged)
-    assert (len(trajectory), trajectory.dropped_bytes) == (2, frame_bytes(2))
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [
         (b"solid mesh", "not a trajectory"),
-        (b"EVACTRJ1\x05", "header"),
-        (b"EVACTRJ1" + struct.pack("<I", 99) + b"{}", "header"),
-        (b"EVACTRJ1" + struct.pack("<I", 2) + b"{]", "header .* JSON"),
-        (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":2}', r"format 2\b"),
-        (b"EVACTRJ1" + struct.pack("<I", 2) + b"[]", r"format \[\]"),
-        (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":1}', "header's fields .* None"),
-        (b"", "not a trajectory"),
+        (b"EVACTRJ2" + bytes(100), "earlier version .* run the case again"),
+        (b"\xff\xff\xff\xff\x05", "header is incomplete"),
+        (b"\xff\xff\xff\xff\x10" + bytes(100), "header is damaged"),
+        (sealed(SCHEMA.serialize().to_pybytes(), 0), "not a trajectory"),
+        (with_header(b"{]"), "header .* JSON"),
+        (with_header(b'{"format":2}'), r"format 2\b"),
+        (with_header(b'{"format":true}'), r"format True\b"),
+        (with_header(b"[]"), r"format \[\]"),
+        (with_header(b'{"format":3}'), "header's fields .* None"),
+        (b"", "empty"),
     ],
 )
 def test_what_is_no_trajectory_is_refused(tmp_path, content, words):
     path = tmp_path / "x.evac"
     path.write_bytes(content)
-    with pytest.raises(ResultError, match=words):
+    with pytest.raises(ResultError, match=rf"x\.evac: .*{words}"):
         read_trajectory(path)
 
 
@@ -189,22 +177,29 @@ def test_missing_file_is_named(tmp_path):
 
 
 def test_file_is_what_the_document_says(descent):
-    """Read with struct and json alone, as a reader in another language would."""
-    run = descent(people=3, frames=1)
-    data = run.path.read_bytes()
-    assert data[:8] == b"EVACTRJ2"
-    length, check = struct.unpack("<II", data[8:16])
-    assert check == zlib.crc32(data[:12] + data[16 : 16 + length])
-    header = json.loads(data[16 : 16 + length])
-    assert tuple(header["fields"]) == FIELDS
-    start = 16 + length
-    seconds, number, count, own, check = struct.unpack("<dIIII", data[start : start + 24])
-    assert (seconds, number, count) == (0.0, 0, 2)
-    assert own == zlib.crc32(data[start : start + 16])
-    assert check == zlib.crc32(data[start + 24 :])
-    person, level, x, y, velocity_x, velocity_y, force = struct.unpack("<7f", data[start + 52 :])
-    assert (person, level, x + header["origin"][0], y, velocity_x, velocity_y) == (1.0, 2.0, 15.0, 0.75, 1.0, 0.0)
-    assert force == 100.0
+    """Read with Arrow and json alone, as a reader in another language would."""
+    run = descent(people=3, frames=3)
+    table = pa.ipc.open_stream(run.path).read_all()
+    header = json.loads(table.schema.metadata[b"evac.trajectory"])
+    assert (header["format"], tuple(header["fields"])) == (3, FIELDS)
+    assert table.column_names == ["time", "people", "changes"]
+    assert table["time"].to_pylist() == [0.0, 0.5, 1.0]
+    assert [len(people) for people in table["people"].to_pylist()] == [3, 3, 2]
+    one = table["people"][2][1].as_py()
+    x, y, velocity_x, velocity_y, force = one["motion"]
+    assert (one["person"], one["level"], x + header["origin"][0], y) == (1, 2, pytest.approx(15.02), 0.75)
+    assert (velocity_x, velocity_y, force) == (1.0, 0.0, 100.0)
+
+
+@pytest.mark.parametrize(("people", "kind"), [(256, pa.uint8()), (257, pa.uint16()), (65537, pa.int32())])
+def test_persons_have_the_smallest_type_that_holds_them(people, kind):
+    assert columns(people, 5).field("people").type.value_type.field("person").type == kind
+
+
+def test_more_people_than_a_byte_counts_come_back(descent):
+    trajectory = read_trajectory(descent(people=300, frames=2).path)
+    assert trajectory[0]["person"].tolist() == list(range(300))
+    assert trajectory.records[0][:, 0].tolist() == list(range(300))
 
 
 def test_frames_are_on_disk_before_the_writer_is_closed(descent, tmp_path):
@@ -220,7 +215,7 @@ def test_frames_are_on_disk_before_the_writer_is_closed(descent, tmp_path):
 def test_unwritable_place_is_named(tmp_path):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(ResultError, match="taken"):
-        TrajectoryWriter(tmp_path / "taken" / "x.evac", {"radius": [0.2]}, np.zeros(2))
+        TrajectoryWriter(tmp_path / "taken" / "x.evac", {"radius": [0.2], "building": {"levels": [{}]}}, np.zeros(2))
 
 
 def test_a_frame_of_140_people_costs_little(descent):
@@ -239,7 +234,6 @@ def test_killed_writer_leaves_every_frame_it_announced(descent, tmp_path):
     run = descent(people=140, frames=2)
     path = tmp_path / "killed.evac"
     code = f"""
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 import numpy as np
@@ -272,4 +266,51 @@ def test_what_is_left_out_is_told(descent, tmp_path):
     assert read_trajectory(_copy(tmp_path / "whole.evac", data)).warnings == ()
     (warning,) = read_trajectory(_copy(tmp_path / "torn.evac", data[:-1])).warnings
     assert "torn.evac" in warning
-    assert f"byte {len(data) - frame_bytes(2)}" in warning
+    assert f"byte {places_of(data)[-2]}" in warning
+
+
+CLOSED, OPENED = (
+    Change(0.75, "close", "door"),
+    Change(1.25, "open", "door", {"by": "a guard", "after": 3.5, "held": True}),
+)
+
+
+@pytest.fixture
+def changing(descent, tmp_path):
+    """Return the path of a trajectory of four frames, 0.5 s apart, with a change before the third and the fourth."""
+    run = descent(people=3, frames=4)
+    path = tmp_path / "changing.evac"
+    writer = TrajectoryWriter(path, read_trajectory(run.path).header, np.zeros(2))
+    for k, changes in enumerate(([], [], [CLOSED], [OPENED])):
+        writer.append(0.5 * k, run.crowds[k], run.crowds[k].velocity, changes)
+    writer.close()
+    return path
+
+
+def test_changes_come_back_in_order(changing):
+    trajectory = read_trajectory(changing)
+    assert trajectory.changes == (CLOSED, OPENED)
+    assert [len(rows.changes) for rows in trajectory.rows] == [0, 0, 1, 1]
+
+
+def test_the_building_is_what_the_changes_have_made_of_it(changing):
+    trajectory = read_trajectory(changing)
+    is_open = [
+        trajectory.building_at(time).is_open(trajectory.building.exits[0]) for time in (0, 0.74, 0.75, 1.24, 1.25)
+    ]
+    assert is_open == [True, True, False, False, True]
+    assert trajectory.building_at(0.8) is trajectory.building_at(1.0)
+    assert trajectory.building_at(0.0) is trajectory.building
+
+
+def test_a_writer_that_continues_knows_how_many_changes_there_are(changing):
+    writer = TrajectoryWriter.reopen(changing, places_of(changing.read_bytes())[-2])
+    assert (writer.frames, writer.changes) == (3, 1)
+    writer.close()
+
+
+@pytest.mark.parametrize("people", [100, 1000])
+def test_a_frame_of_100_people_is_at_most_as_large_as_their_seven_numbers_in_four_bytes_each(descent, people):
+    data = descent(people=people, frames=2).path.read_bytes()
+    _, first, second, _ = places_of(data)
+    assert second - first <= 28 * people

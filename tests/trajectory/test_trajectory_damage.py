@@ -2,138 +2,88 @@
 
 import json
 import os
-import struct
-import zlib
-from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.ipc
 import pytest
 
 from evac.base.errors import ResultError
 from evac.folder.files import TRAJECTORY_NAME
-from evac.trajectory.header import building_to_json
-from evac.trajectory.layout import FRAME_HEAD_BYTES, RECORD_BYTES
+from evac.folder.records import sealed
 from evac.trajectory.trajectory import read_trajectory
+from tests.trajectory.parts import Frame, Parts, parts_of, places_of, with_header
 
 
-def frame_bytes(people):
-    return FRAME_HEAD_BYTES + RECORD_BYTES * people
+@pytest.fixture
+def changed(descent, tmp_path):
+    """Return the bytes of a file of three frames, their places, and a function that writes other bytes."""
+    data = descent(people=3, frames=3).path.read_bytes()
+
+    def write(other):
+        (tmp_path / "changed.evac").write_bytes(other)
+        return tmp_path / "changed.evac"
+
+    return data, places_of(data), write
 
 
-def test_torn_last_frame_is_dropped_at_every_byte(descent, tmp_path):
-    run = descent(people=3, frames=3)
-    whole = run.path.read_bytes()
-    last = frame_bytes(2)  # one of three is out in the last frame
-    torn = tmp_path / "torn.evac"
-    for left in range(last):
-        torn.write_bytes(whole[: len(whole) - last + left])
-        trajectory = read_trajectory(torn)
-        assert len(trajectory) == 2
-        assert trajectory.dropped_bytes == left
+def test_torn_last_frame_is_dropped_at_every_byte(changed):
+    data, places, write = changed
+    for left in range(places[-1] - places[-2]):
+        trajectory = read_trajectory(write(data[: places[-2] + left]))
+        assert (len(trajectory), trajectory.end, trajectory.dropped_bytes) == (2, places[-2], left)
 
 
-@pytest.mark.parametrize("byte", [0, 8, 12, 16, 20, FRAME_HEAD_BYTES + 5])
-def test_damage_before_the_last_frame_is_an_error_that_names_the_frame(descent, tmp_path, byte):
-    run = descent(people=3, frames=3)
-    data = bytearray(run.path.read_bytes())
-    second = len(data) - frame_bytes(2) - frame_bytes(3)
-    data[second + byte] ^= 0x40
-    damaged = tmp_path / "damaged.evac"
-    damaged.write_bytes(data)
-    with pytest.raises(ResultError, match=rf"frame 1 at byte {second} .*cut to {second} bytes"):
-        read_trajectory(damaged)
-    damaged.write_bytes(data[:second])
-    assert len(read_trajectory(damaged)) == 1
+def test_every_changed_byte_of_a_frame_before_the_last_is_an_error_that_names_the_frame(changed):
+    data, places, write = changed
+    for byte in range(places[2], places[3]):
+        wrong = bytearray(data)
+        wrong[byte] ^= 1 << byte % 8
+        with pytest.raises(ResultError, match=rf"frame 1 at byte {places[2]} .*cut to {places[2]} bytes"):
+            read_trajectory(write(wrong))
+    assert len(read_trajectory(write(data[: places[2]]))) == 1
 
 
-@pytest.mark.parametrize("byte", [0, 8, 12, 16])
-def test_damage_in_the_head_of_the_last_frame_is_no_torn_frame(descent, tmp_path, byte):
-    """Where the frame ends is not known then, so that what is lost may be more than one frame."""
-    run = descent(people=3, frames=3)
-    data = bytearray(run.path.read_bytes())
-    data[len(data) - frame_bytes(2) + byte] ^= 0x01
-    damaged = tmp_path / "damaged.evac"
-    damaged.write_bytes(data)
-    with pytest.raises(ResultError, match=r"frame 2 at byte"):
-        read_trajectory(damaged)
+def test_every_changed_byte_of_the_last_frame_drops_it(changed):
+    data, places, write = changed
+    for byte in range(places[3], places[4]):
+        wrong = bytearray(data)
+        wrong[byte] ^= 1 << byte % 8
+        trajectory = read_trajectory(write(wrong))
+        assert (len(trajectory), trajectory.end) == (2, places[3])
 
 
-def test_frames_that_are_missing_or_twice_are_found(descent, tmp_path):
-    run = descent(people=3, frames=4)
-    data = run.path.read_bytes()
-    frame = frame_bytes(3)
-    first = len(data) - frame_bytes(2) - 3 * frame
-    damaged = tmp_path / "damaged.evac"
-    for wrong in (data[: first + frame] + data[first + 2 * frame :], data[: first + frame] + data[first:]):
-        damaged.write_bytes(wrong)
-        with pytest.raises(ResultError, match=r"frame 1 at byte"):
-            read_trajectory(damaged)
+def test_frames_that_are_missing_or_twice_are_found(changed):
+    data, places, write = changed
+    for wrong in (data[: places[1]] + data[places[2] :], data[: places[2]] + data[places[1] :]):
+        with pytest.raises(ResultError, match=r"frame [01] at byte"):
+            read_trajectory(write(wrong))
 
 
 @pytest.mark.parametrize("whole", [0, 1, 2])
-def test_zeros_at_the_end_are_left_out(descent, tmp_path, whole):
+def test_zeros_at_the_end_are_left_out(changed, whole):
     """As a file system leaves them that had grown the file before the power failed."""
-    run = descent(people=3, frames=3)
-    data = run.path.read_bytes()
-    end = len(data) - frame_bytes(2) - (2 - whole) * frame_bytes(3)
+    data, places, write = changed
+    end = places[1 + whole]
     for left in (0, 30):  # of the next frame
-        blank = tmp_path / "blank.evac"
-        blank.write_bytes(data[: end + left] + bytes(1000))
-        trajectory = read_trajectory(blank)
+        trajectory = read_trajectory(write(data[: end + left] + bytes(1000)))
         assert (len(trajectory), trajectory.end) == (whole, end)
 
 
-def test_every_changed_bit_of_the_header_is_found(descent, tmp_path):
-    run = descent(people=3, frames=1)
-    data = run.path.read_bytes()
-    damaged = tmp_path / "damaged.evac"
-    for byte in [*range(40), *range(40, len(data) - frame_bytes(2), 97)]:
+def test_every_changed_byte_of_the_header_is_found(changed):
+    data, places, write = changed
+    for byte in [*range(200), *range(200, places[1], 97)]:
         wrong = bytearray(data)
         wrong[byte] ^= 1 << byte % 8
-        damaged.write_bytes(wrong)
-        with pytest.raises(ResultError, match=r"damaged.evac: "):
-            read_trajectory(damaged)
-
-
-def test_format_1_still_reads(descent):
-    """The file was written by the version before format 2, by the fixture `descent` of five people and four frames."""
-    old = read_trajectory(Path(__file__).with_name("format_1.evac"))
-    new = read_trajectory(descent(people=5, frames=4).path)
-    assert (old.header["format"], new.header["format"]) == (1, 2)
-    assert old.dropped_bytes == 0
-    np.testing.assert_array_equal(old.time, new.time)
-    for one, other in zip(old.records, new.records, strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert building_to_json(old.building) == building_to_json(new.building)
-    assert (old.groups, old.group.tolist()) == (new.groups, new.group.tolist())
-
-
-def test_format_1_torn_and_damaged(tmp_path):
-    data = Path(__file__).with_name("format_1.evac").read_bytes()
-    path = tmp_path / "old.evac"
-    for left in (1, 15, 40):
-        path.write_bytes(data[:-left])
-        assert len(read_trajectory(path)) == 3
-    wrong = bytearray(data)
-    wrong[-200] ^= 0x10  # the last frame has 128 bytes, 16 + 28 * 4
-    path.write_bytes(wrong)
-    with pytest.raises(ResultError, match=r"frame 2 at byte"):
-        read_trajectory(path)
-
-
-def sealed(header, frames=()):
-    """Return a file of format 2 with right checksums, whatever is in it."""
-    text = header if isinstance(header, bytes) else json.dumps(header).encode()
-    start = b"EVACTRJ2" + struct.pack("<I", len(text))
-    data = start + struct.pack("<I", zlib.crc32(start + text)) + text
-    for number, (seconds, rows) in enumerate(frames):
-        head = struct.pack("<dII", seconds, number, len(rows))
-        records = np.array(rows, "<f4").reshape(-1, 7).tobytes()
-        data += head + struct.pack("<II", zlib.crc32(head), zlib.crc32(records)) + records
-    return data
+        with pytest.raises(ResultError, match=r"changed.evac: "):
+            read_trajectory(write(wrong))
 
 
 PERSON = [0, 0, 1, 1, 0, 0, 0]
+
+
+def change(**odd):
+    return json.dumps([{"time": 0.5, "kind": "close", "what": "door", "values": {}} | odd])
 
 
 @pytest.mark.parametrize(
@@ -147,22 +97,29 @@ PERSON = [0, 0, 1, 1, 0, 0, 0]
         ([(0.0, [[0, 0, np.nan, 1, 0, 0, 0]])], "x of record 0"),
         ([(0.0, [[0, 0, 1, 1, 0, np.inf, 0]])], "velocity_y of record 0"),
         ([(0.0, [[0, 0, 1, 1, 0, 0, np.nan]])], "contact_force of record 0"),
-        ([(0.0, [[-1, *PERSON[1:]]])], "person"),
         ([(0.0, [[2, *PERSON[1:]]])], "person"),
         ([(0.0, [PERSON, PERSON])], "person"),
         ([(0.0, [[1, *PERSON[1:]], PERSON])], "person"),
-        ([(0.0, [[0.5, *PERSON[1:]]])], "person"),
         ([(0.0, [PERSON] * 3)], "frame 0"),
-        ([(0.0, [[0, -1, *PERSON[2:]]])], "level"),
         ([(0.0, [[0, 5, *PERSON[2:]]])], "level"),
-        ([(0.0, [[0, 0.5, *PERSON[2:]]])], "level"),
         ([(0.0, [[0, 0, 1e5, 1, 0, 0, 0]])], "person 0 .* outside"),
+        ([(1.0, [], "{")], "changes"),
+        ([(1.0, [], "[" * 10**5)], "changes"),
+        ([(1.0, [], "[3]")], "changes"),
+        ([(1.0, [], change(time="0"))], "changes"),
+        ([(1.0, [], change(time=float("nan")))], "changes"),
+        ([(1.0, [], change(time=-0.5))], "order of time"),
+        ([(1.0, [], change(kind=None))], "changes"),
+        ([(1.0, [], change(values=[]))], "changes"),
+        ([(1.0, [], change(what="nowhere"))], "'nowhere'"),
+        ([(1.0, [], change(time=1.5))], "order of time"),
+        ([(1.0, [], change(time=0.9)), (2.0, [], change(time=0.8))], "order of time"),
     ],
 )
 def test_numbers_that_cannot_be_are_refused_though_checksums_match(descent, tmp_path, frames, words):
     header = read_trajectory(descent(people=2, frames=1).path).header
     path = tmp_path / "sealed.evac"
-    path.write_bytes(sealed(header, frames))
+    path.write_bytes(Parts(header, frames=[Frame(*frame) for frame in frames]).seal())
     with pytest.raises(ResultError, match=rf"sealed.evac: .*{words}"):
         read_trajectory(path)
 
@@ -249,7 +206,7 @@ def test_headers_that_cannot_be_are_refused_though_checksums_match(descent, tmp_
             table[last] = value
         elif last != "closed":  # which may be missing
             del table[last]
-        path.write_bytes(sealed(header))
+        path.write_bytes(Parts(header).seal())
         with pytest.raises(ResultError, match=rf"sealed.evac: .*{last}"):
             read_trajectory(path)
 
@@ -257,7 +214,7 @@ def test_headers_that_cannot_be_are_refused_though_checksums_match(descent, tmp_
 @pytest.mark.parametrize("text", [b"[" * 10**5, b'{"format": NaN}', b'{"format": ' + b"9" * 5000 + b"}", bytes([255])])
 def test_json_that_cannot_be_read_is_refused(tmp_path, text):
     path = tmp_path / "sealed.evac"
-    path.write_bytes(sealed(text))
+    path.write_bytes(with_header(text))
     with pytest.raises(ResultError, match=r"sealed.evac: the header"):
         read_trajectory(path)
 
@@ -265,9 +222,30 @@ def test_json_that_cannot_be_read_is_refused(tmp_path, text):
 def test_a_stated_length_takes_no_memory(tmp_path):
     path = tmp_path / "sparse.evac"
     with path.open("wb") as file:
-        file.write(b"EVACTRJ2" + struct.pack("<II", 2**32 - 1, 0))
+        file.write(b"\xff\xff\xff\xff" + b"\xff\xff\xff\x7f")
         file.truncate(2**40)  # without blocks
-    with pytest.raises(ResultError, match=r"sparse.evac: the header .* byte 8"):
+    with pytest.raises(ResultError, match=r"sparse.evac: the header"):
+        read_trajectory(path)
+
+
+def test_rows_that_no_writer_makes_are_refused_though_checksums_match(changed):
+    data, (_, start, *_), write = changed
+    batch = next(iter(pa.ipc.open_stream(data)))
+    columns = [batch.column(0), pa.array([None], batch.schema.types[1]), batch.column(2)]
+    missing = pa.RecordBatch.from_arrays(columns, schema=batch.schema)
+    message = bytearray(batch.serialize())
+    end_of_people = 8 + int.from_bytes(message[4:8], "little") + 12  # after the time and the first offset
+    message[end_of_people] = 9
+    for odd, words in ((missing.serialize(), "missing"), (batch.slice(0, 0).serialize(), "0 rows"), (message, "Arrow")):
+        with pytest.raises(ResultError, match=rf"changed.evac: frame 0 .*{words}"):
+            read_trajectory(write(data[:start] + sealed(bytes(odd), start)))
+
+
+def test_columns_of_another_program_are_refused(descent, tmp_path):
+    parts = parts_of(descent(people=2, frames=1).path.read_bytes())
+    path = tmp_path / "sealed.evac"
+    path.write_bytes(Parts(parts.header, pa.schema([("time", pa.float32())])).seal())
+    with pytest.raises(ResultError, match=r"sealed.evac: .*columns"):
         read_trajectory(path)
 
 
