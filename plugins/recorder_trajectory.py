@@ -32,7 +32,7 @@ class TrajectoryRecorder(Recorder):
         if simulation.folder is not None and simulation.case.output.trajectory:
             from evac.trajectory.writer import TrajectoryWriter
 
-            corners = simulation.building.vertices[:, :2]
+            corners = simulation.scene.ground.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
             self._writer = TrajectoryWriter(simulation.folder / TRAJECTORY_NAME, _header(simulation), origin)
@@ -40,7 +40,8 @@ class TrajectoryRecorder(Recorder):
     def record(self, simulation: "Simulation") -> None:
         """Append one frame."""
         if self._writer is not None:
-            self._writer.append(simulation.time, simulation.population.crowd, simulation.displacement_velocity)
+            changes = simulation.scene.changes[self._writer.changes :]
+            self._writer.append(simulation.time, simulation.population.crowd, simulation.displacement_velocity, changes)
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
@@ -72,6 +73,8 @@ class TrajectoryRecorder(Recorder):
             before = read_to_continue(folder / TRAJECTORY_NAME, length)
             if not np.array_equal(before.radius, simulation.population.crowd.radius):
                 raise SavedError(f"length: {TRAJECTORY_NAME} is of other people")
+            if list(before.changes) != simulation.scene.changes[: len(before.changes)]:
+                raise SavedError(f"length: {TRAJECTORY_NAME} has other changes")
 
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Open the file again, after its last frame."""
@@ -98,7 +101,7 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
         "groups": [members.name for members in population.groups],
         "group": group.tolist(),
         "radius": population.crowd.radius.tolist(),
-        "building": building_to_json(simulation.building),
+        "building": building_to_json(simulation.scene.ground.building),
     }
 
 

@@ -166,7 +166,7 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
             frame["position"],
             frame["contact_force"],
         )
-    writer.write(path, account_of_folder(trajectory), ())
+    writer.write(path, account_of_folder(trajectory), trajectory.changes)
     return writer.frames
 
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from evac.building.model.building import Building, Level
+from evac.base.change import Change
+from evac.building.model.building import Building, Exit, Level
 from evac.folder.files import TRAJECTORY_NAME
 from evac.results.results import versions
 from evac.trajectory.trajectory import read_trajectory
@@ -35,7 +36,7 @@ def simulation(tmp_path):
         vertices=np.column_stack([square, np.full(4, 1.5)]),
         levels=(floor,),
         portals=(),
-        exits=(),
+        exits=(Exit(0, "door", 0, np.array([[*square[0], *square[1]]]), 10.0),),
         areas=(),
         walls=np.column_stack([square, np.roll(square, -1, axis=0)]),
         wall_level=np.zeros(4, np.int32),
@@ -50,7 +51,7 @@ def simulation(tmp_path):
     groups = (SimpleNamespace(name="pair", rows=np.array([0, 1], np.int32)),)
     return SimpleNamespace(
         case=SimpleNamespace(title="A room", output=SimpleNamespace(trajectory=True)),
-        building=building,
+        scene=SimpleNamespace(ground=SimpleNamespace(building=building), changes=[]),
         population=SimpleNamespace(crowd=crowd, groups=groups),
         displacement_velocity=np.array([[0.5, 0.0], [0.0, 0.25], [0.0, 0.0]]),
         time=0.0,
@@ -78,7 +79,7 @@ def test_file_tells_all_that_a_picture_needs(simulation):
     assert trajectory.group.tolist() == [0, 0, -1]
     assert trajectory.radius.tolist() == [0.2, 0.21, 0.22]
     assert trajectory.time.tolist() == [0.0, 0.5]
-    np.testing.assert_array_equal(trajectory.building.vertices, simulation.building.vertices)
+    np.testing.assert_array_equal(trajectory.building.vertices, simulation.scene.ground.building.vertices)
     expected = np.array([[1.0, 1.5], [2.0, 1.5], [3.0, 1.5]]) + CORNER
     np.testing.assert_allclose(trajectory.position[1], expected, rtol=0.0, atol=1e-6)
     assert (trajectory.z == 1.5).all()
@@ -99,6 +100,19 @@ def test_end_between_two_output_times_is_kept_once(simulation):
     trajectory = read_trajectory(simulation.folder)
     assert trajectory.time.tolist() == [0.0, 0.5, 0.73]
     assert (trajectory.level[-1] == -1).all()
+
+
+def test_changes_are_kept_once_in_the_frame_after_them(simulation):
+    recorder = run(simulation, [0.0])
+    simulation.scene.changes.append(Change(0.25, "close", "door"))
+    for simulation.time in (0.5, 1.0):
+        recorder.record(simulation)
+    simulation.scene.changes.append(Change(1.0, "open", "door"))
+    simulation.time = 1.1
+    recorder.finish(simulation, None)
+    trajectory = read_trajectory(simulation.folder)
+    assert [len(rows.changes) for rows in trajectory.rows] == [0, 1, 0, 1]
+    assert list(trajectory.changes) == simulation.scene.changes
 
 
 def test_without_a_folder_nothing_is_kept(simulation, tmp_path):
