@@ -382,7 +382,7 @@ class Results:
         return Summary.model_validate(self.summary())
 
     def write(self, folder: Path) -> None:
-        """Write summary.json, egress.csv and people.csv to `folder`, which is created if missing.
+        """Write summary.json and the tables to `folder`, which is created if missing.
 
         Raises
         ------

@@ -311,7 +311,7 @@ def run_into(
 
 
 def write_tables(results: Results, folder: Path, phases: Phases) -> None:
-    """Write summary.json and, if ``output.tables`` is true, egress.csv and people.csv.
+    """Write summary.json and, if ``output.tables`` is true, the tables.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def test_a_written_case_is_read_back_with_exits_areas_and_groups(tmp_path):
     assert case.simulation.duration == 5.0
     outcome = Trial("NSM2", (1,)).run_case(case)[0]
     assert [level.kind for level in outcome.results.building.levels] == ["floor", "flight", "floor"]
-    assert len(outcome.people) == 3
+    assert outcome.results.number_of_people == 3
 
 
 @pytest.mark.parametrize(

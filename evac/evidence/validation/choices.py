@@ -83,9 +83,10 @@ def assigned_exits(trial: Trial) -> list[Check]:
         )
     by_main, as_told = [], []
     for outcome in trial.runs(faces, exits, people, areas):
-        used = [row["exit"] for row in outcome.people]
+        used = outcome.results.people["exit"].fillna("").tolist()
+        routes = outcome.results.people["route"]
         by_main.append(used.count("main"))
-        as_told.append(sum(row["exit"] != "" and row["route"].endswith(row["exit"]) for row in outcome.people))
+        as_told.append(sum(name != "" and route.endswith(name) for name, route in zip(used, routes, strict=True)))
     source = "RiMEA, annex 1; IMO"
     return [
         trial.check(
@@ -103,7 +104,7 @@ def nearer_exit(trial: Trial) -> list[Check]:
     exits = [("near", [[21, 0], [22, 0]], 0.0), ("far", [[27, 0], [28, 0]], 0.0)]
     group = {"area": "left half", "number": 1000, "speed": CROWD_SPEED}
     far = [
-        float("nan") if outcome.is_blocked else sum(row["exit"] == "far" for row in outcome.people)
+        float("nan") if outcome.is_blocked else int((outcome.results.people["exit"] == "far").sum())
         for outcome in trial.runs(
             [rectangle(0, 0, 30, 20)],
             exits,

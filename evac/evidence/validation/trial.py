@@ -1,6 +1,5 @@
 """Parts of a validation test: the tested model, its runs, and values compared with a criterion."""
 
-import csv
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -120,15 +119,14 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run read from its result folder: people.csv, the trajectory, and the results."""
+    """The results of a run and its trajectory."""
 
     results: Results
-    people: Sequence[Mapping[str, str]]
     trajectory: Trajectory
 
     def numbers(self, column: str) -> FloatArray:
-        """Return a column of people.csv, (people,); NaN where it is empty."""
-        return np.array([float(row[column] or "nan") for row in self.people])
+        """Return a column of `Results.people`, (people,); NaN where it is empty."""
+        return np.array(self.results.people[column], np.float64)
 
     @property
     def exit_times(self) -> FloatArray:
@@ -202,9 +200,7 @@ def conduct(case: Case) -> Outcome:
     with TemporaryDirectory() as place, warnings.catch_warnings():
         warnings.simplefilter("ignore", RunWarning)  # the criteria judge the results
         results = run(case, place)
-        with (Path(place) / "people.csv").open(newline="", encoding="utf-8") as file:
-            people = list(csv.DictReader(file))
-        return Outcome(results, people, read_trajectory(place))
+        return Outcome(results, read_trajectory(place))
 
 
 def mean_interval(values: FloatArray) -> tuple[float, float] | None:
