@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +11,6 @@ from evac.results.ending import Stopped
 
 if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
-
-
-def _always() -> bool:
-    return True
 
 
 @dataclass
@@ -29,8 +24,8 @@ class Operation:
         The phase of `evac.base.phases.PHASES` to which its wall time belongs.
     act : callable
         Called without arguments at each tick at which it is due.
-    is_due : callable
-        Its trigger: returns whether it is due, when the operations before it have acted.
+    is_due : callable, optional
+        Its trigger: returns whether it is due, when the operations before it have acted; None: at every tick.
     begin : callable, optional
         Called once, before the first tick, in the order of the list.
     """
@@ -38,7 +33,7 @@ class Operation:
     name: str
     phase: str
     act: Callable[[], object]
-    is_due: Callable[[], bool] = _always
+    is_due: Callable[[], bool] | None = None
     begin: Callable[[], object] | None = None
 
 
@@ -81,8 +76,8 @@ class Loop:
     def begin(self) -> None:
         """Begin the operations that have not begun."""
         for operation in self.operations:
-            begin, operation.begin = operation.begin, None
-            if begin is not None:
+            if operation.begin is not None:
+                begin, operation.begin = operation.begin, None
                 begin()
 
     def advance(self) -> None:
@@ -91,11 +86,12 @@ class Loop:
         simulation, settings = self._simulation, self._settings
         self._end = min(simulation.step + settings.steps_per_tick, settings.last_step)
         self._is_output = self._end % self._steps_per_record == 0
-        for phase, operations in groupby(self.operations, lambda operation: operation.phase):
-            with simulation.phases.enter(phase):
-                for operation in operations:
-                    if operation.is_due():
-                        operation.act()
+        phases = simulation.phases
+        with phases.enter(self.operations[0].phase):
+            for operation in self.operations:
+                if operation.is_due is None or operation.is_due():
+                    phases.turn_to(operation.phase)
+                    operation.act()
 
     def _decide(self) -> None:
         self._simulation.deciding.act(self._simulation.time)

@@ -133,11 +133,11 @@ class Scene:
 
     def apply_waiting(self) -> None:
         """Apply the changes whose time has come, in the order of their times."""
-        due = [change for change in self._waiting if change.time <= self.time + AT_ONCE]
-        if due:
-            self._waiting = [change for change in self._waiting if change not in due]
-            for change in sorted(due, key=lambda one: one.time):
-                self.apply(change)
+        if not self._waiting:
+            return
+        waiting, self._waiting = sorted(self._waiting, key=lambda change: change.time), []
+        for change in waiting:
+            self.apply(change)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the indices of the closed links, and the changes so far and to come as JSON."""

@@ -278,5 +278,5 @@ def test_ticks_charge_their_phases(monkeypatch):
     before = simulation.phases.seconds()
     run_ticks(simulation, 3)
     spent = {name: seconds - before[name] for name, seconds in simulation.phases.seconds().items()}
-    ticks = {"kernels": 1.0, "behaviours": 3.0, "physics": 3.0, "recording": 4.0, "output": 3.0}
+    ticks = {"kernels": 1.0, "behaviours": 3.0, "physics": 3.0, "recording": 4.0}
     assert spent == dict.fromkeys(spent, 0.0) | ticks
