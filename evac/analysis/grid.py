@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
+from evac.building.model.cells import Cells
 
 #: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].
 LEAST_SPACING, MOST_CELLS, MOST_KERNEL = 0.01, 10_000_000, 500
 
 
-class Grid:
+class Grid(Cells):
     """Square cells over one level; cells whose centre is on the floor are used.
-
-    Cells are numbered row by row from the lower left corner of the grid: ``row * nx + column``.
 
     Parameters
     ----------
@@ -29,10 +28,6 @@ class Grid:
 
     Attributes
     ----------
-    shape : (int, int)
-        Number of cells along y and along x.
-    origin : (2,) float64 [m]
-        Lower left corner.
     on_floor : (ny, nx) bool
 
     Raises
@@ -42,27 +37,12 @@ class Grid:
     """
 
     def __init__(self, level: Level, spacing: float, kernel_radius: float) -> None:
-        low_x, low_y, high_x, high_y = level.polygon.bounds
         _check(level, spacing, kernel_radius)
-        self.spacing = spacing
-        self.origin = spacing * np.floor(np.array([low_x, low_y]) / spacing)
-        nx, ny = (
-            max(1, math.ceil((high - low) / spacing)) for high, low in zip((high_x, high_y), self.origin, strict=True)
-        )
-        self.shape = ny, nx
+        super().__init__(level, spacing)
         self._deviation = kernel_radius / math.sqrt(2.0) / spacing  # of the kernel, in cells
-        x = self.origin[0] + spacing * (np.arange(nx) + 0.5)
-        y = self.origin[1] + spacing * (np.arange(ny) + 0.5)
-        self.on_floor: NDArray[np.bool_] = shapely.contains_xy(level.polygon, *np.meshgrid(x, y))
+        self.on_floor: NDArray[np.bool_] = shapely.contains_xy(level.polygon, *self.centres())
         # Share of the kernel around each cell that lies on the floor.
         self._kept = np.maximum(self._smooth(self.on_floor.astype(np.float64)), 0.05)
-
-    def cell(self, position: FloatArray) -> NDArray[np.int64]:
-        """Return the number of the cell of each point (s, 2); points outside the grid are moved to its edge."""
-        ny, nx = self.shape
-        column, row = np.floor((position - self.origin) / self.spacing).astype(np.int64).T
-        cell: NDArray[np.int64] = np.clip(row, 0, ny - 1) * nx + np.clip(column, 0, nx - 1)
-        return cell
 
     def gathered(self, position: FloatArray, values: FloatArray | None = None) -> FloatArray:
         """Return sum_i values_i / k_i of the points in each cell, (ny, nx), for `smoothed`.

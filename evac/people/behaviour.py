@@ -1,13 +1,16 @@
 """Behaviours: what people decide at the tick. The base class of behaviour plugins."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.errors import fault, plugin_code
+from evac.base.change import Change
+from evac.base.errors import ScenarioError, fault, plugin_code
 from evac.base.parameters import Configurable, did_you_mean
+from evac.building.model.cells import LevelField
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
@@ -119,13 +122,19 @@ class BehaviourScene:
     crowd : Crowd
         Read-only except for the behaviour's ``writes``.
     scene : Scene
-        The current building, fields and world, and the number of changes so far: its ``version``.
+        The current building, fields and world, and the changes so far; ``version`` is their number.
     groups : tuple of Group
         ``evac.people.population.Group``: name, rows (int32 array of people), settings (dict of the
         group's keys for this behaviour).
     generator : numpy.random.Generator
         Generator of this behaviour alone, spawned from (seed, name).
     tick : float [s]
+    folder : Path
+        The folder of the case.
+    files : list of Path
+        The files asked for with `file`.
+    level_fields : list of LevelField
+        The fields made with `level_field`.
     """
 
     def __init__(
@@ -136,12 +145,16 @@ class BehaviourScene:
         generator: np.random.Generator,
         tick: float,
         outside: "Outside | None" = None,
+        folder: Path = Path(),
     ) -> None:
         self.crowd = crowd
         self.scene = scene
         self.groups = groups
         self.generator = generator
         self.tick = tick
+        self.folder = folder
+        self.files: list[Path] = []
+        self.level_fields: list[LevelField] = []
         self._outside = outside
 
     @property
@@ -158,6 +171,56 @@ class BehaviourScene:
                 "scene.outside exists only for behaviours that keep distances; set keeps_distance = True"
             )
         return self._outside
+
+    def file(self, name: str) -> Path:
+        """Return the path of a data file of the behaviour, in the folder of the case or below it.
+
+        A run is not resumed if the file has changed since the checkpoint.
+
+        Parameters
+        ----------
+        name : str
+            Name relative to the folder.
+
+        Raises
+        ------
+        ScenarioError
+            There is no such file, or it lies outside of the folder, with links resolved.
+        """
+        path = (self.folder / name).resolve()
+        if not path.is_relative_to(self.folder.resolve()):
+            raise ScenarioError(f"{name!r} is outside of the case's folder, {self.folder}; put a copy into the folder")
+        if not path.is_file():
+            raise ScenarioError(f"{self.folder / name}: no such file; check the path")
+        self.files.append(path)
+        return path
+
+    def level_field(self, name: str, unit: str, spacing: float = 1.0) -> LevelField:
+        """Return a new scalar field on all levels, for example the density of smoke, which only this behaviour writes.
+
+        It is zero at first, recorded in the trajectory at each output time, and part of checkpoints. Others read it
+        from ``scene.scene.fields_of_behaviours``. Call this method in `Behaviour.prepare`.
+
+        Parameters
+        ----------
+        name : str
+            No other behaviour has a field of this name.
+        unit : str
+        spacing : float
+            Side of its square cells [m].
+
+        Raises
+        ------
+        ValueError
+            The name is in use, the run has begun, or the cells are too small.
+        """
+        field = self.scene.add_field(name, unit, spacing)
+        self.level_fields.append(field)
+        return field
+
+    def apply(self, change: Change) -> None:
+        """Change the scene: open or close exits, portals or stairs, now or later; see `Scene.apply`."""
+        self.scene.apply(change)
 
     @property
     def building(self) -> "Building":
@@ -244,12 +307,21 @@ def _views(arrays: Arrays, writable: Sequence[str]) -> Arrays:
     return type(arrays)(**views)
 
 
-def check_written(behaviour: Behaviour, crowd: Crowd, outside: "Outside | None", routes: int, time: float) -> None:
+def check_written(
+    behaviour: Behaviour,
+    fields: Sequence[LevelField],
+    crowd: Crowd,
+    outside: "Outside | None",
+    routes: int,
+    time: float,
+) -> None:
     """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics.
 
     Parameters
     ----------
     behaviour : Behaviour
+    fields : sequence of LevelField
+        Its fields.
     crowd : Crowd
     outside : Outside or None
         The people outside, if there are behaviours that see them.
@@ -276,6 +348,12 @@ def check_written(behaviour: Behaviour, crowd: Crowd, outside: "Outside | None",
             person = int(np.argwhere(is_lost)[0, 0])
             wrong = f"wrote {written[person]} to {place} of person {person}"
             raise fault(what, wrong, f"it must be {_LEGAL[name]}", method)
+    for field in fields:
+        if not isinstance(field.values, np.ndarray) or field.values.shape != (field.size,):
+            raise fault(what, f"replaces the values of its field {field.name!r}", "write them in place", method)
+        if not np.isfinite(field.values).all():
+            wrong = f"wrote {field.values[~np.isfinite(field.values)][0]} to its field {field.name!r}"
+            raise fault(what, wrong, "values must be finite", method)
     if "route" in behaviour.writes:
         lost = np.flatnonzero((crowd.route < 0) | (crowd.route >= routes))
         if len(lost):

@@ -236,12 +236,15 @@ class Checkpoint:
         return differences_of(self.header.made_with, inputs_of(case))
 
     def simulation_differences(self, simulation: Simulation) -> list[str]:
-        """Return what has changed in the building and the kernels, one line per difference."""
-        before, now = self.header.made_with, made_of(simulation)
-        both = before.get("kernel", {}).keys() & now["kernel"].keys()  # a changed case may use others
-        kept = {key: {name: now[key][name] for name in (both if key == "kernel" else now[key])} for key in now}
-        old = {key: {name: before.get(key, {}).get(name, "") for name in kept[key]} for key in kept}
-        return differences_of(old, kept)
+        """Return what has changed in building, kernels and data files of behaviours, one line per difference."""
+        old: dict[str, dict[str, str]] = {}
+        new: dict[str, dict[str, str]] = {}
+        for kind, now in made_of(simulation).items():
+            before = self.header.made_with.get(kind, {})
+            both = before.keys() & now.keys() if kind != "building" else now.keys()  # a changed case may use others
+            old[kind] = {name: before.get(name, "") for name in both}
+            new[kind] = {name: now[name] for name in both}
+        return differences_of(old, new)
 
     def restore(self, simulation: Simulation, case_before: "Case | None" = None) -> None:
         """Restore the state of a simulation, except that of the recorders.

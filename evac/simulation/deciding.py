@@ -59,9 +59,10 @@ class Deciding:
         for behaviour, scene in self._used:
             with naming(source), plugin_code(f"behaviour {behaviour.name!r}: prepare", behaviour, DECLARE):
                 behaviour.prepare(scene)
-            self._check(behaviour, 0.0)
+            self._check(behaviour, scene, 0.0)
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks", behaviour):
                 self.acts[behaviour.name] = behaviour.acts_at_ticks()
+        self._scene.has_begun = True
 
     def act(self, time: float) -> None:
         """Reset speed factors and extra directions, then call the behaviours; after a change of the scene, all."""
@@ -77,10 +78,11 @@ class Deciding:
         for behaviour, scene in self._used if self._is_full else acting:
             with plugin_code(f"t = {time:.3f} s: behaviour {behaviour.name!r}", behaviour, DECLARE):
                 behaviour.act(scene.crowd, time)
-            self._check(behaviour, time)
+            self._check(behaviour, scene, time)
 
-    def _check(self, behaviour: Behaviour, time: float) -> None:
-        check_written(behaviour, self._crowd, self._outside, len(self._scene.fields.routes), time)
+    def _check(self, behaviour: Behaviour, scene: BehaviourScene, time: float) -> None:
+        routes = len(self._scene.fields.routes)
+        check_written(behaviour, scene.level_fields, self._crowd, self._outside, routes, time)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the private arrays of the behaviours, and the states of their generators."""

@@ -33,9 +33,13 @@ def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
 
 
 def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
-    """Return digests of the building, independent of its files, and of the kernels."""
+    """Return digests of the building, independent of its files, of the data files of behaviours, and of the kernels."""
+    folder = simulation.case.folder.resolve()
+    files = [path for _, scene in simulation.behaviours for path in scene.files]
+    data = {path.relative_to(folder).as_posix(): _digest(path) for path in files}
     text = json.dumps({**building_to_json(simulation.building), "closed": []}, sort_keys=True)
-    return {"building": {"": hashlib.sha256(text.encode()).hexdigest()}, "kernel": kernels_of(simulation)}
+    building = hashlib.sha256(text.encode()).hexdigest()
+    return {"building": {"": building}, "data": data, "kernel": kernels_of(simulation)}
 
 
 def kernels_of(simulation: Simulation) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import SavedError, taken
 from evac.building.model.building import Building
+from evac.building.model.cells import LevelField
 from evac.building.model.links import links_named, with_links
 from evac.directions.fields import Fields
 from evac.physics.state import World
@@ -67,6 +69,8 @@ class Scene:
         Simulated time [s]: the beginning of the next tick.
     changes : list of Change
         The changes so far, in order, each with the time at which it took effect.
+    has_begun : bool
+        Whether behaviours are prepared, so that no field can be added.
     """
 
     def __init__(self, ground: Ground, solve: Callable[[Building], Fields] | None = None) -> None:
@@ -75,7 +79,9 @@ class Scene:
         self.time = 0.0
         self.changes: list[Change] = []
         self.ground = ground
+        self.has_begun = False
         self._waiting: list[Change] = []
+        self._owned: dict[str, LevelField] = {}
         self._solve = solve
 
     @property
@@ -139,12 +145,31 @@ class Scene:
         for change in waiting:
             self.apply(change)
 
+    def add_field(self, name: str, unit: str, spacing: float) -> LevelField:
+        """Return a new field for its owner, which writes its values; see `BehaviourScene.level_field`."""
+        if name in self._owned or self.has_begun:
+            why = "the run has begun" if self.has_begun else "it exists already"
+            raise ValueError(f"field {name!r}: {why}; call scene.level_field once for each field, in prepare()")
+        self._owned[name] = LevelField(self.building, name, unit, spacing)
+        return self._owned[name]
+
+    @property
+    def fields_of_behaviours(self) -> Mapping[str, LevelField]:
+        """The fields of all behaviours by name, with read-only views of their values; complete when the run begins."""
+        fields = {}
+        for name, own in self._owned.items():
+            fields[name] = field = copy(own)
+            field.values = own.values.view()
+            field.values.flags.writeable = False
+        return fields
+
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the indices of the closed links, and the changes so far and to come as JSON."""
+        """Return the indices of the closed links, the changes so far and to come as JSON, and the values of fields."""
         rows = {"changes": self.changes, "waiting": self._waiting}
         texts = {name: json.dumps([change.as_row() for change in changes]) for name, changes in rows.items()}
-        state = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
-        return {"closed": np.array(sorted(self.building.closed), dtype=np.int64), **state}
+        state: dict[str, NDArray[Any]] = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
+        state |= {f"field.{name}": field.values.copy() for name, field in self._owned.items()}
+        return state | {"closed": np.array(sorted(self.building.closed), dtype=np.int64)}
 
     def restore(self, state: Mapping[str, NDArray[Any]], time: float) -> None:
         """Restore the arrays that `state` returned at a time [s].
@@ -157,6 +182,9 @@ class Scene:
         closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_links - 1)
         self.time = time
         self.changes, self._waiting = _changes_in(state, "changes"), _changes_in(state, "waiting")
+        for name, field in self._owned.items():
+            if f"field.{name}" in state:  # not if a changed case has added the behaviour
+                field.values[:] = taken(state, f"field.{name}", np.float64, field.values.shape)
         self._become(replace(self.building, closed=frozenset(closed.tolist())))
 
     def _become(self, building: Building) -> bool:

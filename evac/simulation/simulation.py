@@ -312,4 +312,5 @@ class Simulation:
         crowd, groups = crowd_for(behaviour, self.population.crowd), self.population.groups_for(behaviour.name)
         generator = generator_for(self.seed, "behaviour", behaviour.name)
         outside = outside_for(behaviour, self.outside.arrays) if self.outside is not None else None
-        return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick, outside)
+        tick, folder = self.case.simulation.tick, self.case.folder
+        return BehaviourScene(crowd, self.scene, groups, generator, tick, outside, folder)

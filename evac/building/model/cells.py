@@ -1,0 +1,120 @@
+"""Square cells over levels, and scalar fields on the cells of all levels."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Level
+
+#: Least side of the cells of a field [m], and greatest number of cells of all levels.
+LEAST_SPACING, MOST_CELLS = 0.05, 1_000_000
+
+
+class Cells:
+    """Square cells over one level, numbered row by row from the lower left corner: ``row * nx + column``.
+
+    Parameters
+    ----------
+    level : Level
+    spacing : float [m]
+        Side of the cells.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Number of cells along y and along x.
+    origin : (2,) float64 [m]
+        Lower left corner.
+    """
+
+    def __init__(self, level: Level, spacing: float) -> None:
+        low_x, low_y, high_x, high_y = level.polygon.bounds
+        self.spacing = spacing
+        self.origin: FloatArray = spacing * np.floor(np.array([low_x, low_y]) / spacing)
+        nx, ny = (
+            max(1, math.ceil((high - low) / spacing)) for high, low in zip((high_x, high_y), self.origin, strict=True)
+        )
+        self.shape = ny, nx
+
+    def centres(self) -> tuple[FloatArray, FloatArray]:
+        """Return x and y of the centre of each cell, (ny, nx) [m]."""
+        ny, nx = self.shape
+        x = self.origin[0] + self.spacing * (np.arange(nx) + 0.5)
+        y = self.origin[1] + self.spacing * (np.arange(ny) + 0.5)
+        return tuple(np.meshgrid(x, y))  # type: ignore[return-value]
+
+    def cell(self, position: FloatArray) -> NDArray[np.int64]:
+        """Return the number of the cell of each point (s, 2); points outside the grid are moved to its edge."""
+        ny, nx = self.shape
+        column, row = np.floor((position - self.origin) / self.spacing).astype(np.int64).T
+        cell: NDArray[np.int64] = np.clip(row, 0, ny - 1) * nx + np.clip(column, 0, nx - 1)
+        return cell
+
+
+class LevelField:
+    """A scalar on square cells of all levels, such as the density of smoke.
+
+    A behaviour gets its own from `BehaviourScene.level_field` and writes its values; `Trajectory.field` returns what
+    was recorded.
+
+    Parameters
+    ----------
+    building : Building
+    name, unit : str
+    spacing : float [m]
+        Side of the cells.
+    values : (..., m) float64, optional
+        Values of the cells of all levels, one level after the other; zero by default.
+
+    Attributes
+    ----------
+    name, unit, spacing, values
+        As given.
+    size : int
+        Number m of cells.
+    cells : list of Cells
+        Those of each level.
+
+    Raises
+    ------
+    ValueError
+        The cells are too small or too many.
+    """
+
+    def __init__(
+        self, building: Building, name: str, unit: str, spacing: float, values: FloatArray | None = None
+    ) -> None:
+        low = np.array([level.polygon.bounds for level in building.levels])
+        area = float(np.prod(low[:, 2:] - low[:, :2] + 2.0 * spacing, axis=1).sum())
+        if not (LEAST_SPACING <= spacing < math.inf and area <= MOST_CELLS * spacing**2):
+            least = max(LEAST_SPACING, 1.1 * math.sqrt(area / MOST_CELLS))
+            raise ValueError(f"field {name!r}: cells of {spacing:g} m are too small; use {least:.2g} m or more")
+        self.name, self.unit, self.spacing = name, unit, spacing
+        self.cells = [Cells(level, spacing) for level in building.levels]
+        self._start = np.cumsum([0, *(math.prod(cells.shape) for cells in self.cells)])
+        self.size = int(self._start[-1])
+        self.values: FloatArray = np.zeros(self.size) if values is None else values
+
+    def on(self, level: int) -> FloatArray:
+        """Return the values on a level, (..., ny, nx), as a view."""
+        values = self.values[..., self._start[level] : self._start[level + 1]]
+        return values.reshape(*values.shape[:-1], *self.cells[level].shape)
+
+    def at(self, level: Sequence[int] | NDArray[np.integer], position: FloatArray) -> FloatArray:
+        """Return the values in the cells at points in plan, (..., n); 0 for people who are out.
+
+        Parameters
+        ----------
+        level : (n,) int
+            Index of the level of each point; -1 for people who are out.
+        position : (n, 2) [m]
+        """
+        level = np.asarray(level)
+        found = np.zeros((*self.values.shape[:-1], len(level)))
+        for index in np.unique(level[level >= 0]).tolist():
+            on = np.flatnonzero(level == index)
+            found[..., on] = self.values[..., self._start[index] + self.cells[index].cell(position[on])]
+        return found

@@ -1,0 +1,153 @@
+"""What a behaviour can do besides writing to the arrays of people: change the scene, read its files, own fields."""
+
+import textwrap
+
+import numpy as np
+import pytest
+
+import evac
+from evac.base.errors import PluginError, ResultError, ScenarioError
+from evac.results.ending import Stopped
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+SMOKE = """
+    import numpy as np
+    from evac import Behaviour, Change, Parameter
+    evac_interface = 3
+
+    class Smoke(Behaviour):
+        '''Smoke rises as a file says, people walk slowly in it, and a door closes.'''
+        name = "smoke"
+        reads = ("level", "position")
+        writes = ("speed_factor",)
+        file = Parameter("rate.txt", "", "file with the rate of the density")
+
+        def prepare(self, scene):
+            self.scene = scene
+            self.rate = float(scene.file(self.file).read_text())
+            self.field = scene.level_field("smoke", "1/m", 0.5)
+            scene.apply(Change(1.5, "close", "back"))
+
+        def act(self, crowd, time):
+            self.field.on(0)[:, :4] += self.rate
+            crowd.speed_factor[:] = np.exp(-self.field.at(crowd.level, crowd.position))
+            {more}
+
+        def state(self):
+            return {{}}
+"""
+
+CASE = """
+    [building]
+    mesh = "room.obj"
+    exits = [
+        { name = "front", segment = [[5.0, 1.0], [5.0, 2.5]], z = 0.0 },
+        { name = "back", segment = [[0.0, 1.0], [0.0, 2.5]], z = 0.0 },
+    ]
+    [contact]
+    model = "nsm2"
+    [simulation]
+    duration = 4.0
+    [output]
+    every = 0.5
+    picture = false
+    [[people]]
+    name = "people"
+    number = 12
+    level = "floor z=0.00"
+    [behaviours.smoke]
+"""
+
+
+@pytest.fixture
+def smoky(tmp_path):
+    """Return a function that makes a case of a room with two exits, and smoke in its left part."""
+
+    def make(more="pass"):
+        (tmp_path / "smoke.py").write_text(textwrap.dedent(SMOKE.format(more=more)))
+        (tmp_path / "rate.txt").write_text("0.02")
+        (tmp_path / "room.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n")
+        (tmp_path / "case.toml").write_text(CASE)
+        return evac.load(tmp_path / "case.toml", plugin_files=[tmp_path / "smoke.py"])
+
+    return make
+
+
+def test_a_field_slows_people_and_is_seen_by_others_but_written_by_none(smoky):
+    simulation = run_ticks(Simulation(smoky()), 10)
+    field = simulation.scene.fields_of_behaviours["smoke"]
+    assert (field.unit, field.cells[0].shape, field.size) == ("1/m", (8, 10), 80)
+    assert np.allclose(field.on(0)[:, :4], 0.2)
+    assert not field.on(0)[:, 4:].any()
+    places = np.array([[1.9, 1.0], [2.1, 1.0], [1.9, 1.0]])
+    assert field.at([0, 0, -1], places).tolist() == pytest.approx([0.2, 0.0, 0.0])
+    with pytest.raises(ValueError, match="read-only"):
+        field.values[:] = 0.0
+    assert simulation.population.crowd.speed_factor.min() == pytest.approx(np.exp(-0.2))
+
+
+def test_a_run_goes_on_to_the_same_bits_with_its_field_and_changes_to_come(smoky):
+    one, other = Simulation(smoky()), Simulation(smoky())
+    run_ticks(one, 10)
+    other.restore(one.state())
+    for simulation in (one, other):
+        run_ticks(simulation, 15)
+    assert_same_bits(one, other)
+    values = [simulation.scene.fields_of_behaviours["smoke"].values for simulation in (one, other)]
+    assert np.array_equal(*values)
+    assert one.scene.changes == other.scene.changes == [evac.Change(one.scene.changes[0].time, "close", "back")]
+    assert one.scene.changes[0].time == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("self.field.values[3] = np.nan", r"wrote nan to its field 'smoke'.*smoke\.py"),
+        ("self.field.values = np.zeros(3)", r"replaces the values of its field 'smoke'.*in place"),
+        ("self.scene.level_field('more', '')", r"'more': the run has begun.*prepare\(\)"),
+        ("self.scene.scene.fields_of_behaviours['smoke'].values[:] = 1.0", "read-only"),
+    ],
+)
+def test_what_a_behaviour_may_not_do_with_a_field_is_told(smoky, more, words):
+    with pytest.raises(PluginError, match=words):
+        Simulation(smoky(more)).advance_tick()
+
+
+@pytest.mark.parametrize("spacing", [0.0001, float("nan")])
+def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
+    scene = Simulation(smoky(), will_run=False).scene
+    scene.has_begun = False
+    with pytest.raises(ValueError, match=r"'fog'.* use 0\.05 m or more"):
+        scene.add_field("fog", "1/m", spacing)
+    with pytest.raises(ValueError, match=r"'smoke'.* exists"):
+        scene.add_field("smoke", "1/m", 1.0)
+
+
+def test_files_are_read_from_the_folder_of_the_case_only(smoky, tmp_path):
+    smoky()
+    inside = tmp_path / "case"
+    inside.mkdir()
+    for name in ("case.toml", "room.obj", "smoke.py"):
+        (tmp_path / name).rename(inside / name)
+    (inside / "link.txt").symlink_to(tmp_path / "rate.txt")
+    case = evac.load(inside, plugin_files=[inside / "smoke.py"])
+    for name, words in (("../rate.txt", "outside"), ("link.txt", "outside"), ("rate.txt", "no such file")):
+        with pytest.raises(ScenarioError, match=rf"case\.toml: .*{name}.*{words}"):
+            Simulation(case.change({"behaviours.smoke.file": name}), will_run=False)
+
+
+def test_a_run_is_not_resumed_with_other_data(smoky, tmp_path):
+    def stop(progress):
+        if progress.time > 0.9:
+            raise Stopped
+
+    evac.run(smoky(), tmp_path / "r", progress=stop)
+    files = {"plugin_files": [tmp_path / "smoke.py"]}
+    (tmp_path / "rate.txt").write_text("0.03")
+    with pytest.raises(ResultError, match=r"data rate\.txt: \w+ when"):
+        evac.resume(tmp_path / "r", **files)
+    (tmp_path / "other.txt").write_text("0.03")
+    evac.resume(tmp_path / "r", {"behaviours.smoke.file": "other.txt"}, out=tmp_path / "other", **files)
+    (tmp_path / "rate.txt").write_text("0.02")
+    evac.resume(tmp_path / "r", **files)
