@@ -27,3 +27,6 @@ ORDER = 2
 LEAST_RADIUS = 0.01
 #: Greatest radius [m], mass [kg], relaxation time [s] and speed [m/s]: beyond any person, far from overflow.
 MOST_RADIUS, MOST_MASS, MOST_TAU, MOST_SPEED = 10.0, 1e5, 1e4, 100.0
+
+#: Least and greatest body height [m].
+LEAST_HEIGHT, MOST_HEIGHT = 0.3, 3.0

@@ -17,7 +17,17 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from evac.base.defaults import FARTHEST, LEAST_RADIUS, LONGEST_NAME, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.base.defaults import (
+    FARTHEST,
+    LEAST_HEIGHT,
+    LEAST_RADIUS,
+    LONGEST_NAME,
+    MOST_HEIGHT,
+    MOST_MASS,
+    MOST_RADIUS,
+    MOST_SPEED,
+    MOST_TAU,
+)
 from evac.base.distributions import Distribution, distribution_from
 from evac.base.errors import EvacError, is_one_line
 from evac.base.parameters import did_you_mean
@@ -85,6 +95,9 @@ def _within(**bounds: float) -> BeforeValidator:
 
 Radius = Annotated[
     InstanceOf[Distribution], _within(minimum=LEAST_RADIUS, maximum=MOST_RADIUS), PlainSerializer(_as_written)
+]
+Height = Annotated[
+    InstanceOf[Distribution], _within(minimum=LEAST_HEIGHT, maximum=MOST_HEIGHT), PlainSerializer(_as_written)
 ]
 Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_MASS), PlainSerializer(_as_written)]
 Tau = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_TAU), PlainSerializer(_as_written)]

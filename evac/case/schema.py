@@ -9,6 +9,7 @@ from evac.base.distributions import Distribution
 from evac.base.keys import (
     Coordinate,
     Factor,
+    Height,
     Mass,
     Name,
     Point,
@@ -93,6 +94,12 @@ class PeopleSettings(Section):
     """`[presets.NAME]`: properties of people; each quantity is a number or a distribution."""
 
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
+    height: Height = key(
+        "body height, for pictures in three dimensions and VTK; the default is that of adults, men and women in equal "
+        "numbers, after DIN 33402-2:2005, with medians of 1.75 m and 1.625 m",
+        "m",
+        Distribution("normal", (1.69, 0.086), 1.4, 2.05),
+    )
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Tau = key(
         "relaxation time, within which a person approaches the desired velocity",
@@ -157,7 +164,7 @@ class GroupSettings(PeopleSettings):
             self._check_place()
         else:
             self._check_positions(len(self.positions))
-        for quantity in ("radius", "mass", "tau", "speed", "speed_up", "speed_down"):
+        for quantity in ("radius", "height", "mass", "tau", "speed", "speed_up", "speed_down"):
             given = getattr(self, quantity)
             values = given.factor if isinstance(given, Factor) else given
             if values.kind == "list" and len(values.numbers) != self.count:
@@ -204,8 +211,8 @@ class SimulationSettings(Section):
     )
     seed: Whole = key("seed of all random numbers", "", 1, ge=0, le=2**63 - 1)
     population_seed: Whole | None = key(
-        "seed of the properties of people (radius, mass, tau, speeds): runs with different `seed` then place the same "
-        "people elsewhere; if not given, `seed`",
+        "seed of the properties of people (radius, height, mass, tau, speeds): runs with different `seed` then place "
+        "the same people elsewhere; if not given, `seed`",
         "",
         None,
         ge=0,

@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, naming
 from evac.base.saved import FINITE, SavedError, taken
@@ -37,6 +37,7 @@ BEYOND = 10.0
 #: Allowed ranges of the drawn quantities; smaller masses and relaxation times make the models overflow.
 BOUNDS = {
     "radius": (LEAST_RADIUS, MOST_RADIUS),
+    "height": (LEAST_HEIGHT, MOST_HEIGHT),
     "mass": (0.001, MOST_MASS),
     "tau": (1e-6, MOST_TAU),
     "speed": (0.0, MOST_SPEED),
@@ -159,7 +160,7 @@ class Population:
     def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, Any]]:
         """Return the least and greatest value of each array of the crowd."""
         corners = building.vertices[:, :2]
-        own = {name: BOUNDS[name] for name in ("radius", "mass", "tau", "speed")}
+        own = {name: BOUNDS[name] for name in ("radius", "height", "mass", "tau", "speed")}
         return own | {
             "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
             "velocity": (-FINITE, FINITE),
@@ -244,6 +245,7 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
         return values
 
     crowd.radius[rows] = drawn("radius", people.radius)
+    crowd.height[rows] = drawn("height", people.height)
     crowd.mass[rows] = drawn("mass", people.mass)
     crowd.tau[rows] = drawn("tau", people.tau)
     flat = drawn("speed", people.speed)

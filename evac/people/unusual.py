@@ -14,6 +14,7 @@ from evac.physics.state import Crowd
 USUAL = (
     ("speed", "m/s", 0.1, 3.0),
     ("radius", "m", 0.1, 0.5),
+    ("height", "m", 0.7, 2.3),
     ("mass", "kg", 10.0, 200.0),
     ("tau", "s", 0.01, 2.0),
 )

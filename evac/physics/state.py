@@ -44,7 +44,7 @@ class Crowd(Struct):
     position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only. The velocity is that of the
         contact model; the velocity of the actual motion is `Simulation.displacement_velocity`.
     level : (n,) int32, -1 once out. Written by the contact model only.
-    radius, mass, tau : (n,) [m], [kg], [s]
+    radius, height, mass, tau : (n,) [m], [m], [kg], [s]
     speed : (n, 3) desired speeds on the flat, up and down stairs, along the slope [m/s]
     group : (n,) int32
     start_time : (n,) time at which a person starts to walk [s]; written by behaviours
@@ -62,6 +62,7 @@ class Crowd(Struct):
     velocity: Pairs
     level: Ints
     radius: Floats
+    height: Floats
     mass: Floats
     tau: Floats
     speed: Triples
@@ -93,6 +94,7 @@ def make_crowd(
     *,
     level: ArrayLike = 0,
     radius: ArrayLike = 0.2,
+    height: ArrayLike = 1.7,
     mass: ArrayLike = 80.0,
     tau: ArrayLike = 0.5,
     speed: ArrayLike = 0.0,
@@ -105,7 +107,7 @@ def make_crowd(
     position : (n, 2) [m]
     velocity : (n, 2), or one for all [m/s]
     level : (n,), or one for all
-    radius, mass, tau, start_time : (n,), or one for all [m], [kg], [s], [s]
+    radius, height, mass, tau, start_time : (n,), or one for all [m], [m], [kg], [s], [s]
     speed : (n, 3) for flat, up and down, or (n,) or one for all of these [m/s]
     """
     place = np.array(position, dtype=np.float64).reshape(-1, 2)
@@ -120,6 +122,7 @@ def make_crowd(
         velocity=np.array(np.broadcast_to(np.asarray(velocity, dtype=np.float64), (n, 2))),
         level=np.array(np.broadcast_to(np.asarray(level, dtype=np.int32), n)),
         radius=each(radius),
+        height=each(height),
         mass=each(mass),
         tau=each(tau),
         speed=speeds.copy() if speeds.ndim == 2 else np.repeat(each(speeds)[:, None], 3, axis=1),

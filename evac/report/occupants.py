@@ -16,6 +16,7 @@ QUANTITIES = {
     "speed_up": ("desired speed up stairs, along the slope", "m/s", 2),
     "speed_down": ("desired speed down stairs, along the slope", "m/s", 2),
     "radius": ("radius of the body", "m", 3),
+    "height": ("height of the body", "m", 2),
     "mass": ("mass", "kg", 1),
     "tau": ("relaxation time", "s", 2),
 }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.defaults import LEAST_RADIUS
+from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS
 from evac.base.errors import BuildingError, ResultError
 from evac.base.saved import FINITE
 from evac.building.model.building import Building
@@ -226,6 +226,7 @@ def _crowd_of(
         velocity=np.full((n, 2), np.nan),
         level=level,
         radius=table.numbers("radius", LEAST_RADIUS),
+        height=table.numbers("height", LEAST_HEIGHT),
         mass=table.numbers("mass", 0.0),
         tau=table.numbers("tau", 0.0),
         speed=np.column_stack([table.numbers(name, 0.0) for name in ("speed", "speed_up", "speed_down")]),

@@ -3,7 +3,7 @@
 MSC.1/Circ.1533 (2016), annex 3, appendix 1, section 5, requires at least 500 simulations of a case: at least 100
 randomly generated populations, each repeated at least 5 times; the time to report is higher than 95 % of all
 calculated times. If the repetitions vary little, 500 populations with one simulation each may be used instead. In a
-repetition the same people (radius, mass, tau, speeds) start at other positions and make other random decisions.
+repetition the same people (radius, height, mass, tau, speeds) start at other positions and make other random decisions.
 """
 
 import math

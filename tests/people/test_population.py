@@ -93,7 +93,7 @@ def test_what_a_group_draws_depends_on_seed_and_group_alone(make_case, house, fi
         fields(),
         seed=1,
     ).crowd
-    for name in ("radius", "mass", "tau", "speed"):
+    for name in ("radius", "height", "mass", "tau", "speed"):
         assert np.array_equal(getattr(first, name)[20:], getattr(other, name)[:20]), name
         assert not np.array_equal(getattr(first, name)[:20], getattr(first, name)[20:]), name
     again = build_population(make_case(group("a"), group("b")), house, fields(), seed=1).crowd
@@ -105,9 +105,20 @@ def test_what_a_group_draws_depends_on_seed_and_group_alone(make_case, house, fi
 def test_the_quantities_of_a_person_are_independent(make_case, house, fields):
     case = make_case(standing(positions=[[1.0, 1.0]] * 2000, radius={"uniform": [0.2, 0.25]}))
     crowd = build_population(case, house, fields(), seed=1).crowd
-    ranks = stats.spearmanr(np.column_stack([crowd.radius, crowd.mass, crowd.tau, crowd.speed])).statistic
-    assert ranks.shape == (6, 6)
-    assert np.abs(ranks - np.eye(6)).max() < 0.1
+    ranks = stats.spearmanr(np.column_stack([crowd.radius, crowd.height, crowd.mass, crowd.tau, crowd.speed])).statistic
+    assert ranks.shape == (7, 7)
+    assert np.abs(ranks - np.eye(7)).max() < 0.1
+
+
+def test_heights_are_those_of_adults_unless_they_are_given(make_case, house, fields):
+    case = make_case(
+        standing("a", positions=[[1.0, 1.0]] * 2000),
+        standing("b", positions=[[1.0, 1.0]], height={"uniform": [1.0, 1.1]}),
+    )
+    height = build_population(case, house, fields(), seed=1).crowd.height
+    assert height[:2000].mean() == pytest.approx(1.69, abs=0.01)
+    assert np.quantile(height[:2000], [0.05, 0.95]) == pytest.approx([1.55, 1.83], abs=0.02)
+    assert 1.0 <= height[2000] <= 1.1
 
 
 def test_places_in_an_area_depend_on_the_seed(make_case, house, fields):

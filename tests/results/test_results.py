@@ -124,7 +124,12 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
     assert [row["person"] for row in rows] == ["0", "1", "2", "3", "4"]
     assert [row["group"] for row in rows] == ["low", "low", "high", "", "high"]
     crowd = results.crowd
-    for column, values in (("radius", crowd.radius), ("mass", crowd.mass), ("tau", crowd.tau)):
+    for column, values in (
+        ("radius", crowd.radius),
+        ("height", crowd.height),
+        ("mass", crowd.mass),
+        ("tau", crowd.tau),
+    ):
         assert [float(row[column]) for row in rows] == values.tolist()
     for k, column in enumerate(("speed", "speed_up", "speed_down")):
         assert [float(row[column]) for row in rows] == crowd.speed[:, k].tolist()
@@ -135,6 +140,7 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
         "start_y": "3.0",
         "start_level": "floor 1",
         "radius": "0.2",
+        "height": "1.7",
         "mass": "80.0",
         "tau": "0.5",
         "speed": "1.0",
