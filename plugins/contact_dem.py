@@ -120,9 +120,9 @@ def _least(state, own, omega, is_new, speed, onset):
     """
     clock = state.clock
     gain = 0.0
-    if is_new or clock.h_before < clock.step:
+    if is_new or clock.h_before < clock.length:
         gain = min(own.stiffness * omega * onset**2, STANDING * speed**2)
-    return LIKELY * onset**2 - 0.5 * clock.step**2 * gain
+    return LIKELY * onset**2 - 0.5 * clock.length**2 * gain
 
 
 @inner
@@ -203,7 +203,7 @@ def _is_too_stiff(state, own, h, onset):
     within the step; of one with the energy to harden, the one that it reaches at all, for equal steps throughout.
     """
     bodies, contacts, before = state.bodies, state.contacts, state.clock.h_before
-    fine = FINE if MOST_FINE_PARTS * h > state.clock.step else 1.0
+    fine = FINE if MOST_FINE_PARTS * h > state.clock.length else 1.0
     own.hardens = 0
     forget_stiffnesses(contacts, own)
     for c in range(contacts.number):

@@ -156,8 +156,8 @@ def _separate(state):
 def set_clock(state: State, part: int, parts: int) -> None:
     """Set the time and length of a sub-step, and whether contact forces are reported after it."""
     clock = state.clock
-    clock.h = clock.step / parts
-    clock.time = clock.now * clock.step + part * clock.h
+    clock.h = clock.length / parts
+    clock.time = clock.now * clock.length + part * clock.h
     clock.reports = 1 if clock.report_force and clock.now == clock.last - 1 and part == parts - 1 else 0
 
 

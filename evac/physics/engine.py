@@ -78,7 +78,7 @@ class Engine(Protocol):
         """
 
     def advance(
-        self, model: ContactModel, crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
+        self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
     ) -> Events:
         """Make the steps of a tick and return its crossings of portals and exits.
 
@@ -89,8 +89,8 @@ class Engine(Protocol):
             Rows with a negative level are not inside. Position, velocity, level, distance and, on request, contact
             force are written.
         first, steps : int
-            Index of the first step, which starts at ``first * step``, and number of steps.
-        step : float
+            Index of the first step, which starts at ``first * length``, and number of steps.
+        length : float
             Length of a step [s].
         explicit : bool
             Whether the drive is integrated by explicit Euler, as in the paper.
@@ -189,7 +189,7 @@ class CompiledEngine(Engine):
         self._model: ContactModel | None = None
 
     def advance(
-        self, model: ContactModel, crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
+        self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
     ) -> Events:
         """Make `steps` steps from step `first` on and return the crossings of the tick.
 
@@ -201,16 +201,16 @@ class CompiledEngine(Engine):
         self.load(model)
         state, clock = self.state, self.state.clock
         if self._gather(model, crowd):
-            clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
+            clock.now, clock.last, clock.length, clock.parts = first, first + steps, length, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
                 with (
-                    plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}", model),
+                    plugin_code(f"t = {clock.now * length:.3f} s: contact model {model.name!r}", model),
                     self.threads.serving(model),
                 ):
                     found = model.advance(self)
                 if found != status.OK:
-                    self._handle(model, int(found), clock.now * step)
+                    self._handle(model, int(found), clock.now * length)
         state.tally[at.STEPS] += steps
         driver.scatter(crowd, state.bodies)
         return state.events

@@ -1,4 +1,4 @@
-"""The order of bodies in memory: who stands near is near, or who is on the way to an exit comes before who follows."""
+"""The order of bodies in memory: by place, so that neighbours are close to each other, or by travel time to an exit."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from evac.directions.fields import columns_of
 from evac.directions.sampling import sample_travel_times
 from evac.physics.state import Crowd, World
 
-#: Places are told apart on a grid of 1 / PER_METRE [m], which repeats every 2**28 / PER_METRE = 4 km.
+#: Places are rounded to a grid of 1 / PER_METRE [m], which repeats every 2**28 / PER_METRE = 4 km.
 PER_METRE = 65536
 
 #: Shifts and masks that put a zero between any two of the lower 28 bits of a number.

@@ -363,7 +363,7 @@ class Clock(Struct):
     now: int  # index of the step
     last: int  # one past the last
     parts: int  # initial number of parts of the step; greater than 1 if a subdivided step had to be repeated
-    step: float  # [s]
+    length: float  # of a step [s]
     time: float  # at the start of the sub-step [s]
     h: float  # length of the sub-step [s]
     h_before: float  # of the previous one [s], 0: none

@@ -28,25 +28,25 @@ class FreeWalk(Engine):
     def load(self, model, progress=None):
         pass
 
-    def advance(self, model, crowd, first, steps, step, explicit, report):
+    def advance(self, model, crowd, first, steps, length, explicit, report):
         self.events.number = 0
         self.steps += steps
         for now in range(first, first + steps):
             for i in np.flatnonzero(crowd.level >= 0):
-                self._walk(crowd, i, now * step, step)
+                self._walk(crowd, i, now * length, length)
         return self.events
 
-    def _walk(self, crowd, i, time, step):
+    def _walk(self, crowd, i, time, h):
         direction = np.array(desired_direction(self.world, crowd, i))
         speed = desired_speed(self.world, crowd, i, *direction) if time >= crowd.start_time[i] else 0.0
-        crowd.velocity[i] += -np.expm1(-step / crowd.tau[i]) * (speed * direction - crowd.velocity[i])
-        before, way = crowd.position[i].copy(), step * crowd.velocity[i]
+        crowd.velocity[i] += -np.expm1(-h / crowd.tau[i]) * (speed * direction - crowd.velocity[i])
+        before, way = crowd.position[i].copy(), h * crowd.velocity[i]
         crowd.position[i] += way
         share = way_out(self.world, crowd.level[i], *before, *crowd.position[i], 0.0)
         crowd.distance[i] += np.hypot(*way) * (share if share >= 0.0 else 1.0)
         if share >= 0.0:
             k, events = self.events.number, self.events
-            events.row[k], events.kind[k], events.link[k], events.time[k] = i, EXIT, 0, time + share * step
+            events.row[k], events.kind[k], events.link[k], events.time[k] = i, EXIT, 0, time + share * h
             events.number += 1
             crowd.level[i] = -1
 

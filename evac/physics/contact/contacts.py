@@ -30,8 +30,8 @@ def set_reach(bodies, first, last, h, share):
             bodies.reach[i] = floor
         elif bodies.level[i] >= 0:
             free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
-            last = bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
-            bodies.reach[i] = max(share * h * math.sqrt(max(free, last)), floor)
+            before = bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
+            bodies.reach[i] = max(share * h * math.sqrt(max(free, before)), floor)
 
 
 @inner
@@ -105,8 +105,8 @@ def _is_implied(world, near, k, kept):
 
 
 @inner
-def _sort_walls_by_key(near, kept, found):
-    """Return the kept wall of `near` with the smallest wall index; the caller clears its bit."""
+def _first_kept(near, kept, found):
+    """Return the row of `near` with the smallest index of a wall among those whose bits are set in `kept`."""
     best = -1
     for q in range(found):
         if kept & (1 << q) and (best < 0 or near[q, 3] < near[best, 3]):
@@ -140,7 +140,7 @@ def find_contacts(state, first, last):
                 if not _is_implied(world, near, k, kept):
                     kept |= 1 << k
             while kept:
-                k = _sort_walls_by_key(near, kept, found)
+                k = _first_kept(near, kept, found)
                 kept &= ~(1 << k)
                 if used == capacity:
                     return CONTACTS_FULL
@@ -169,7 +169,7 @@ def find_contacts(state, first, last):
 def _pick_near(bodies, lists, found, i):
     """Pick the bodies listed for body i that are within both reaches; return their number.
 
-    Each is written down, and kept by counting it: no processor foresees a branch on who is near.
+    Each body is written, and counted only if it is near: a branch that depends on positions is often mispredicted.
     """
     x, y, r = bodies.position[i, 0], bodies.position[i, 1], greatest_extent(bodies, i) + bodies.reach[i]
     picked = 0

@@ -90,7 +90,7 @@ def _list_pairs(world, bodies, lists, low_body, high_body):
                     dx = bodies.position[j, 0] - x
                     dy = bodies.position[j, 1] - y
                     limit = r + greatest_extent(bodies, j)
-                    # Written in any case, and kept by counting it: no processor foresees a branch that depends on this.
+                    # Written in any case, and counted only if it is near, to save a branch that is often mispredicted.
                     pair_body[used] = j
                     used += (dx * dx + dy * dy < limit * limit) & (j > i)
         _sort(pair_body, first, used)

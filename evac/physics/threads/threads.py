@@ -30,7 +30,7 @@ MOST_BY_DEFAULT = 2
 
 
 def number_of_threads(wanted: int | None, people: int) -> int:
-    """Return how many threads a run of so many people has, at most `wanted` if it is not None.
+    """Return the number of threads for a run with a number of people, at most `wanted` if it is not None.
 
     Raises
     ------
