@@ -8,7 +8,6 @@ write to.
 import errno
 import hashlib
 import os
-import re
 import stat
 import tempfile
 import time
@@ -153,19 +152,15 @@ class Store:
                     os.utime(path)
 
     def prune(self) -> None:
-        """Remove files not used for a long time, files of interrupted processes, and caches of former versions."""
+        """Remove files not used for a long time, and files of interrupted processes."""
         _remove(path for path in self.entries() if _age(path) > UNUSED)
         _remove(path for path in self._files("*.part") if _age(path) > _ABANDONED)
-        with suppress(OSError):
-            for folder in self.folder.parent.iterdir():
-                _remove_former(folder)
 
     def clear(self) -> None:
-        """Remove all kernels and caches of former versions; other files are kept."""
+        """Remove all kernels; other files are kept."""
         _remove([*self.entries(), *self._files("*.part")])
         with suppress(OSError):
             self.folder.rmdir()
-        self.prune()
 
 
 def exposure(path: Path) -> str:
@@ -206,13 +201,3 @@ def _remove(paths: Iterator[Path] | list[Path]) -> None:
     for path in paths:
         with suppress(OSError):
             path.unlink()
-
-
-def _remove_former(folder: Path) -> None:
-    """Remove a cache folder of former versions: named by 16 hexadecimal digits, with index and code files of numba."""
-    if not re.fullmatch("[0-9a-f]{16}", folder.name) or folder.is_symlink() or not folder.is_dir():
-        return
-    inside = sorted(folder.rglob("*"), reverse=True)  # files before their folders
-    if all(path.is_dir() or path.suffix in (".nbi", ".nbc") for path in inside):
-        for path in [*inside, folder]:
-            path.rmdir() if path.is_dir() else path.unlink()

@@ -1,14 +1,11 @@
-"""Driving of pedestrians (eq. 33): desired velocity from the fields, relaxation, and forces at a distance."""
+"""Driving of pedestrians (eq. 33): desired velocity from the fields and relaxation."""
 
 import math
 
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.directions.sampling import column_of, direction_in_cell, node_at, sample_direction
-from evac.jit import AddressCall, call_pair_force, inner, kernel, row
-from evac.physics.extent import extent, greatest_extent
-from evac.physics.seams import touches
+from evac.jit import AddressCall, inner, kernel
 from evac.physics.state import State
-from evac.physics.status import OK
 
 
 @inner
@@ -91,61 +88,6 @@ def set_desired(world, bodies, first, last):
         ex, ey = _with_extra_direction(bodies, i, ex, ey)
         bodies.desired[i, 0] = ex
         bodies.desired[i, 1] = ey
-
-
-@kernel
-def add_forces(state: State) -> int:
-    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``; return the status OK."""
-    bodies, lists, forces = state.bodies, state.lists, state.forces
-    for i in range(bodies.inside):
-        if bodies.level[i] < 0:
-            continue
-        for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
-            j = lists.pair_body[slot]
-            if bodies.level[j] < 0:
-                continue
-            nx = bodies.position[i, 0] - bodies.position[j, 0]
-            ny = bodies.position[i, 1] - bodies.position[j, 1]
-            limit = greatest_extent(bodies, i) + greatest_extent(bodies, j) + forces.farthest
-            square = nx * nx + ny * ny
-            if square >= limit * limit:
-                continue
-            if not touches(
-                state,
-                bodies.level[i],
-                bodies.position[i, 0],
-                bodies.position[i, 1],
-                bodies.level[j],
-                bodies.position[j, 0],
-                bodies.position[j, 1],
-            ):
-                continue
-            nx, ny, distance = unit_normal(nx, ny, square)
-            gap = distance - extent(bodies, i, -nx, -ny) - extent(bodies, j, nx, ny)
-            for f in range(forces.number):
-                if gap >= forces.cutoff[f]:
-                    continue
-                call, given = forces.address[f], row(forces.parameters, f)
-                fx, fy = call_pair_force(call, gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], given)
-                bodies.push[i, 0] += fx
-                bodies.push[i, 1] += fy
-                fx, fy = call_pair_force(call, gap, -nx, -ny, bodies.desired[j, 0], bodies.desired[j, 1], given)
-                bodies.push[j, 0] += fx
-                bodies.push[j, 1] += fy
-    return OK
-
-
-#: Call `add_forces`, or `add_body_forces`, at its address: each is loaded only where there are such forces.
-call_add_forces = AddressCall([State], (int,))
-
-
-@inner
-def unit_normal(nx, ny, square):
-    """Return the unit vector and the length; for coincident centres (1, 0), so that body i is pushed to the right."""
-    distance = math.sqrt(square)
-    if distance > 0.0:
-        return nx / distance, ny / distance, distance
-    return 1.0, 0.0, 0.0
 
 
 @kernel

@@ -19,7 +19,7 @@ from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import keep_percussions, report_contact_force
 from evac.physics.contact.overlaps import call_separate
-from evac.physics.drive import call_add_forces
+from evac.physics.force import call_add_forces
 from evac.physics.motion import add_contact_work
 from evac.physics.phases import build_lists
 from evac.physics.state import CHUNK, DRIVE, FIND, LOOK, MOVE, OPEN, REACH, Bodies, Crowd, State, call_phase

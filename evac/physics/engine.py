@@ -22,14 +22,12 @@ from evac.physics.allocation import (
     make_warm_start,
     no_solver,
 )
-from evac.physics.body_forces import add_body_forces
 from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
 from evac.physics.contact.packing import pack_forces
 from evac.physics.contact.solver import Solver
-from evac.physics.drive import add_forces
-from evac.physics.force import Force
+from evac.physics.force import Force, add_body_forces, add_forces
 from evac.physics.order import rows_by_place, rows_by_travel_time
 from evac.physics.parts import drive_of, entries_of_loop, load_solver, solver_of
 from evac.physics.phases import make_alone

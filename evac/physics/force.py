@@ -1,5 +1,6 @@
-"""Base class of forces other than contact forces: between two people, or on one person."""
+"""Forces at a distance, between two people or on one person: their base class, and the kernels that add them."""
 
+import math
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
@@ -7,6 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.parameters import Configurable
+from evac.jit import AddressCall, call_body_force, call_pair_force, inner, kernel, row
+from evac.physics.contact.contacts import wall_normal
+from evac.physics.contact.neighbours import segment_distance, unit_normal
+from evac.physics.extent import extent, greatest_extent
+from evac.physics.seams import touches
+from evac.physics.state import State
+from evac.physics.status import OK
 
 
 class Force(Configurable, ABC):
@@ -32,3 +40,88 @@ class Force(Configurable, ABC):
     def is_needed(self) -> bool:
         """Return False if the force is zero everywhere and can be omitted."""
         return True
+
+
+#: Call `add_forces`, or `add_body_forces`, at its address: each is loaded only if there are such forces.
+call_add_forces = AddressCall([State], (int,))
+
+
+@kernel
+def add_forces(state: State) -> int:
+    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``; return the status OK."""
+    bodies, lists, forces = state.bodies, state.lists, state.forces
+    for i in range(bodies.inside):
+        if bodies.level[i] < 0:
+            continue
+        ax, ay = bodies.position[i, 0], bodies.position[i, 1]
+        for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
+            j = lists.pair_body[slot]
+            if bodies.level[j] < 0:
+                continue
+            bx, by = bodies.position[j, 0], bodies.position[j, 1]
+            nx, ny = ax - bx, ay - by
+            limit = greatest_extent(bodies, i) + greatest_extent(bodies, j) + forces.farthest
+            square = nx * nx + ny * ny
+            if square >= limit * limit or not touches(state, bodies.level[i], ax, ay, bodies.level[j], bx, by):
+                continue
+            nx, ny, distance = unit_normal(nx, ny, square)
+            gap = distance - extent(bodies, i, -nx, -ny) - extent(bodies, j, nx, ny)
+            for f in range(forces.number):
+                if gap >= forces.cutoff[f]:
+                    continue
+                call, given = forces.address[f], row(forces.parameters, f)
+                fx, fy = call_pair_force(call, gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], given)
+                bodies.push[i, 0] += fx
+                bodies.push[i, 1] += fy
+                fx, fy = call_pair_force(call, gap, -nx, -ny, bodies.desired[j, 0], bodies.desired[j, 1], given)
+                bodies.push[j, 0] += fx
+                bodies.push[j, 1] += fy
+    return OK
+
+
+@kernel
+def add_body_forces(state: State) -> int:
+    """Add the forces on single people to ``bodies.push``; return a status, OK."""
+    bodies, forces = state.bodies, state.body_forces
+    for i in range(bodies.inside):
+        if bodies.level[i] < 0:
+            continue
+        x, y = bodies.position[i, 0], bodies.position[i, 1]
+        vx, vy = bodies.velocity[i, 0], bodies.velocity[i, 1]
+        ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
+        nearest, nx, ny = _nearest_wall(state, i, forces.farthest)
+        for f in range(forces.number):
+            gap, ux, uy = math.inf, 0.0, 0.0
+            if nearest < forces.cutoff[f]:
+                gap, ux, uy = nearest, nx, ny
+            given = row(forces.parameters, f)
+            fx, fy = call_body_force(forces.address[f], x, y, vx, vy, ex, ey, gap, ux, uy, given)
+            bodies.push[i, 0] += fx
+            bodies.push[i, 1] += fy
+    return OK
+
+
+@inner
+def _nearest_wall(state, i, reach):
+    """Return the gap to the nearest wall of body i and the unit vector towards the body; infinity from `reach` on.
+
+    Walls of other levels are reached through portals, as in contacts.
+    """
+    world, bodies, lists = state.world, state.bodies, state.lists
+    x, y = bodies.position[i, 0], bodies.position[i, 1]
+    nearest, nx, ny = greatest_extent(bodies, i) + reach, 0.0, 0.0
+    is_found = False
+    for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
+        w = lists.wall_item[slot]
+        distance, px, py = segment_distance(
+            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
+        )
+        if distance >= nearest or world.wall_open[w]:
+            continue
+        if touches(state, bodies.level[i], x, y, world.wall_level[w], px, py):
+            nx, ny = wall_normal(world, bodies, i, w, x - px, y - py, distance)
+            nearest = distance
+            is_found = True
+    if is_found:
+        return nearest - extent(bodies, i, -nx, -ny), nx, ny
+    return math.inf, 0.0, 0.0

@@ -7,7 +7,6 @@ from evac.base.parameters import did_you_mean
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry, call_body_force, call_pair_force
 from evac.physics import driver
-from evac.physics.body_forces import add_body_forces
 from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
@@ -15,8 +14,8 @@ from evac.physics.contact.packing import check_indices, cutoff_of, packed_row
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.contact.rows import call_solver
 from evac.physics.contact.solver import Solver
-from evac.physics.drive import add_forces, drive, drive_overdamped
-from evac.physics.force import Force
+from evac.physics.drive import drive, drive_overdamped
+from evac.physics.force import Force, add_body_forces, add_forces
 from evac.physics.phases import make_alone
 from evac.physics.seams import reaches
 from evac.physics.state import LoadedSolver

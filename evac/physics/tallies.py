@@ -1,56 +1,8 @@
-"""Names of the tallies: counts, sums and maxima that a run collects.
+"""The tallies: counts, sums and maxima that a run collects.
 
 `State.tally` has the current values, `State.tally_before` those at the start of the step, to undo it.
 """
 
-NAMES = (
-    "steps",
-    "sub_steps",
-    "list_builds",
-    "contacts",
-    "greatest_overlap",
-    "overlap_sum",
-    "overlaps",
-    "solves",
-    "iterations",
-    "greatest_residual",
-    "unconverged_steps",
-    "retried_solves",
-    "position_corrections",
-    "driving_work",
-    "contact_dissipation",
-    "contact_creation",
-    "wall_crossings_prevented",
-    "too_fast_steps",
-    "greatest_speed",
-    "elastic_fallbacks",
-    "too_stiff_steps",
-    "failed_position_corrections",
-    "repeated_searches",
-    "hardened_contacts",
-    "failed_solves",
-    "deepest_time",
-    "deepest_person",
-    "deepest_level",
-    "deepest_x",
-    "deepest_y",
-)
-
-#: Tallies that are not counts.
-MEASURES = {
-    "greatest_overlap",
-    "overlap_sum",
-    "greatest_residual",
-    "driving_work",
-    "contact_dissipation",
-    "contact_creation",
-    "greatest_speed",
-}
-
-#: Time [s] and place of the largest overlap, reported by `Engine.deepest_overlap`.
-DEEPEST = ("deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")
-
-#: Indices of the tallies.
 (
     STEPS,
     SUB_STEPS,
@@ -82,4 +34,21 @@ DEEPEST = ("deepest_time", "deepest_person", "deepest_level", "deepest_x", "deep
     DEEPEST_LEVEL,
     DEEPEST_X,
     DEEPEST_Y,
-) = range(len(NAMES))
+) = range(30)
+
+#: Names of the tallies, in order.
+NAMES = tuple(name.lower() for name in [*globals()] if name.isupper())
+
+#: Tallies that are not counts.
+MEASURES = {
+    "greatest_overlap",
+    "overlap_sum",
+    "greatest_residual",
+    "driving_work",
+    "contact_dissipation",
+    "contact_creation",
+    "greatest_speed",
+}
+
+#: Time [s] and place of the largest overlap, reported by `Engine.deepest_overlap`.
+DEEPEST = ("deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")

@@ -7,8 +7,7 @@ implies its constraint, since keeping it would push people sideways at joints of
 import math
 
 from evac.jit import inner
-from evac.physics.contact.neighbours import segment_distance
-from evac.physics.drive import unit_normal
+from evac.physics.contact.neighbours import segment_distance, unit_normal
 from evac.physics.extent import extent, greatest_extent
 from evac.physics.seams import touches
 from evac.physics.state import TAKE, call_phase

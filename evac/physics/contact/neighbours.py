@@ -5,6 +5,8 @@ the skin or has changed its level. Kernels select entries by current distances, 
 lists were built.
 """
 
+import math
+
 from evac.jit import inner
 from evac.physics.contact.cells import line_at, sort_by_level
 from evac.physics.extent import greatest_extent
@@ -24,6 +26,15 @@ def segment_distance(x1, y1, x2, y2, px, py):
     nx = x1 + share * dx
     ny = y1 + share * dy
     return ((px - nx) ** 2 + (py - ny) ** 2) ** 0.5, nx, ny
+
+
+@inner
+def unit_normal(nx, ny, square):
+    """Return the unit vector and the length; for coincident centres (1, 0), so that body i is pushed to the right."""
+    distance = math.sqrt(square)
+    if distance > 0.0:
+        return nx / distance, ny / distance, distance
+    return 1.0, 0.0, 0.0
 
 
 @inner

@@ -8,9 +8,7 @@ import pytest
 from evac.base.errors import PluginError
 from evac.base.parameters import Parameter
 from evac.jit import body_force, pair_force
-from evac.physics.body_forces import add_body_forces
-from evac.physics.drive import add_forces
-from evac.physics.force import Force
+from evac.physics.force import Force, add_body_forces, add_forces
 from evac.physics.state import make_crowd
 from evac.physics.world import set_open
 from evac_plugins.contact_dem import Dem
