@@ -53,9 +53,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result
     from evac.report.of_run import run_report
-    from evac.report.page import Labels, write_page
-    from evac.report.study import study_report
-    from evac.report.study_files import is_study
+    from evac.report.pages import Labels, write_page
+    from evac.report.study import is_study, study_report
 
     folder = find_result(arguments.result)
     check_result(folder)

@@ -3,7 +3,9 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from evac.report.html import Cell, Html, Section, joined, link, paragraph, table
+from markupsafe import Markup
+
+from evac.report.templates import Cell, Section, section
 
 
 @dataclass(frozen=True)
@@ -87,15 +89,8 @@ def checklist_section(numbers: dict[str, str], lacking: Collection[str] = ()) ->
     lacking : collection of str
         Contents that sections lack.
     """
-    intro = paragraph(
-        "The list follows the chapter on documentation of the RiMEA guideline (Guideline for Microscopic Evacuation"
-        " Analysis, version 4.1.1). It is our reading of the guideline in our own words, not a quotation; the author"
-        " must compare it with the guideline."
-    )
     rows = [(str(number), point.words, *_where(point, numbers, lacking)) for number, point in enumerate(POINTS, 1)]
-    columns = ("no.", "required content", "in this report", "to be added by the author")
-    caption = "Numbers of sections and letters of appendices"
-    return Section("checklist", "Checklist of the documentation", (intro, table(caption, columns, rows)))
+    return section("checklist", "Checklist of the documentation", rows=rows)
 
 
 def _where(point: Point, numbers: dict[str, str], lacking: Collection[str]) -> tuple[Cell, str]:
@@ -108,6 +103,5 @@ def _where(point: Point, numbers: dict[str, str], lacking: Collection[str]) -> t
     return Cell(_links(present, numbers), "open" if left else "good"), left or "nothing"
 
 
-def _links(sections: Sequence[str], numbers: dict[str, str]) -> Html:
-    linked = [link(section, numbers[section]) for section in sections]
-    return joined(linked[0], *(joined(", ", one) for one in linked[1:]))
+def _links(sections: Sequence[str], numbers: dict[str, str]) -> Markup:
+    return Markup(", ").join(Markup('<a href="#{}">{}</a>').format(one, numbers[one]) for one in sections)

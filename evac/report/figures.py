@@ -1,9 +1,10 @@
 """The pictures of a report, as parts of the page."""
 
+import base64
 import io
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 from matplotlib.figure import Figure
@@ -17,7 +18,6 @@ from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.map_pictures import draw_map
 from evac.pictures.pictures import Curve, curves_figure, new_axes
-from evac.report.html import Html, picture
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
@@ -27,15 +27,40 @@ PLANS = (6.8, 7.6)
 DPI = 150
 
 
-def drawing(figure: Figure, caption: str, words: str) -> Html:
+class Picture(NamedTuple):
+    """A figure whose picture is part of the page.
+
+    Attributes
+    ----------
+    source : str
+        Address that contains the picture.
+    caption : str
+    words : str
+        What it shows, for those who cannot see it.
+    kind : str
+        ``"drawing"``, or ``"map"``, of which a printed page has two.
+    """
+
+    source: str
+    caption: str
+    words: str
+    kind: str
+
+
+def _picture(file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing") -> Picture:
+    data = base64.b64encode(file.getvalue()).decode()
+    return Picture(f"data:image/{kind};base64,{data}", caption, words, class_)
+
+
+def drawing(figure: Figure, caption: str, words: str) -> Picture:
     """Return a figure of lines as a drawing that is sharp at any size; the same figure gives the same bytes."""
     file = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "evac"}):
         figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.03)
-    return picture(file.getvalue(), "svg+xml", caption, words)
+    return _picture(file, "svg+xml", caption, words)
 
 
-def plans(building: Building) -> Html:
+def plans(building: Building) -> Picture:
     """Return the plans of all storeys, with the names and widths of exits, portals and areas."""
     figure = levels_figure(building, title=None, greatest=PLANS)
     caption = (
@@ -46,7 +71,7 @@ def plans(building: Building) -> Html:
     return drawing(figure, caption, "plans of the storeys")
 
 
-def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Html:
+def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Picture:
     """Return the egress curve of one run."""
     figure = curves_figure("", people, end, everybody, groups, sizes)
     time, number = everybody
@@ -72,7 +97,7 @@ def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve
     return drawing(figure, caption, "egress curve")
 
 
-def egress_over_runs(people: int, columns: Mapping[str, FloatArray], caption: str) -> Html:
+def egress_over_runs(people: int, columns: Mapping[str, FloatArray], caption: str) -> Picture:
     """Return mean and percentiles over runs of the number of people out.
 
     Parameters
@@ -100,7 +125,7 @@ def egress_over_runs(people: int, columns: Mapping[str, FloatArray], caption: st
 
 def map_picture(
     trajectory: Trajectory, quantity: str, maps: Mapping[str, LevelMaps], caption: str, places: Sequence[Place] = ()
-) -> Html:
+) -> Picture:
     """Return the map of one quantity, with the numbers of congested places."""
     figure = draw_map(trajectory, quantity, maps, dpi=DPI)
     shown = storeys(trajectory.building)
@@ -113,4 +138,4 @@ def map_picture(
                 axes.text(place.x, place.y, str(number), color=palette.CLOSED, bbox=mark, zorder=9, **style)
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)
-    return picture(file.getvalue(), "png", caption, caption, "map")
+    return _picture(file, "png", caption, caption, "map")

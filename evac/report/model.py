@@ -6,8 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from evac.report.html import Html, Section, element, facts, heading, paragraph
-from evac.report.occupants import told
+from evac.report.templates import APPENDIX, Section, section, told
 from evac.results.record import CaseTable
 
 #: What keys of [simulation] and [directions] are.
@@ -42,48 +41,19 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
     command : str
         That repeats it, once the case of the appendix is in ``case.toml``.
     """
-    simulation = {_named(key): told(value) for key, value in case.simulation.items() if key != "seed"}
-    forces = {name: told(values) for name, values in case.forces.items() if values is not False}
-    parts = [
-        paragraph(
-            "evac is a microscopic model: each person is a disc that moves in the plan of its level. People walk"
-            " towards the exits of their group in the direction of least travel time, which is computed by fast"
-            " marching for each level and route, and approach their desired velocity within the relaxation time. A"
-            " contact model computes the forces between bodies that touch. Equations and sources are in"
-            " docs/physics.md of evac."
-        ),
-        facts(
-            {
-                "program": f"evac {versions.get('evac', '')}",
-                "contact model": case.model,
-                "seed": seed,
-            }
-        ),
-        _parameters(
-            "Parameters of the contact model, in SI units", {key: told(v) for key, v in case.model_parameters.items()}
-        ),
-        _parameters("Forces between people at a distance, in SI units", forces)
-        if forces
-        else paragraph("No force acts at a distance."),
-        _parameters("Time and scheme", simulation),
-        _parameters(
-            "Travel times and directions", {_named(key): told(value) for key, value in case.directions.items()}
-        ),
-        facts(versions, "Versions"),
-        paragraph("Plugins used: ", ", ".join(plugins), "."),
-        heading("How to repeat the analysis"),
-        paragraph(
-            "Save the case of ",
-            element("a", "the appendix", href="#case"),
-            f" as case.toml in the folder of {case.building.mesh or 'the building'}, and run",
-        ),
-        element("pre", command),
-        paragraph(
-            "With the versions above and on the same kind of processor, the results are identical to the last bit.",
-            class_="small",
-        ),
-    ]
-    return Section("model", "Model, parameters and versions", tuple(parts))
+    return section(
+        "model",
+        "Model, parameters and versions",
+        case=case,
+        seed=seed,
+        parameters={key: told(value) for key, value in case.model_parameters.items()},
+        forces={name: told(values) for name, values in case.forces.items() if values is not False},
+        simulation={_named(key): told(value) for key, value in case.simulation.items() if key != "seed"},
+        directions={_named(key): told(value) for key, value in case.directions.items()},
+        versions=versions,
+        plugins=plugins,
+        command=command,
+    )
 
 
 def _named(key: str) -> str:
@@ -91,14 +61,9 @@ def _named(key: str) -> str:
     return f"{WORDS[key]} ({key})" if key in WORDS else key
 
 
-def _parameters(caption: str, values: Mapping[str, str]) -> Html:
-    return facts(values, caption)
-
-
 def case_section(case: Mapping[str, Any]) -> Section:
     """Return the appendix with the whole case."""
-    text = element("pre", case_text(case), class_="case")
-    return Section("case", "Appendix: the case", (paragraph("Every key with its value, defaults included."), text))
+    return section("case", f"{APPENDIX}the case", text=case_text(case))
 
 
 def case_text(case: Mapping[str, Any]) -> str:

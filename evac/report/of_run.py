@@ -6,11 +6,10 @@ from pathlib import Path
 from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
 from evac.report.building import building_section
 from evac.report.congestion import MAPS, congestion_sections
-from evac.report.html import Section
-from evac.report.limits import limits_section, warnings_section
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
-from evac.report.page import BLANK, Head, Labels, assessment_section, files_section, page
+from evac.report.pages import BLANK, Head, Labels, files_section, page
+from evac.report.templates import Section, section
 from evac.report.times import times_section
 from evac.report.verification import evidence_section, verification_section
 from evac.results.reading import read_results
@@ -62,9 +61,9 @@ def run_report(
         verification_section(summary.table, summary.keeps_distance),
         times_section(run),
         *congestion_sections(run, density, least_time, maps),
-        warnings_section(quality_of(run), summary.warnings),
-        assessment_section(),
-        limits_section(is_study=False),
+        section("warnings", "Warnings", quality=quality_of(run), before=summary.warnings, is_study=False),
+        section("assessment", "Assessment"),
+        section("limits", "Limits of use", is_study=False),
         evidence_section(),
         case_section(run.settings),
         files_section(folder, RESULT_FILES),

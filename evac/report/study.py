@@ -1,52 +1,70 @@
-"""The report of a study: many runs of a case, from the files of its folder."""
+"""The report of a study: many runs of a case."""
 
 import csv
 import io
 import json
+import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pydantic import Field
 
+from evac.base.arrays import FloatArray
+from evac.base.errors import ResultError
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
+from evac.folder.reading import checked, read_columns, read_json
 from evac.report import figures
 from evac.report.building import building_section
 from evac.report.congestion import MAPS, congestion_sections
-from evac.report.html import Cell, Html, Section, element, fixed, heading, items, note, paragraph, table
-from evac.report.limits import limits_section, warnings_section
 from evac.report.model import case_section, model_section
-from evac.report.occupants import occupants_section, told
-from evac.report.page import BLANK, Head, Labels, assessment_section, files_section, page
-from evac.report.study_files import (
-    EXIT_LAST,
-    EXIT_PEOPLE,
-    EstimateTable,
-    PointTable,
-    StatisticsTable,
-    StudyFiles,
-    StudySummary,
-    check_member,
-    numbers,
-    read_study,
-)
-from evac.report.times import place_tables
+from evac.report.occupants import occupants_section
+from evac.report.pages import BLANK, Head, Labels, files_section, page
+from evac.report.templates import APPENDIX, Cell, Section, fixed, section, told
+from evac.report.times import place_rows
 from evac.report.verification import evidence_section, verification_section
 from evac.results.ending import FAILED
 from evac.results.reading import read_results
+from evac.results.record import CaseTable, Record
 from evac.results.results import Results
+from evac.study.convergence import convergence, settled
+from evac.study.outputs import curves, parameter_keys
+from evac.study.statistics import Estimate, Statistics
+from evac.study.study import Study
 
 #: Percentiles over runs of what exits have [%].
 PERCENTILES = (5, 50, 95)
 
-#: So many runs are listed one by one; the others are in runs.csv.
+#: Greatest number of runs that are listed one by one; the others are in runs.csv.
 MOST_LISTED = 100
 
-#: So many seeds are listed in a line.
+#: Greatest number of seeds in a line.
 MOST_SEEDS = 20
 
 #: A number in a warning; warnings that differ by numbers alone are told once.
 NUMBER = re.compile(r"\d+(\.\d+)?")
+
+
+#: Columns of the rows of runs that a report shows.
+ROW = ("point", "run", "seed", "ended", "people", "out", "last_out", "quality_warnings")
+
+
+class StudySummary(Record):
+    """What the summary of a study contains besides its numbers, which are those of its rows."""
+
+    title: str
+    plugins: list[str]
+    versions: dict[str, str]
+    keeps_distance: list[str]
+    table: CaseTable = Field(alias="case")
+
+
+def is_study(folder: Path) -> bool:
+    """Return whether a folder is that of a study."""
+    return (folder / STATISTICS_NAME).is_file() and (folder / RUNS_NAME).is_file()
 
 
 def study_report(
@@ -75,17 +93,24 @@ def study_report(
     ResultError
         A file is missing or damaged, or a run is none of the study.
     """
-    study = read_study(folder)
-    summary = study.summary
+    study = Study.read(folder)
+    data = read_json(folder / SUMMARY_NAME)
+    summary = checked(StudySummary, data, folder / SUMMARY_NAME)
     shown = [read_results(path) for path in runs]
     for run in shown:
-        check_member(study, run)
+        check_member(study, data["case"], run)
     first = shown[0] if shown else None
-    seeds = sorted({int(seed) for seed in study.runs["seed"]})
+    rows = list(study.rows(columns=ROW, failed=True))
     sections = [
         building_section(first),
         occupants_section(summary.table, first),
-        model_section(summary.table, summary.versions, summary.plugins, _ranges(seeds), _command(summary)),
+        model_section(
+            summary.table,
+            summary.versions,
+            summary.plugins,
+            _ranges(sorted({row["seed"] for row in rows})),
+            _command(study),
+        ),
         verification_section(summary.table, summary.keeps_distance),
         *_points(study),
         _statistics(study),
@@ -95,18 +120,32 @@ def study_report(
             for number, run in enumerate(shown, 1)
             for section in _of_run(run, number, density, least_time, maps)
         ),
-        _warnings(study),
-        assessment_section(),
-        limits_section(is_study=True),
-        _runs(study),
+        section("warnings", "Warnings", quality=_warnings(rows), is_study=True),
+        section("assessment", "Assessment"),
+        section("limits", "Limits of use", is_study=True),
+        _runs(study, rows),
         evidence_section(),
-        case_section(study.case),
+        case_section(data["case"]),
         files_section(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME)),
     ]
-    head = Head(
-        summary.title or folder.name, f"Evacuation analysis: {summary.runs} runs", _banner(summary), _results(study)
-    )
+    title = summary.title or folder.name
+    head = Head(title, f"Evacuation analysis: {len(rows)} runs", _banner(study), _results(study, rows))
     return page(head, labels, sections, f"evac {summary.versions.get('evac', '')}")
+
+
+def check_member(study: Study, case: Mapping[str, Any], run: Results) -> None:
+    """Refuse a run that is none of the first point of a study with a case."""
+    place = f"{run.folder}: is no run of {study.folder}"
+    row = next((row for row in study.rows(0, ("seed", "last_out"), failed=True) if row["seed"] == run.seed), None)
+    if row is None:
+        raise ResultError(f"{place}: its seed {run.seed} is none of those of the first point")
+    for key in ("people", "building", "contact", "forces", "behaviours", "directions"):
+        if run.settings.get(key) != case.get(key):
+            raise ResultError(f"{place}: [{key}] of its case differs; run the case of the study with that seed")
+    found = run.last_out if run.is_complete else None
+    if row["last_out"] != found:
+        there, here = ("at no time" if time is None else f"at {time} s" for time in (row["last_out"], found))
+        raise ResultError(f"{place}: with seed {run.seed} the last person leaves {there} there and {here} here")
 
 
 def _ranges(seeds: Sequence[int]) -> str:
@@ -116,9 +155,9 @@ def _ranges(seeds: Sequence[int]) -> str:
     return _listed([str(seed) for seed in seeds])
 
 
-def _command(summary: StudySummary) -> str:
+def _command(study: Study) -> str:
     """Return the command that repeats a study."""
-    rule = summary.rule
+    rule = study.rule
     number = f"--runs {rule.most}"
     if rule.until is not None:
         number = (
@@ -126,166 +165,163 @@ def _command(summary: StudySummary) -> str:
         )
     if rule.repetitions > 1:
         number += f" --repetitions {rule.repetitions}"
-    if len(summary.points) == 1 and not summary.points[0].parameters:
+    if len(study.points) == 1 and not study.points[0].parameters:
         return f"evac repeat case.toml {number} --out STUDY"
     return f"evac sweep case.toml --table points.csv {number} --out STUDY"
 
 
-def _banner(summary: StudySummary) -> str:
-    told = []
-    if summary.failed:
-        told.append(f"{summary.failed} of {summary.runs} runs failed and are in no statistic.")
-    if summary.blocked:
-        runs = summary.runs - summary.failed
-        told.append(
-            f"{summary.blocked} of {runs} runs ended with people inside; their evacuation time counts as infinite."
-        )
-    return " ".join(told)
+def _counts(study: Study) -> tuple[int, int, int]:
+    """Return the number of runs that have not failed, of blocked and of failed ones."""
+    found = [(one.runs, one.blocked, one.failed) for one in study.statistics]
+    runs, blocked, failed = map(sum, zip(*found, strict=True))
+    return runs, blocked, failed
 
 
-def _interval(one: EstimateTable, is_blocked: bool = False) -> str:
+def _banner(study: Study) -> str:
+    runs, blocked, failed = _counts(study)
+    lines = []
+    if failed:
+        lines.append(f"{failed} of {runs + failed} runs failed and are in no statistic.")
+    if blocked:
+        lines.append(f"{blocked} of {runs} runs ended with people inside; their evacuation time counts as infinite.")
+    return " ".join(lines)
+
+
+def _interval(one: Estimate, is_blocked: bool = False) -> str:
     """Return an estimate with its interval."""
-    if one.value is None:
+    if not math.isfinite(one.value):
         return "not reached" if is_blocked else "-"
-    if one.low is None and one.high is None:
+    bounds = [fixed(bound, 1) for bound in (one.low, one.high)]
+    if bounds == [None, None]:
         return f"{one.value:.1f} s"
-    low = "open" if one.low is None else f"{one.low:.1f}"
-    high = "open" if one.high is None else f"{one.high:.1f}"
-    return f"{one.value:.1f} s ({low} to {high})"
+    return f"{one.value:.1f} s ({' to '.join(bound or 'open' for bound in bounds)})"
 
 
-def _mean(one: EstimateTable) -> str:
+def _mean(one: Estimate) -> str:
     """Return the mean with its interval, or with the reason why it has none."""
-    told = f"{_interval(one)}, with 95 % interval" if one.low is not None else _interval(one)
-    return f"{told}; {one.note}" if one.note else told
+    words = f"{_interval(one)}, with 95 % interval" if math.isfinite(one.low) else _interval(one)
+    return f"{words}; {one.note}" if one.note else words
 
 
-def _change(one: EstimateTable) -> str:
+def _change(one: Estimate) -> str:
     """Return a difference with its interval, or with the reason why it has none."""
-    if one.value is None:
+    if not math.isfinite(one.value):
         return one.note or "-"
-    reach = "" if one.low is None or one.high is None else f" ({one.low:+.2f} to {one.high:+.2f})"
+    reach = f" ({one.low:+.2f} to {one.high:+.2f})" if math.isfinite(one.low + one.high) else ""
     return f"{one.value:+.2f} s{reach}{'; ' if one.note else ''}{one.note}"
 
 
-def _results(study: StudyFiles) -> dict[str, object]:
+def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, object]:
     """Return the main results, which open the report: of the only point, or how many there are."""
-    summary = study.summary
-    results: dict[str, object] = {"Number of runs": str(summary.runs)}
-    if len(summary.points) > 1:
-        results["Variants"] = f"{len(summary.points)}, see below"
+    runs, blocked, failed = _counts(study)
+    results: dict[str, object] = {"Number of runs": str(len(rows))}
+    if len(study.points) > 1:
+        results["Variants"] = f"{len(study.points)}, see below"
     else:
-        one = summary.points[0].statistics
+        one = study.statistics[0]
+        people = sorted({row["people"] for row in rows if row["ended"] != FAILED})
         results |= {
-            "People": ", ".join(sorted({study.runs["people"][row] for row in study.finished(0)}, key=int)),
+            "People": ", ".join(map(str, people)),
             "Evacuation time, mean of complete runs": _mean(one.mean),
             **{
                 f"Evacuation time, {estimate.name}": _interval(estimate, bool(one.blocked))
                 for estimate in one.percentiles
             },
         }
-    if summary.step_change is not None:
-        results["Change of the mean with half the time step"] = _change(summary.step_change)
-    if summary.failed:
-        results["Failed runs"] = f"{summary.failed} of {summary.runs}"
-    results["Blocked runs"] = f"{summary.blocked} of {summary.runs - summary.failed}"
-    warned = sum(bool(text) for text in study.runs["quality_warnings"])
-    results["Runs with quality warnings"] = f"{warned} of {summary.runs}"
+    if study.step_change is not None:
+        results["Change of the mean with half the time step"] = _change(study.step_change)
+    if failed:
+        results["Failed runs"] = f"{failed} of {runs + failed}"
+    results["Blocked runs"] = f"{blocked} of {runs}"
+    results["Runs with quality warnings"] = f"{sum(bool(row['quality_warnings']) for row in rows)} of {len(rows)}"
     return results
 
 
-def _points(study: StudyFiles) -> Iterator[Section]:
+def _points(study: Study) -> Iterator[Section]:
     """Yield the section on the points of a sweep."""
-    points = study.summary.points
-    keys = list(dict.fromkeys(key for point in points for key in point.parameters))
+    keys = parameter_keys(study)
     if not keys:
         return
     rows = [
         (
-            str(number),
+            str(point.index),
             *(told(point.parameters[key]) if key in point.parameters else None for key in keys),
-            point.statistics.runs,
-            point.statistics.blocked,
-            _interval(point.statistics.mean),
-            *(_interval(one, bool(point.statistics.blocked)) for one in point.statistics.percentiles),
+            one.runs,
+            one.blocked,
+            _interval(one.mean),
+            *(_interval(estimate, bool(one.blocked)) for estimate in one.percentiles),
         )
-        for number, point in enumerate(points)
+        for point, one in zip(study.points, study.statistics, strict=True)
     ]
-    names = [one.name for one in points[0].statistics.percentiles]
-    columns = ("point", *keys, "runs", "blocked", "mean [s]", *names)
-    words = paragraph(
-        "Each variant (point) of the study has other values of the keys below; all points have the same seeds."
-    )
-    found = table("Evacuation time at each point", columns, rows)
-    file = paragraph("Content of points.csv for the command that repeats the study:")
-    yield Section("points", "Variants", (words, found, file, element("pre", points_file(keys, points))))
+    names = [one.name for one in study.statistics[0].percentiles]
+    columns = ["point", *keys, "runs", "blocked", "mean [s]", *names]
+    yield section("points", "Variants", columns=columns, rows=rows, file=_points_file(study, keys))
 
 
-def points_file(keys: Sequence[str], points: Sequence[PointTable]) -> str:
+def _points_file(study: Study, keys: Sequence[str]) -> str:
     """Return the parameters of points as evac sweep --table reads them."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(keys)
-    for point in points:
+    for point in study.points:
         values = (point.parameters.get(key, "") for key in keys)
         writer.writerow([value if isinstance(value, str) else json.dumps(value) for value in values])
     return file.getvalue()
 
 
-def _statistics(study: StudyFiles) -> Section:
+def _statistics(study: Study) -> Section:
     """Return the section on evacuation times over runs."""
-    parts: list[Html] = [
-        paragraph(
-            "The evacuation time of a run is the time at which the last person leaves. All statistics are over runs,"
-            " not over people. The time of a run that ends with people inside counts as infinite; the mean is that of"
-            " the other runs. Intervals have a confidence level of 95 %."
+    egress = _egress(study)
+    points = []
+    for point, one in zip(study.points, study.statistics, strict=True):
+        measures = settled(convergence(curves(study, point.index)))
+        points.append(
+            {
+                "name": ", ".join(f"{key} = {told(value)}" for key, value in point.parameters.items()),
+                "rows": _statistics_rows(one),
+                "picture": _egress_picture(study, egress, point.index) if one.runs else None,
+                "settled": list(measures.items()),
+            }
         )
-    ]
-    is_single = len(study.summary.points) == 1
-    for number, point in enumerate(study.summary.points):
-        if not is_single:
-            named = ", ".join(f"{key} = {told(value)}" for key, value in point.parameters.items())
-            parts.append(heading(f"Point {number}: {named}"))
-        parts.append(_statistics_table(point.statistics))
-        if study.finished(number):
-            parts.append(_egress(study, number))
-        if point.settled:
-            settled = [(name, runs) for name, runs in point.settled.items()]
-            caption = (
-                "Convergence after Ronchi, Reneke and Peacock (2014): number of runs after which a measure stayed below"
-                " its bound ten times in a row; a dash if it has not converged"
-            )
-            parts.append(table(caption, ("measure", "converged after runs"), settled))
-    return Section("statistics", "Evacuation times over runs", tuple(parts))
+    return section("statistics", "Evacuation times over runs", points=points)
 
 
-def _statistics_table(one: StatisticsTable) -> Html:
+def _statistics_rows(one: Statistics) -> list[tuple[object, ...]]:
     blocked = f"{100.0 * one.blocked_low:.1f} to {100.0 * one.blocked_high:.1f} %"
-    greatest = "not reached" if one.greatest is None and one.blocked else fixed(one.greatest, 1)
     rows: list[tuple[object, ...]] = [
         ("runs", one.runs, None, None),
         ("blocked runs", one.blocked, blocked, "interval of the share"),
         ("minimum [s]", fixed(one.least, 1), None, None),
     ]
+    missing = "not reached" if one.blocked else None
     for estimate in (one.mean, *one.percentiles):
-        bounds = [fixed(bound, 1) or "open" for bound in (estimate.low, estimate.high)]
-        interval = None if estimate.low is None and estimate.high is None else " to ".join(bounds)
-        value = fixed(estimate.value, 1) or ("not reached" if one.blocked else None)
-        rows.append((f"{estimate.name} [s]", value, interval, estimate.note))
+        bounds = [fixed(bound, 1) for bound in (estimate.low, estimate.high)]
+        interval = None if bounds == [None, None] else " to ".join(bound or "open" for bound in bounds)
+        rows.append((f"{estimate.name} [s]", fixed(estimate.value, 1) or missing, interval, estimate.note))
     rows += [
-        ("maximum [s]", greatest, None, None),
+        ("maximum [s]", fixed(one.greatest, 1) or missing, None, None),
         ("standard deviation of complete runs [s]", fixed(one.standard_deviation, 2), None, None),
     ]
-    return table("Evacuation time", ("statistic", "value", "interval", "remark"), rows)
+    return rows
 
 
-def _egress(study: StudyFiles, point: int) -> Html:
+def _egress(study: Study) -> dict[str, FloatArray]:
+    """Return the columns of the egress curves over runs."""
+    path = study.folder / EGRESS_NAME
+    columns = read_columns(path, ("time", "mean_over_runs"))
+    try:
+        return {name: np.array(column, np.float64) for name, column in columns.items()}
+    except ValueError as error:
+        raise ResultError(f"{path}: a field is no number: {error}; make the study again") from error
+
+
+def _egress_picture(study: Study, egress: Mapping[str, FloatArray], point: int) -> figures.Picture:
     """Return the egress curves of a point."""
-    columns = dict(study.egress)
+    columns = dict(egress)
     if "point" in columns:
         here = columns.pop("point") == point
         columns = {name: column[here] for name, column in columns.items()}
-    people = max((int(study.runs["people"][row]) for row in study.rows(point)), default=0)
+    people = max(row["people"] for row in study.rows(point, ["people"]))
     caption = (
         "Number of people out over time: mean, median and percentiles over runs at each time. The dotted line is the"
         " total number of people."
@@ -293,87 +329,60 @@ def _egress(study: StudyFiles, point: int) -> Html:
     return figures.egress_over_runs(people, columns, caption)
 
 
-def _exits(study: StudyFiles) -> Section:
+def _exits(study: Study) -> Section:
     """Return the section on the use of exits over runs."""
-    exits = [name.removesuffix(EXIT_PEOPLE) for name in study.runs if name.endswith(EXIT_PEOPLE)]
-    parts: list[Html] = []
-    for point in range(len(study.summary.points)):
+    points = []
+    for point in study.points:
+        used: dict[str, list[dict[str, Any]]] = {}
+        for row in study.rows(point.index, ["exits"]):
+            for one in row["exits"]:
+                used.setdefault(one["name"], []).append(one)
         rows = []
-        here = study.rows(point)
-        for name in exits:
-            people = numbers([study.runs[name + EXIT_PEOPLE][row] for row in here])
-            last = numbers([study.runs[name + EXIT_LAST][row] for row in here])
-            used = last[np.isfinite(last)]
-            if not np.isfinite(people).any():
-                continue
-            shares = [fixed(float(np.percentile(used, of)), 1) if used.size else None for of in PERCENTILES]
-            mean = fixed(float(np.nanmean(people)), 1)
-            rows.append((name, mean, used.size, fixed(float(used.mean()), 1) if used.size else None, *shares))
-        columns = (
-            "exit",
-            "people, mean",
-            "runs that used it",
-            "mean [s]",
-            *(f"{of} % of runs [s]" for of in PERCENTILES),
-        )
-        where = "" if len(study.summary.points) == 1 else f", point {point}"
-        parts.append(
-            table(f"Time at which the last person left by each exit, over the runs that used it{where}", columns, rows)
-        )
-    parts.append(
-        paragraph(
-            "A study does not store times of levels and stairs; they are given for single runs, if the report has any."
-        )
-    )
-    return Section("exits", "Exits over runs", tuple(parts))
+        for name, uses in used.items():
+            last = np.array([one["last_out"] for one in uses if one["people"]], np.float64)
+            mean = fixed(float(np.mean([one["people"] for one in uses])), 1)
+            shares = [fixed(float(np.percentile(last, of)), 1) if last.size else None for of in PERCENTILES]
+            rows.append((name, mean, last.size, fixed(float(last.mean()), 1) if last.size else None, *shares))
+        points.append(rows)
+    return section("exits", "Exits over runs", points=points)
 
 
 def _of_run(
     run: Results, number: int, density: float, least_time: float | None, maps: Sequence[str]
 ) -> Iterator[Section]:
     """Yield the sections on one run: its places, congestion and maps."""
-    name = f"Run with seed {run.record.seed}"
+    name = f"Run with seed {run.seed}"
     suffix = "" if number == 1 else f"-{number}"
-    last = fixed(run.record.last_out, 1)
-    words = paragraph(f"{run.record.evacuated} of {run.record.people} people left, the last of them after {last} s.")
-    yield Section(f"places{suffix}", f"{name}: levels and stairs", (words, *place_tables(run)))
-    for section in congestion_sections(run, density, least_time, maps):
-        yield Section(f"{section.id}{suffix}", f"{name}: {section.title.lower()}", section.parts)
+    yield section(f"places{suffix}", f"{name}: levels and stairs", "places.html", run=run, **place_rows(run))
+    for one in congestion_sections(run, density, least_time, maps):
+        yield replace(one, id=f"{one.id}{suffix}", title=f"{name}: {one.title.lower()}")
 
 
-def _warnings(study: StudyFiles) -> Section:
-    """Return the section on quality warnings: each with the seeds of its runs."""
+def _warnings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the quality warnings, each with the seeds of its runs."""
     alike: dict[str, list[tuple[str, str]]] = {}
-    for seed, text in zip(study.runs["seed"], study.runs["quality_warnings"], strict=True):
-        if text:
-            alike.setdefault(NUMBER.sub("#", text), []).append((seed, text))
+    for row in rows:
+        if text := "; ".join(row["quality_warnings"]):
+            alike.setdefault(NUMBER.sub("#", text), []).append((str(row["seed"]), text))
     lines = []
-    for found in alike.values():
-        seed, text = found[0]
-        others = f", and similar ones in {len(found) - 1} more (seeds {_listed([s for s, _ in found[1:]])})"
-        lines.append(f"run with seed {seed}{others if len(found) > 1 else ''}: {text}")
-    section = warnings_section(lines, ())
-    told_of = paragraph("A study does not store warnings about building and people; evac check CASE shows them.")
-    return Section(section.id, section.title, (*section.parts[:-1], told_of))
+    for (seed, text), *others in alike.values():
+        more = f", and similar ones in {len(others)} more (seeds {_listed([other for other, _ in others])})"
+        lines.append(f"run with seed {seed}{more if others else ''}: {text}")
+    return lines
 
 
 def _listed(words: Sequence[str]) -> str:
     return ", ".join(words[:MOST_SEEDS]) + (" ..." if len(words) > MOST_SEEDS else "")
 
 
-def _runs(study: StudyFiles) -> Section:
+def _runs(study: Study, rows: Sequence[Mapping[str, Any]]) -> Section:
     """Return the appendix with a row for each run."""
-    runs = study.runs
-    is_single = len(study.summary.points) == 1
-    rows = []
-    for row in range(min(len(runs["run"]), MOST_LISTED)):
-        why = FAILED if runs["ended"][row] == FAILED else "people left"
-        last = Cell(why, "bad") if not runs["last_out"][row] else fixed(float(runs["last_out"][row]), 2)
-        point = () if is_single else (runs["point"][row],)
-        out = f"{runs['out'][row]} of {runs['people'][row]}"
-        rows.append((*point, runs["run"][row], runs["seed"][row], runs["ended"][row], out, last))
-    columns = (*(() if is_single else ("point",)), "run", "seed", "ended", "out", "last person out [s]")
-    parts = [table("Every run" if len(runs["run"]) <= MOST_LISTED else f"The first {MOST_LISTED} runs", columns, rows)]
-    if len(runs["run"]) > MOST_LISTED:
-        parts.append(note("open", items([f"The other {len(runs['run']) - MOST_LISTED} runs are in {RUNS_NAME}."])))
-    return Section("runs", "Appendix: runs", tuple(parts))
+    listed = []
+    for row in rows[:MOST_LISTED]:
+        why = FAILED if row["ended"] == FAILED else "people left"
+        last = fixed(row["last_out"], 2) or Cell(why, "bad")
+        point = () if len(study.points) == 1 else (str(row["point"]),)
+        out = f"{row['out']} of {row['people']}"
+        listed.append((*point, str(row["run"]), str(row["seed"]), row["ended"], out, last))
+    is_single = len(study.points) == 1
+    return section("runs", f"{APPENDIX}runs", rows=listed, is_single=is_single, number=len(rows), file=RUNS_NAME)

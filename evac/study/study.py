@@ -67,6 +67,13 @@ class Study:
         self._there = list(self._wanted)
 
     @classmethod
+    def read(cls, folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> "Study":
+        """Open a study from its folder; the short form is `evac.read_study`, which explains it."""
+        from evac.study.reading import read_study
+
+        return read_study(folder, plugin_files)
+
+    @classmethod
     def begun(cls, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> "Study":
         """Return a study to be conducted; its folder contains no study, or if it is resumed, the same one.
 

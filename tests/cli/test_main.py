@@ -58,7 +58,7 @@ def test_overrides_gather():
 
 
 #: What draws, writes and converts, and parts of scipy that a quarter of a second is too much for.
-DRAWING = ("matplotlib", "PIL", "pyvista", "vtkmodules", "imageio")
+DRAWING = ("matplotlib", "PIL", "pyvista", "vtkmodules", "imageio", "jinja2")
 SCIENCE = ("scipy.ndimage", "scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats", "scipy.optimize", "pandas")
 PROCESSES = ("multiprocessing", "concurrent.futures.process", "asyncio")
 EVERYTHING = (*DRAWING, *SCIENCE, *PROCESSES, "scipy", "skfmm", "shapely", "meshio", "numba")

@@ -93,7 +93,16 @@ def result(finished, tmp_path):
     return Path(shutil.copytree(finished, tmp_path / "result"))
 
 
+CASE = {"people.people.number": 5, "output.picture": False, "output.animation": False, "output.replay": False}
+
+
+@pytest.fixture(scope="session")
+def repeated(tmp_path_factory):
+    """Result folder of 20 runs of the square room with few people."""
+    return evac.repeat(load_case("square_room", CASE), 20, folder=tmp_path_factory.mktemp("study") / "study", workers=1)
+
+
 @pytest.fixture
-def study(tmp_path):
-    """Files of a study of 20 runs of the square room, as evac repeat writes them, to change."""
-    return Path(shutil.copytree(Path(__file__).parent / "study", tmp_path / "study"))
+def study(repeated, tmp_path):
+    """A copy of it to change."""
+    return Path(shutil.copytree(repeated.folder, tmp_path / "study"))

@@ -8,7 +8,7 @@ from shapely import box
 
 from evac import Plan
 from evac.report.building import building_section
-from evac.report.page import BLANK, Head, page
+from evac.report.pages import BLANK, Head, page
 from evac.results.record import BuildingTable
 
 from .conftest import Page

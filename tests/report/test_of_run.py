@@ -10,10 +10,10 @@ import pytest
 from evac.analysis.congestion import DENSITY
 from evac.base.errors import ResultError
 from evac.case.loading import load_case
-from evac.report.html import escaped
 from evac.report.model import case_text
 from evac.report.of_run import run_report
-from evac.report.page import Labels
+from evac.report.pages import Labels
+from evac.report.templates import shown
 from evac.report.times import SHARES, time_of_share
 from evac.report.verification import evidence, subject_like
 from evac.results.record import CaseTable
@@ -211,6 +211,6 @@ def test_the_same_files_give_the_same_page(finished, text):
 
 def test_long_words_can_be_broken_and_stay_what_they_are():
     word = "<&>" + 40 * "x"
-    found = escaped(word)
+    found = shown(word)
     assert "<wbr>" in found
     assert Page(f"<p>{found}</p>").text == word

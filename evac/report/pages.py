@@ -1,0 +1,115 @@
+"""The page of a report: its head, its numbered sections, and the file it is written to."""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from markupsafe import Markup
+
+from evac.folder.files import replacing, writing
+from evac.report.checklist import checklist_section
+from evac.report.templates import APPENDIX, Section, section, shown, templates
+
+
+@dataclass(frozen=True)
+class Labels:
+    """What somebody fills in, by hand on the printed report where it is None.
+
+    Attributes
+    ----------
+    project, author, reviewer, date : str or None
+    """
+
+    project: str | None = None
+    author: str | None = None
+    reviewer: str | None = None
+    date: str | None = None
+
+
+#: Everything is filled in by hand.
+BLANK = Labels()
+
+
+@dataclass(frozen=True)
+class Head:
+    """What opens a report.
+
+    Attributes
+    ----------
+    title : str
+    kind : str
+        What it is the report of.
+    banner : str
+        What makes the results incomplete; empty if nothing does.
+    results : mapping of str to object
+        The main results.
+    """
+
+    title: str
+    kind: str
+    banner: str
+    results: Mapping[str, object]
+
+
+def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str) -> str:
+    """Return the whole page.
+
+    Parameters
+    ----------
+    head : Head
+    labels : Labels
+    sections : iterable of Section
+        In order; they are numbered, after the fields to fill in, and the checklist is put behind them, before
+        appendices.
+    generator : str
+        Program and version.
+    """
+    given = [section("purpose", "Project and purpose"), *sections]
+    body = [one for one in given if not one.title.startswith(APPENDIX)]
+    appendices = [one for one in given if one.title.startswith(APPENDIX)]
+    numbers = {"project": "head"} | {one.id: str(number) for number, one in enumerate(body, 1)}
+    numbers |= {one.id: chr(ord("A") + index) for index, one in enumerate(appendices)}
+    missing = {one.id for one in given if one.is_missing}
+    lacking = {content for one in given for content in one.lacks}
+    checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing}, lacking)
+    numbers[checklist.id] = str(len(body) + 1)
+    return (
+        templates()
+        .get_template("page.html")
+        .render(
+            head=head,
+            labels=labels,
+            sections=[*body, checklist, *appendices],
+            numbers=numbers,
+            appendix=APPENDIX,
+            generator=generator,
+            style=Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8")),
+        )
+    )
+
+
+def write_page(text: str, path: Path) -> None:
+    """Write a page, which replaces an earlier one as a whole.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written.
+    """
+    with writing("the report", path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path, "the report") as new:
+        new.write_text(text, encoding="utf-8")
+
+
+def files_section(folder: Path, names: Iterable[str]) -> Section:
+    """Return the appendix with the files of a folder from which a report was made, if they exist."""
+    rows = []
+    for path in (folder / name for name in names):
+        if path.is_file():
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            rows.append((path.name, f"{path.stat().st_size}", Markup("<code>{}</code>").format(shown(digest))))
+    return section("files", f"{APPENDIX}files", rows=rows)

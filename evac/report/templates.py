@@ -1,0 +1,139 @@
+"""Templates of reports: they escape every value that they show."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from evac.base.errors import counted
+
+#: Words longer than this may be broken in a line.
+LONG_WORD = re.compile(r"(\S{24})(?=\S{8})")
+
+#: Shown where there is no value.
+NOTHING = "-"
+
+#: Beginning of the titles of appendices.
+APPENDIX = "Appendix: "
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a report.
+
+    Attributes
+    ----------
+    id : str
+        Target of links.
+    title : str
+        Begins with `APPENDIX` for appendices.
+    content : Markup
+        What is below the title.
+    is_missing : bool
+        Whether it only says that what belongs there is not known.
+    lacks : tuple of str
+        Contents that it lacks although it is not missing, such as ``"doors"``.
+    """
+
+    id: str
+    title: str
+    content: Markup
+    is_missing: bool = False
+    lacks: tuple[str, ...] = ()
+
+
+class Cell(NamedTuple):
+    """A cell of a table whose colour says more than its words: ``"good"``, ``"bad"`` or ``"open"``."""
+
+    content: object
+    kind: str
+
+
+def section(
+    id_: str, title: str, template: str = "", *, is_missing: bool = False, lacks: tuple[str, ...] = (), **data: Any
+) -> Section:
+    """Return a section, rendered from a template; by default the one with the name of its id."""
+    content = Markup(templates().get_template(template or f"{id_}.html").render(data))
+    return Section(id_, title, content, is_missing, lacks)
+
+
+def fixed(value: float | None, digits: int) -> str | None:
+    """Return a number with so many digits behind the point; None for None, NaN and infinity."""
+    return None if value is None or not abs(value) < float("inf") else f"{value:.{digits}f}"
+
+
+def shown(value: object) -> Markup:
+    """Return a value as text of a page: nothing as a dash, floats short, truth as yes or no, long words breakable."""
+    if isinstance(value, Markup):
+        return value
+    if value is None or value == "":
+        return Markup(NOTHING)
+    if isinstance(value, bool):
+        return Markup("yes" if value else "no")
+    words = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return Markup("<wbr>").join(LONG_WORD.sub("\\1\0", words).split("\0"))
+
+
+def told(value: Any) -> str:
+    """Return a value of a case as words: a distribution as its name and numbers."""
+    if isinstance(value, Mapping):
+        return "; ".join(_told_pair(key, one) for key, one in value.items()) or "-"
+    if isinstance(value, list | tuple):
+        listed = [told(one) for one in value]
+        return ", ".join(listed if len(listed) <= 12 else [*listed[:3], "...", f"{len(listed)} values"]) or "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return "inf"  # JSON has no other word for it
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _told_pair(key: str, value: Any) -> str:
+    if key == "uniform" and isinstance(value, list) and len(value) == 2:
+        return f"uniform from {told(value[0])} to {told(value[1])}"
+    return f"{key}: {told(value)}"
+
+
+@cache
+def templates() -> Environment:
+    """Return the templates beside this module; every value that they show is escaped, or is markup of another one."""
+    made = Environment(
+        loader=PackageLoader("evac.report", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=shown,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.globals |= {"columns_of": _columns_of, "counted": counted}
+    made.filters |= {"fixed": fixed, "told": told}
+    return made
+
+
+def _columns_of(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> tuple[list[str], list[list[Any]]]:
+    """Return the classes of the columns of a table, numbers on the right, and its cells with contents and classes."""
+    cells = [[one if isinstance(one, Cell) else Cell(one, "") for one in row] for row in rows]
+    classes = [
+        "number" if cells and all(_is_numeric(row[index].content) for row in cells) else ""
+        for index in range(len(columns))
+    ]
+    return classes, [
+        [(one.content, f"{kind} {one.kind}".strip()) for kind, one in zip(classes, row, strict=True)] for row in cells
+    ]
+
+
+def _is_numeric(value: object) -> bool:
+    """Return whether a value is right-aligned: numbers, formatted ones too, and nothing."""
+    if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+        return True
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return False
+    try:
+        float(value.removesuffix(" %"))
+    except ValueError:
+        return value in (NOTHING, "not reached")
+    return True
