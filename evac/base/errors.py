@@ -76,10 +76,6 @@ class CacheWarning(EvacWarning):
     """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
 
 
-class ConformanceWarning(EvacWarning):
-    """Lines of a plugin were not executed by `evac.conformance.check_plugin`, and are therefore not checked."""
-
-
 def counted(number: int, one: str, several: str = "") -> str:
     """Return a number with its noun in the singular or plural; the plural is `one` with an s if not given."""
     return f"{number} {one if number == 1 else several or one + 's'}"

@@ -1,12 +1,14 @@
 """Failures of checks, all of one form: ``plugin: check, what is examined: what is wrong; remedy``.
 
-A check raises `CheckError` within a block of `examining` or `scene`, and is called by `run_check`. Exceptions that the
+A check calls `require` within a block of `examining` or `scene`, and is called by `run_check`. Exceptions that the
 plugin raises become failures too.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, TypeVar
+
+import numpy as np
 
 from evac.base.errors import EvacError, PluginError, in_one_line, place_of, text_of
 
@@ -17,35 +19,24 @@ REMEDY = "correct the plugin"
 
 
 class CheckError(PluginError):
-    """A check has failed.
-
-    Parameters
-    ----------
-    wrong : str
-        What is wrong, and by how much.
-    remedy : str
-        What to change.
-
-    Attributes
-    ----------
-    place : str
-        What was examined, set by `examining`.
-    """
+    """A check has failed: what is wrong, by how much, and what to change; `place` is what was examined."""
 
     def __init__(self, wrong: str, remedy: str) -> None:
         super().__init__(f"{wrong}; {remedy}")
         self.wrong, self.remedy, self.place = wrong, remedy, ""
 
 
+def require(holds: bool | np.bool_, wrong: str, remedy: str) -> None:
+    """Raise a `CheckError` if something does not hold."""
+    if not holds:
+        raise CheckError(wrong, remedy)
+
+
 @contextmanager
 def examining(what: str, remedy: str = REMEDY) -> Iterator[None]:
     """Name what is examined in failures, and turn other exceptions into failures; the innermost block counts.
 
-    Parameters
-    ----------
-    what : str
-    remedy : str
-        Remedy for exceptions that state none.
+    The remedy is that of exceptions that state none.
     """
     try:
         yield
@@ -63,7 +54,7 @@ def scene(title: str, remedy: str = REMEDY) -> AbstractContextManager[None]:
 
 
 def run_check(plugin: Any, check: Callable[..., Found], *arguments: Any) -> Found:
-    """Run a check and return its result.
+    """Run a check of a plugin class and return its result.
 
     Raises
     ------
@@ -75,26 +66,22 @@ def run_check(plugin: Any, check: Callable[..., Found], *arguments: Any) -> Foun
         with examining("the class"):
             return check(*arguments)
     except CheckError as failure:
-        place = place_of(plugin)
+        name, place = getattr(plugin, "name", None), place_of(plugin)
+        if not (isinstance(name, str) and name):
+            name = getattr(plugin, "__name__", repr(plugin))
         where = "" if ", line " in failure.wrong or place == "no file" else f" ({place})"
-        what = f"{name_of(plugin)}: {check.__name__}, {failure.place}"
+        what = f"{name}: {check.__name__}, {failure.place}"
         raise PluginError(f"{what}: {failure.wrong}{where}; {failure.remedy}") from failure.__cause__
-
-
-def name_of(plugin: Any) -> str:
-    """Return the name of a plugin class for messages, also if it has no valid one."""
-    name = getattr(plugin, "name", None)
-    return name if isinstance(name, str) and name else getattr(plugin, "__name__", repr(plugin))
 
 
 def _failure_of(error: BaseException, remedy: str) -> CheckError:
     """Return the failure for an exception, with the exception that the plugin raised as its cause."""
-    if isinstance(error, EvacError):
-        text = text_of(error.args[0]) if isinstance(error, PluginError) else text_of(error)  # no advice to check it
-        wrong, _, stated = text.rpartition("; ")
-        failure = CheckError(wrong, stated) if wrong else CheckError(stated, remedy)
-        failure.__cause__ = error.__cause__ or error
+    if not isinstance(error, EvacError):
+        failure = CheckError(f"raises {in_one_line(error)} ({place_of(error)})", remedy)
+        failure.__cause__ = error
         return failure
-    failure = CheckError(f"raises {in_one_line(error)} ({place_of(error)})", remedy)
-    failure.__cause__ = error
+    text = text_of(error.args[0]) if isinstance(error, PluginError) else text_of(error)  # no advice to check it
+    wrong, _, stated = text.rpartition("; ")
+    failure = CheckError(wrong, stated) if wrong else CheckError(stated, remedy)
+    failure.__cause__ = error.__cause__ or error
     return failure

@@ -127,16 +127,6 @@ class Exhausted(Slower):
         next(iter(()))
 
 
-class Idles(Slower):
-    """Has lines that are not reached."""
-
-    name = "idles"
-
-    def act(self, crowd, time):
-        if len(crowd.velocity) > 1000:
-            crowd.speed_factor[:] *= 0.9
-
-
 class LostFollower(Slower):
     """Takes a person who does not exist when nobody else is left."""
 
@@ -224,7 +214,12 @@ EXIT = "scene 'three people at an exit of Twenty people"
 BROKEN = [
     Broken(Misspelt, "check_contract", "the class", r"no effect; define act\(self, crowd, time\) or prepare"),
     Broken(WritesUndeclared, "check_declared_arrays", TICK, "speed_factor is not declared; add"),
-    Broken(LateReader, "check_declared_arrays", TICK, "velocity is not declared; add 'velocity' to reads"),
+    Broken(
+        LateReader,
+        "check_declared_arrays",
+        "scene 'a crush at the end of the run",
+        "velocity is not declared; add 'velocity' to reads",
+    ),
     Broken(CrushReader, "check_declared_arrays", "scene 'a crush", "contact_force is not declared"),
     Broken(LastReader, "check_declared_arrays", "scene '", "tau is not declared"),
     Broken(ReadsUndeclared, "check_declared_arrays", TICK, "velocity is not declared"),

@@ -76,7 +76,7 @@ BROKEN = [
     Broken(declaring(1.0, "softness", above=2.0), *CONTRACT, "must be greater than 2.0, got 1.0; change its default"),
     Broken(declaring(math.nan, "softness"), *CONTRACT, "must be finite.*; change its default"),
     Broken(declaring("a", "softness", choices=("b", "c")), *CONTRACT, "'a'; known: b, c.*; change its default"),
-    Broken(declaring("a", "softness", above=2.0), *CONTRACT, "'a' is not a number; remove the bounds"),
+    Broken(declaring("a", "softness", above=2.0), *CONTRACT, "'a' is no number; remove the bounds"),
     Broken(odd(Bounce, step=Parameter(1.0, "step")), *CONTRACT, "the name of a method; rename"),
     Broken(odd(Bounce, __init__=forgets), *MADE, r"does not set the parameters; call super\(\)"),
     Broken(odd(Bounce, __init__=raising), *MADE, "partner", KeyError),

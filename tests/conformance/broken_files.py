@@ -126,7 +126,7 @@ BROKEN = [
     Broken(exporter(lambda self, trajectory, path: [5]), "check_files", RUN, "5, which is no path of an existing file"),
     Broken(exporter(write_stray), "check_files", RUN, r"stray\.txt outside `path`; write to `path` only"),
     Broken(exporter(write_chance), "check_files", f"{RUN}, exported again", "differ; do not write"),
-    Broken(exporter(write_back), "check_files", f"{RUN}, exported again", "trajectory file has changed; only read"),
+    Broken(exporter(write_back), "check_files", RUN, "trajectory file has changed; only read"),
     Broken(exporter(shift_time), "check_files", RUN, "read-only; copy the arrays", ValueError),
     Broken(
         exporter(write_first_time), "check_without_frames", "scene 'a run without frames", "; write a file", IndexError

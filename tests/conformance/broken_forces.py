@@ -152,7 +152,7 @@ BROKEN = [
     Broken(WithoutWalls, "check_body_force", f"{PERSON} inf", "must be finite there"),
     Broken(Whole, "check_functions", "the class", "float64"),
     Broken(Endless, "check_functions", "the class", "returns inf; return a distance"),
-    Broken(Denied, "check_need", PAIR, r"is_needed\(\) is False, but the force is .* N"),
+    Broken(Denied, "check_pair_force", PAIR, r"is_needed\(\) is False, but the force is .* N"),
     Broken(odd(Sound, pair=None), "check_functions", "the class", "names no function; define"),
     Broken(odd(Sound, pair=staticmethod(raising)), "check_functions", "the class", "pair: .* not the function raising"),
     Broken(odd(Sound, pair=towards_walls), "check_functions", "the class", r"pair: .*, not towards_walls\(float64"),
@@ -165,5 +165,5 @@ BROKEN = [
     Broken(odd(Sound, cutoff=lambda self: "far"), "check_functions", "the class", "returns 'far'; return a distance"),
     Broken(odd(Sound, packed=raising), "check_functions", "the class", "partner", KeyError),
     Broken(odd(Sound, word=Parameter("a", "word")), "check_functions", "the class", "; define packed", ValueError),
-    Broken(odd(Sound, is_needed=raising), "check_need", r"its is_needed\(\)", "partner", KeyError),
+    Broken(odd(Sound, is_needed=raising), "check_pair_force", r"its is_needed\(\)", "partner", KeyError),
 ]

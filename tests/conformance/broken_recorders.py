@@ -71,8 +71,8 @@ def names_no_file(self):
     return {"nothing.txt": 3}
 
 
-WITHOUT, WHOLE = "scene '20 ticks of .*, without a result folder", "scene '40 ticks of Twenty people"
-BEFORE, HALVED = "scene '0 ticks of .*, finished before its start", "scene '40 ticks of .*, resumed in the middle"
+WITHOUT, WITH = (f"scene '20 ticks of .*, {what} a result folder" for what in ("without", "with"))
+BEFORE, HALVED = "scene '20 ticks of .*, finished before its start", "scene '40 ticks of .*, resumed in the middle"
 
 BROKEN = [
     Broken(Meddles, "check_read_only", WITHOUT, "read-only; only read the simulation", ValueError),
@@ -93,6 +93,6 @@ BROKEN = [
         "the class",
         r"restore\(self\); define",
     ),
-    Broken(odd(CountsAnew, files=raising), "check_resume", WHOLE, "files: .*partner", KeyError),
-    Broken(odd(CountsAnew, files=names_no_file), "check_resume", WHOLE, r"nothing\.txt.*; files\(\) must"),
+    Broken(odd(CountsAnew, files=raising), "check_read_only", WITH, "files: .*partner", KeyError),
+    Broken(odd(CountsAnew, files=names_no_file), "check_read_only", WITH, r"nothing\.txt.*; files\(\) must"),
 ]

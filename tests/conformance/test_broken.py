@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from evac.base.errors import ConformanceWarning, PluginError
+from evac.base.errors import PluginError
 from evac.case.loading import load_case
 from evac.conformance import check_plugin
 from evac.contract.registry import Registry
@@ -18,7 +18,7 @@ from tests.conformance import (
     broken_recorders,
     broken_solvers,
 )
-from tests.conformance.broken_behaviours import Idles, Slower
+from tests.conformance.broken_behaviours import Slower
 from tests.conformance.broken_contact_models import Bounce, Linear, Tunes
 from tests.conformance.broken_files import Counting
 from tests.conformance.broken_solvers import solver, sound
@@ -89,12 +89,6 @@ def test_a_sound_solver_passes():
 
 def test_a_good_behaviour_passes():
     check_plugin(Slower)
-
-
-def test_lines_that_no_scene_reaches_are_named():
-    with pytest.warns(ConformanceWarning, match=r"^idles: check_declared_arrays, lines \d+ of .*give a case") as warned:
-        check_plugin(Idles)
-    assert warned[0].filename == __file__
 
 
 def test_a_behaviour_is_checked_in_a_case_that_uses_it():
