@@ -35,13 +35,15 @@ class TrajectoryRecorder(Recorder):
             corners = simulation.scene.ground.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
-            self._writer = TrajectoryWriter(simulation.folder / TRAJECTORY_NAME, _header(simulation), origin)
+            path, fields = simulation.folder / TRAJECTORY_NAME, simulation.scene.fields_of_behaviours.values()
+            self._writer = TrajectoryWriter(path, _header(simulation), origin, [*fields])
 
     def record(self, simulation: "Simulation") -> None:
         """Append one frame."""
         if self._writer is not None:
-            changes = simulation.scene.changes[self._writer.changes :]
-            self._writer.append(simulation.time, simulation.population.crowd, simulation.displacement_velocity, changes)
+            crowd, scene = simulation.population.crowd, simulation.scene
+            changes, fields = scene.changes[self._writer.changes :], [*scene.fields_of_behaviours.values()]
+            self._writer.append(simulation.time, crowd, simulation.displacement_velocity, changes, fields)
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
@@ -75,6 +77,9 @@ class TrajectoryRecorder(Recorder):
                 raise SavedError(f"length: {TRAJECTORY_NAME} is of other people")
             if list(before.changes) != simulation.scene.changes[: len(before.changes)]:
                 raise SavedError(f"length: {TRAJECTORY_NAME} has other changes")
+            sizes = [(field.name, field.size) for field in before.level_fields]
+            if sizes != [(field.name, field.size) for field in simulation.scene.fields_of_behaviours.values()]:
+                raise SavedError(f"length: {TRAJECTORY_NAME} has other fields")
 
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Open the file again, after its last frame."""

@@ -34,6 +34,8 @@ class Rows(NamedTuple):
         The numbers `FIELDS` from x on.
     changes : tuple of Change
         Changes of the scene since the frame before.
+    fields : tuple of (m,) float32
+        Values of the fields of behaviours.
     """
 
     time: float
@@ -41,6 +43,7 @@ class Rows(NamedTuple):
     level: NDArray[Any]
     motion: NDArray[np.float32]
     changes: tuple[Change, ...]
+    fields: tuple[NDArray[np.float32], ...]
 
 
 class FrameError(ValueError):
@@ -114,10 +117,11 @@ class FrameReader:
             raise FrameError(f"Arrow cannot read it: {str(error).partition(chr(10))[0]:.200}") from error
         if batch.num_rows != 1:
             raise FrameError(f"it has {batch.num_rows} rows instead of one")
-        time, people, changes = batch.columns
-        one = people.flatten()
+        time, people, changes, *lists = batch.columns
+        one, fields = people.flatten(), [values.flatten() for values in lists]
         person, level, motion = one.flatten()
-        if any(array.null_count for array in (time, people, changes, one, person, level, motion, motion.flatten())):
+        parts = (time, people, changes, one, person, level, motion, motion.flatten(), *lists, *fields)
+        if any(array.null_count for array in parts):
             raise FrameError("a value is missing")
         rows = Rows(
             time[0].as_py(),
@@ -125,6 +129,7 @@ class FrameReader:
             level.to_numpy(),
             motion.flatten().to_numpy().reshape(-1, len(FIELDS) - 2),
             (),
+            tuple(values.to_numpy() for values in fields),
         )
         self._check_numbers(rows)
         return rows._replace(changes=self._changes(changes[0].as_py(), rows.time))
@@ -136,6 +141,8 @@ class FrameReader:
             raise FrameError(f"its time is {time!r} s")
         if before is not None and time <= before:
             raise FrameError(f"its time, {time!r} s, is not after that of the frame before, {before!r} s")
+        if not all(np.isfinite(values).all() for values in rows.fields):
+            raise FrameError("a value of a field is not finite")
         if not person.size:
             return
         columns = np.ascontiguousarray(motion.T)  # for which numpy computes extrema ten times faster

@@ -1,6 +1,6 @@
 """The header of a trajectory file: conversion of building and people to and from plain JSON, with checks on reading."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Area, Building, Door, Exit, Level, Portal
+from evac.building.model.cells import LevelField
 from evac.building.model.findings import as_findings
 
 #: Greatest absolute coordinate [m]; far more than in any coordinate system on Earth.
@@ -130,6 +131,32 @@ def people_from_json(data: Any) -> People:
     if len(group) != len(radius):
         raise HeaderError(f"group has {len(group)} numbers for {len(radius)} people")
     return People(radius, group, groups)
+
+
+def fields_to_json(fields: Iterable[LevelField]) -> list[dict[str, Any]]:
+    """Return names, units and cells of fields of behaviours as JSON data."""
+    return [{"name": field.name, "unit": field.unit, "spacing": field.spacing} for field in fields]
+
+
+def fields_from_json(data: Any, building: Building) -> tuple[LevelField, ...]:
+    """Return the fields of behaviours of a header, with values of zero.
+
+    Raises
+    ------
+    HeaderError
+        They are missing or not valid.
+    """
+    fields = []
+    for one in data.get("level_fields") if isinstance(data.get("level_fields"), list) else [None]:
+        match one:
+            case {"name": str(name), "unit": str(unit), "spacing": float(spacing)}:
+                try:
+                    fields.append(LevelField(building, name, unit, spacing))
+                except ValueError as error:
+                    raise HeaderError(f"level_fields: {error}") from error
+            case _:
+                raise HeaderError(f"level_fields: {one!r:.100} has no name, unit and spacing")
+    return tuple(fields)
 
 
 def origin_from_json(data: Any) -> FloatArray:

@@ -1,7 +1,7 @@
 """The columns of a trajectory file, an Arrow stream, and its header. See docs/trajectory.md."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from mmap import mmap
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.ipc
 
 from evac.base.errors import ResultError
+from evac.building.model.cells import LevelField
 from evac.folder.files import FORMER_TRAJECTORY, TRAJECTORY_KEY, TRAJECTORY_NAME
 from evac.folder.records import MARK, PREFIX, read_sealed, sealed
 
@@ -23,8 +24,8 @@ FIELDS = ("person", "level", "x", "y", "velocity_x", "velocity_y", "contact_forc
 HEADER_BYTES_MAX = 2**28
 
 
-def columns(people: int, levels: int) -> pa.Schema:
-    """Return the columns of the trajectory of so many people on so many levels."""
+def columns(people: int, levels: int, fields: Sequence[LevelField] = ()) -> pa.Schema:
+    """Return the columns of the trajectory of so many people on so many levels, with fields of behaviours."""
     motion = pa.list_(_required("item", pa.float32()), len(FIELDS) - 2)
     person = pa.struct(
         [_required("person", _row(people)), _required("level", _row(levels)), _required("motion", motion)]
@@ -34,6 +35,7 @@ def columns(people: int, levels: int) -> pa.Schema:
             _required("time", pa.float64()),
             _required("people", pa.list_(_required("item", person))),
             _required("changes", pa.utf8()),
+            *(_required(f"field.{one.name}", pa.list_(_required("item", pa.float32()), one.size)) for one in fields),
         ]
     )
 

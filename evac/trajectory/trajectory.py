@@ -4,6 +4,7 @@ import mmap
 import os
 import stat
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,11 +16,19 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError
+from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
+from evac.building.model.cells import LevelField
 from evac.building.model.links import building_at
 from evac.folder.files import TRAJECTORY_NAME
 from evac.trajectory.frames import FrameReader, Rows
-from evac.trajectory.header import HeaderError, building_from_json, origin_from_json, people_from_json
+from evac.trajectory.header import (
+    HeaderError,
+    building_from_json,
+    fields_from_json,
+    origin_from_json,
+    people_from_json,
+)
 from evac.trajectory.layout import FIELDS, columns, damaged, read_start
 
 if TYPE_CHECKING:
@@ -82,6 +91,8 @@ class Trajectory:
     time : (f,) float64 [s]
     rows : tuple of Rows
         What is recorded at each time, as views of the file.
+    level_fields : tuple of LevelField
+        The fields of behaviours, without values: `field` returns them.
     end : int
         Byte at which the last complete frame ends.
     dropped_bytes : int
@@ -96,6 +107,7 @@ class Trajectory:
     radius: FloatArray
     time: FloatArray
     rows: tuple[Rows, ...] = field(repr=False)
+    level_fields: tuple[LevelField, ...]
     end: int
     dropped_bytes: int
 
@@ -140,6 +152,25 @@ class Trajectory:
     def changes(self) -> tuple[Change, ...]:
         """Changes of the scene during the run, in order of time."""
         return tuple(change for rows in self.rows for change in rows.changes)
+
+    def field(self, name: str) -> LevelField:
+        """Return a field of a behaviour, whose values are (f, m) for f recorded times and the m cells of all levels.
+
+        Parameters
+        ----------
+        name : str
+
+        Raises
+        ------
+        ResultError
+            No behaviour of the run had a field of this name.
+        """
+        names = [one.name for one in self.level_fields]
+        if name not in names:
+            raise ResultError(f"{self.path}: there is no field {name!r}; {did_you_mean(name, names)}")
+        found = copy(self.level_fields[names.index(name)])
+        found.values = np.array([rows.fields[names.index(name)] for rows in self.rows], np.float64)
+        return found
 
     def building_at(self, time: float) -> Building:
         """Return the building with the exits and portals that are closed at `time` [s]."""
@@ -272,10 +303,12 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     try:
         building = building_from_json(header.get("building"))
         people, origin = people_from_json(header), origin_from_json(header)
+        fields = fields_from_json(header, building)
     except HeaderError as error:
         raise damaged(path, f"the header is damaged: {error}") from error
-    if not schema.equals(columns(len(people.radius), len(building.levels))):
-        raise damaged(path, "the header is damaged: the columns of the file are not those of its people and levels")
+    if not schema.equals(columns(len(people.radius), len(building.levels), fields)):
+        what = "the columns of the file are not those of its people, levels and fields"
+        raise damaged(path, f"the header is damaged: {what}")
     reader = FrameReader(path, data, schema, len(people.radius), building, origin)
     reader.read(start)
     time = np.array([rows.time for rows in reader.frames], np.float64)
@@ -290,6 +323,7 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
         people.radius,
         time,
         tuple(reader.frames),
+        fields,
         reader.end,
         len(data) - reader.end,
     )

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import SimulationError
+from evac.building.model.cells import LevelField
 from evac.folder.files import writing
 from evac.folder.manifest import note_written
 from evac.folder.records import sealed
 from evac.physics.state import Crowd
+from evac.trajectory.header import fields_to_json
 from evac.trajectory.layout import FIELDS, FORMAT, columns, damaged, pack_start
 from evac.trajectory.trajectory import Trajectory, read_up_to
 
@@ -47,6 +49,8 @@ class TrajectoryWriter:
         Format, fields and origin are added.
     origin : (2,) float64 [m]
         Origin of the recorded positions in plan, so that float32 is precise enough for all coordinate systems.
+    fields : sequence of LevelField
+        The fields of behaviours, whose values are recorded in each frame.
 
     Attributes
     ----------
@@ -62,10 +66,13 @@ class TrajectoryWriter:
         The file cannot be written.
     """
 
-    def __init__(self, path: Path, header: Mapping[str, Any], origin: FloatArray) -> None:
+    def __init__(
+        self, path: Path, header: Mapping[str, Any], origin: FloatArray, fields: Sequence[LevelField] = ()
+    ) -> None:
         origin = np.asarray(origin, np.float64)
-        schema = columns(len(header["radius"]), len(header["building"]["levels"]))
+        schema = columns(len(header["radius"]), len(header["building"]["levels"]), fields)
         given = {**header, "format": FORMAT, "fields": FIELDS, "origin": origin.tolist()}
+        given["level_fields"] = fields_to_json(fields)
         start = pack_start(path, given, schema)
         self._set_up(path, origin, schema, 0, 0, 0)
         with writing("the trajectory", path):
@@ -92,7 +99,7 @@ class TrajectoryWriter:
         """
         before = read_to_continue(path, length)
         writer = cls.__new__(cls)
-        schema = columns(before.number_of_people, len(before.building.levels))
+        schema = columns(before.number_of_people, len(before.building.levels), before.level_fields)
         writer._set_up(path, before.origin, schema, before.end, len(before), len(before.changes))
         del before  # some systems cannot truncate a mapped file
         with writing("the trajectory", path):
@@ -107,7 +114,14 @@ class TrajectoryWriter:
         self.path, self.length, self.frames, self.changes = path, length, frames, changes
         self._origin, self._schema = origin, schema
 
-    def append(self, time: float, crowd: Crowd, velocity: FloatArray, changes: Sequence[Change] = ()) -> None:
+    def append(
+        self,
+        time: float,
+        crowd: Crowd,
+        velocity: FloatArray,
+        changes: Sequence[Change] = (),
+        fields: Sequence[LevelField] = (),
+    ) -> None:
         """Write one frame with all people who are inside at `time`.
 
         Parameters
@@ -118,6 +132,8 @@ class TrajectoryWriter:
             Velocities to record, in plan [m/s]: `Simulation.displacement_velocity`.
         changes : sequence of Change
             Changes of the scene since the frame before.
+        fields : sequence of LevelField
+            Those given at first, with their present values.
 
         Raises
         ------
@@ -132,21 +148,33 @@ class TrajectoryWriter:
             motion[:, :2] = crowd.position[rows] - self._origin
             motion[:, 2:4] = velocity[rows]
             motion[:, 4] = crowd.contact_force[rows]
+            values = [field.values.astype("<f4") for field in fields]
         if not np.isfinite(motion).all():
             row, column = np.argwhere(~np.isfinite(motion))[0]
             raise SimulationError(
                 f"t = {time:.3f} s: {FIELDS[2 + column]} of person {rows[row]} is {motion[row, column]} and cannot be "
                 "recorded; correct the plugin that sets it, or choose a smaller step"
             )
+        for field, numbers in zip(fields, values, strict=True):
+            if not np.isfinite(numbers).all():
+                raise SimulationError(
+                    f"t = {time:.3f} s: a value of field {field.name!r} is too large to be recorded; use another unit"
+                )
         text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
-        batch = self._batch(time, rows, crowd.level[rows], motion, text)
+        batch = self._batch(time, rows, crowd.level[rows], motion, text, values)
         with writing(f"the trajectory at {time:.3f} s", self.path):
             self._write(sealed(batch.serialize().to_pybytes(), self.length))
         self.frames += 1
         self.changes += len(changes)
 
     def _batch(
-        self, time: float, person: IndexArray, level: IntArray, motion: NDArray[np.float32], changes: bytes
+        self,
+        time: float,
+        person: IndexArray,
+        level: IntArray,
+        motion: NDArray[np.float32],
+        changes: bytes,
+        fields: Sequence[NDArray[np.float32]],
     ) -> pa.RecordBatch:
         """Return a batch of one frame, made from buffers because `pyarrow.array` would import pandas."""
         one = self._schema.field("people").type.value_type
@@ -164,6 +192,10 @@ class TrajectoryWriter:
                 _array(kinds[0], 1, np.array([time], "<f8")),
                 pa.Array.from_buffers(kinds[1], 1, [None, pa.py_buffer(_ends(count))], children=[people]),
                 pa.Array.from_buffers(kinds[2], 1, [None, pa.py_buffer(_ends(len(changes))), pa.py_buffer(changes)]),
+                *(
+                    pa.Array.from_buffers(kind, 1, [None], children=[_array(pa.float32(), len(values), values)])
+                    for kind, values in zip(kinds[3:], fields, strict=True)
+                ),
             ],
             schema=self._schema,
         )

@@ -151,3 +151,24 @@ def test_a_run_is_not_resumed_with_other_data(smoky, tmp_path):
     evac.resume(tmp_path / "r", {"behaviours.smoke.file": "other.txt"}, out=tmp_path / "other", **files)
     (tmp_path / "rate.txt").write_text("0.02")
     evac.resume(tmp_path / "r", **files)
+
+
+def test_a_field_reaches_the_trajectory_also_of_a_run_that_is_resumed(smoky, tmp_path):
+    def stop(progress):
+        if progress.time > 0.9:
+            raise Stopped
+
+    case = smoky()
+    evac.run(case, tmp_path / "whole")
+    evac.run(case, tmp_path / "r", progress=stop)
+    evac.resume(tmp_path / "r", plugin_files=[tmp_path / "smoke.py"])
+    paths = [tmp_path / name / "trajectory.evac" for name in ("whole", "r")]
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    trajectory = evac.read_trajectory(tmp_path / "r")
+    field = trajectory.field("smoke")
+    assert (field.unit, field.spacing, field.values.shape) == ("1/m", 0.5, (len(trajectory), 80))
+    assert field.on(0).shape == (len(trajectory), 8, 10)
+    ticks = np.rint(trajectory.time / case.simulation.tick)
+    np.testing.assert_allclose(field.at([0, 0], np.array([[1.0, 1.0], [4.0, 1.0]])).T, [0.02 * ticks, 0.0 * ticks])
+    with pytest.raises(ResultError, match=r"'smok'.*'smoke'"):
+        trajectory.field("smok")

@@ -17,11 +17,12 @@ SCHEMA = columns(2, 5)
 
 @dataclass
 class Frame:
-    """A frame: its time, the numbers of the people inside, seven for each, and the text of its changes."""
+    """A frame: its time, the numbers of the people inside, seven for each, the text of its changes, and fields."""
 
     time: float
     people: list[list[float]]
     changes: str = ""
+    fields: list[list[float]] = field(default_factory=list)
 
 
 @dataclass
@@ -57,7 +58,12 @@ class Parts:
         children = [pa.array(person), pa.array(level), pa.FixedSizeListArray.from_arrays(motion, type=kinds[2].type)]
         people = pa.StructArray.from_arrays(children, fields=list(kinds))
         rows = pa.ListArray.from_arrays(pa.array([0, len(people)], pa.int32()), people, self.schema.types[1])
-        return pa.RecordBatch.from_arrays([pa.array([frame.time]), rows, pa.array([frame.changes])], schema=self.schema)
+        fields = [
+            pa.FixedSizeListArray.from_arrays(pa.array(np.array(values, "<f4")), type=kind)
+            for kind, values in zip(self.schema.types[3:], frame.fields, strict=True)
+        ]
+        arrays = [pa.array([frame.time]), rows, pa.array([frame.changes]), *fields]
+        return pa.RecordBatch.from_arrays(arrays, schema=self.schema)
 
 
 def with_header(text: bytes) -> bytes:
@@ -73,7 +79,7 @@ def parts_of(data: bytes) -> Parts:
         for batch in stream:
             (row,) = batch.to_pylist()
             people = [[p["person"], p["level"], *p["motion"]] for p in row["people"]]
-            frames.append(Frame(row["time"], people, row["changes"]))
+            frames.append(Frame(row["time"], people, row["changes"], [*row.values()][3:]))
         return Parts(header, stream.schema.remove_metadata(), frames)
 
 

@@ -9,8 +9,11 @@ import pyarrow.ipc
 import pytest
 
 from evac.base.errors import ResultError
+from evac.building.model.cells import LevelField
 from evac.folder.files import TRAJECTORY_NAME
 from evac.folder.records import sealed
+from evac.trajectory.header import fields_to_json
+from evac.trajectory.layout import columns
 from evac.trajectory.trajectory import read_trajectory
 from tests.trajectory.parts import Frame, Parts, parts_of, places_of, with_header
 
@@ -124,6 +127,21 @@ def test_numbers_that_cannot_be_are_refused_though_checksums_match(descent, tmp_
         read_trajectory(path)
 
 
+def test_a_value_of_a_field_that_cannot_be_is_refused(descent, tmp_path):
+    whole = read_trajectory(descent(people=2, frames=1).path)
+    fog = LevelField(whole.building, "fog", "1/m", 1.0)
+    header = whole.header | {"level_fields": fields_to_json([fog])}
+    path = tmp_path / "sealed.evac"
+    for value in (0.5, np.nan):
+        frame = Frame(0.0, [PERSON], fields=[[value] * fog.size])
+        path.write_bytes(Parts(header, columns(2, len(whole.building.levels), [fog]), [frame]).seal())
+        if np.isfinite(value):
+            assert (read_trajectory(path).field("fog").values == value).all()
+        else:
+            with pytest.raises(ResultError, match=r"frame 0 .* field"):
+                read_trajectory(path)
+
+
 ENORMOUS = 10**30
 
 
@@ -149,6 +167,10 @@ ENORMOUS = 10**30
         ("groups", {}),
         ("fields", None),
         ("fields", ["x"]),
+        ("level_fields", None),
+        ("level_fields", [None]),
+        ("level_fields", [{"name": "smoke", "unit": "1/m"}]),
+        ("level_fields", [{"name": "smoke", "unit": "1/m", "spacing": 0.0}]),
         ("building.vertices", []),
         ("building.vertices", [[0, 0]]),
         ("building.vertices", [[0, 0, 0], [1]]),

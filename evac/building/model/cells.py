@@ -92,7 +92,7 @@ class LevelField:
         if not (LEAST_SPACING <= spacing < math.inf and area <= MOST_CELLS * spacing**2):
             least = max(LEAST_SPACING, 1.1 * math.sqrt(area / MOST_CELLS))
             raise ValueError(f"field {name!r}: cells of {spacing:g} m are too small; use {least:.2g} m or more")
-        self.name, self.unit, self.spacing = name, unit, spacing
+        self.name, self.unit, self.spacing = name, unit, float(spacing)
         self.cells = [Cells(level, spacing) for level in building.levels]
         self._start = np.cumsum([0, *(math.prod(cells.shape) for cells in self.cells)])
         self.size = int(self._start[-1])
