@@ -87,8 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 details = f" ({crash_file(error, loaded_case(arguments), hidden)})"
             print("\n".join([f"evac: {error}{details}", *getattr(error, "__notes__", ())]), file=sys.stderr)
             return BAD_INPUT
-        except KeyboardInterrupt:
-            print("evac: interrupted", file=sys.stderr)
+        except KeyboardInterrupt as error:
+            print("\n".join(["evac: interrupted", *getattr(error, "__notes__", ())]), file=sys.stderr)
             return INTERRUPTED_STATUS
         except BaseException as error:
             if place := fault_of_path(error):

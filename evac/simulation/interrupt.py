@@ -2,7 +2,8 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -49,6 +50,19 @@ class Interrupt:
         """Restore the previous handler of a signal."""
         if number in self._before:
             signal.signal(number, self._before.pop(number))
+
+    @contextmanager
+    def ignored(self) -> Iterator[None]:
+        """Ignore Ctrl-C while the results are saved after it."""
+        before = signal.getsignal(signal.SIGINT)
+        if threading.current_thread() is not threading.main_thread() or before is None:
+            yield
+            return
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.wanted = number

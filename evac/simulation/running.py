@@ -19,6 +19,7 @@ from evac.folder.files import (
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
+    REPLAY_NAME,
     SUMMARY_NAME,
     TRAJECTORY_NAME,
 )
@@ -78,7 +79,8 @@ def run(
         by another run.
     KeyboardInterrupt
         Ctrl-C was pressed. The run stops at the end of the tick, and tables and state are in the folder, from which
-        `resume` continues. A second Ctrl-C stops at once, without them.
+        `resume` continues. A second Ctrl-C stops at once, without them; if the run has ended and its outputs are being
+        written, what is complete is in the folder.
 
     Warns
     -----
@@ -297,11 +299,12 @@ def run_into(
             note(error, simulation.warnings())
             _keep_failed_run(simulation, place, first, error)
             raise
-        if results.ended == INTERRUPTED:
-            folder = place.publish_if_new()
-        else:
-            folder = place.publish()
-            (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
+        except KeyboardInterrupt as error:  # a second one: the first ends the run with its tick
+            if simulation.ended:
+                with interrupt.ignored():
+                    _keep_failed_run(simulation, place, first, error)
+            raise
+        folder = _published(simulation, place)
         writing()
         draw_pictures(results, folder)
         results = replace(results, folder=folder, phases=simulation.phases.seconds())
@@ -374,8 +377,20 @@ def _is_whole(simulation: Simulation, place: ResultFolder) -> bool:
     return True
 
 
-def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
-    """Write the tables of a run that has failed, or remove its folder if it has not made a step since `first`."""
+def _published(simulation: Simulation, place: ResultFolder) -> Path:
+    """Publish a folder with all its files, of an interrupted run only if there is no earlier result; return it."""
+    if simulation.ended in (FAILED, INTERRUPTED):
+        return place.publish_if_new()
+    folder = place.publish()
+    (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
+    return folder
+
+
+def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, error: BaseException) -> None:
+    """Write the tables of a run that has failed, or whose outputs were interrupted, and note where they are.
+
+    If it has not made a step since `first`, its folder is removed.
+    """
     with suppress(ResultError, OSError):  # the first failure is reported, not a later one
         place.check()
         if simulation.step > first:
@@ -384,8 +399,12 @@ def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, er
                 results = replace(simulation.results(), plugin_files=simulation.recording.plugin_files())
                 write_tables(results, place.running, simulation.phases)
             is_complete = simulation.ended not in (FAILED, INTERRUPTED) and _is_whole(simulation, place)
-            folder = place.publish() if is_complete else place.publish_if_new()
-            error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}")
+            folder = _published(simulation, place) if is_complete else place.publish_if_new()
+            output = simulation.case.output
+            names = {REPLAY_NAME: output.replay, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
+            missing = [name for name, is_wanted in names.items() if is_wanted and not (folder / name).is_file()]
+            without = f", without {', '.join(missing)}" if missing else ""
+            error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}{without}")
         elif not first:
             place.discard(simulation.recording.plugin_files())
 

@@ -82,13 +82,20 @@ class Recording:
         for plugin, hook in registry.calls("evac_finish", simulation=simulation, results=results, error=error):
             calls.append((f"{plugin}: evac_finish", hook.func, hook))
         failures = []
+        interrupt: KeyboardInterrupt | None = None
         with self._noting_files():
             for what, code, call in calls:
+                if interrupt is not None and not isinstance(code, Recorder):
+                    continue  # of recorders, which close their files, every one finishes
                 try:
                     with reading(simulation, what, code):
                         call()
                 except EvacError as failure:
                     failures.append(failure)
+                except KeyboardInterrupt as caught:
+                    interrupt = caught
+        if interrupt is not None:
+            raise interrupt
         for one in failures:
             if error is None:
                 raise one

@@ -3,9 +3,12 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import textwrap
 import threading
 import time
+from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -370,3 +373,49 @@ def test_threads_that_a_small_run_does_not_use_are_told_in_the_summary(tmp_path)
 def test_no_threads_are_refused():
     with pytest.raises(ScenarioError, match="threads"):
         run("square_room", threads=0)
+
+
+SLOW_PAGE = """
+    import signal, sys, time
+    from evac import Recorder, hookimpl
+    evac_interface = 3
+
+    class Late(Recorder):
+        '''Tells that outputs are being written, then takes long.'''
+        name = "late"
+
+        def record(self, simulation):
+            '''Do nothing.'''
+
+        def finish(self, simulation, results):
+            '''Wait for Ctrl-C.'''
+            print("finishing", flush=True)
+            time.sleep(60.0)
+
+    @hookimpl
+    def evac_recorders():
+        return [Late]
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
+def test_a_second_ctrl_c_while_outputs_are_written_publishes_what_is_complete(tmp_path):
+    (tmp_path / "late.py").write_text(textwrap.dedent(SLOW_PAGE))
+    words = [sys.executable, "-m", "evac", "run", "square_room", "--out", "r", "--plugin", "late.py"]
+    words += ["--set", "people.people.number=2", "output.animation=false"]
+    heeding = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell lets background jobs ignore it
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(words, cwd=tmp_path, preexec_fn=heeding, **pipes)
+    while "finishing" not in (line := process.stdout.readline()):
+        assert line, process.communicate()
+    process.send_signal(signal.SIGINT)
+    assert any("Ctrl-C again" in line for line in process.stderr)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert not (tmp_path / "r.running").exists()
+    results = evac.read_results(tmp_path / "r")
+    assert (results.ended, results.evacuated) == ("everybody out", 2)
+    assert results.trajectory.time[-1] == pytest.approx(results.time)
+    assert "without replay.html, egress.png" in err
