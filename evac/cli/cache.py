@@ -1,4 +1,4 @@
-"""evac cache: show, fill or clear the folder of compiled kernels, or build a wheel that contains compiled kernels.
+"""evac cache: show, fill or clear the folder of compiled kernels.
 
 Kernels are compiled when they are first needed, and kept in the user's cache folder, or in EVAC_CACHE_DIR if it is set.
 """
@@ -8,7 +8,6 @@ import importlib
 import json
 import pkgutil
 import sys
-from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -20,7 +19,6 @@ ACTIONS = {
     "show": "show the folder and its content (the default)",
     "compile": "compile all kernels of evac and of its plugins that are not in the folder",
     "clear": "remove all compiled kernels from the folder",
-    "wheel": "build a wheel of evac that contains compiled kernels for a generic processor",
 }
 
 
@@ -35,20 +33,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
             from evac.cli.cases import declare_plugin
 
             declare_plugin(action)
-        if name == "wheel":
-            action.add_argument(
-                "source", nargs="?", type=Path, default=Path(), help="folder of evac's sources, or a wheel of them (.)"
-            )
-            action.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder for the wheel (.)")
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Execute the action and return 0."""
-    if arguments.action == "wheel":
-        from evac.cli.wheel import build_wheel
-
-        print(build_wheel(arguments.source, arguments.out))
-        return 0
     if arguments.action == "compile":
         _compile(arguments.plugins)
     elif arguments.action == "clear":

@@ -1,21 +1,15 @@
 """evac cache, and what other commands say about kernels."""
 
-import base64
-import csv
 import errno
-import hashlib
 import json
 import os
 import subprocess
 import sys
 import tempfile
-import zipfile
 
 import pytest
 
-from evac.base.errors import EvacError
 from evac.cli import cache, main
-from evac.cli.wheel import build_wheel
 from evac.jit import loading, store
 from evac.jit.digest import versions
 from evac.jit.kernels import Entry
@@ -130,53 +124,3 @@ def test_a_run_whose_kernels_are_on_disk_does_not_import_numba(tmp_path, monkeyp
     for _ in range(2):
         done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "False"
-
-
-@pytest.fixture
-def pure_wheel(tmp_path):
-    """A wheel of pure Python with two files."""
-    path = tmp_path / "evac-9.9-py3-none-any.whl"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("evac/__init__.py", "VERSION = 9\n")
-        archive.writestr("evac-9.9.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n\n")
-        archive.writestr("evac-9.9.dist-info/RECORD", "stale,,\n")
-    return path
-
-
-def test_a_wheel_with_kernels_tells_what_is_in_it_and_where_it_fits(pure_wheel, monkeypatch, tmp_path):
-    def compile_kernels(command, failure, code):
-        (code / "evac" / "kernels").mkdir()
-        (code / "evac" / "kernels" / "a.kernel").write_bytes(b"code")
-
-    monkeypatch.setattr("evac.cli.wheel._run", compile_kernels)
-    wheel = build_wheel(pure_wheel, tmp_path / "out")
-    python = f"cp{sys.version_info.major}{sys.version_info.minor}-none-"
-    assert wheel.parent == tmp_path / "out"
-    assert wheel.name.startswith(f"evac-9.9-{python}")
-    with zipfile.ZipFile(wheel) as archive:
-        about = archive.read("evac-9.9.dist-info/WHEEL").decode().splitlines()
-        assert about.count("Root-Is-Purelib: false") == 1
-        assert [line for line in about if line.startswith("Tag:")] == [f"Tag: {wheel.stem.partition('9.9-')[2]}"]
-        rows = list(csv.reader(archive.read("evac-9.9.dist-info/RECORD").decode().splitlines()))
-        assert [row[0] for row in rows] == archive.namelist()
-        for name, digest, size in rows[:-1]:
-            content = archive.read(name)
-            expected = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip("=")
-            assert (digest, int(size)) == (f"sha256={expected}", len(content))
-        assert rows[-1] == ["evac-9.9.dist-info/RECORD", "", ""]
-    again = build_wheel(pure_wheel, tmp_path / "again")
-    assert again.read_bytes() == wheel.read_bytes()
-
-
-def test_what_is_neither_sources_nor_a_wheel_is_refused(tmp_path):
-    (tmp_path / "evac.whl").write_text("no archive")
-    with pytest.raises(EvacError, match=r"evac\.whl"):
-        build_wheel(tmp_path / "evac.whl", tmp_path)
-
-
-def test_a_wheel_whose_kernels_cannot_be_compiled_is_not_made(pure_wheel, tmp_path):
-    with zipfile.ZipFile(pure_wheel, "a") as archive:
-        archive.writestr("evac/cli/__init__.py", "raise ImportError")
-    with pytest.raises(EvacError, match="cannot be compiled"):
-        build_wheel(pure_wheel, tmp_path / "out")
-    assert not (tmp_path / "out").exists()

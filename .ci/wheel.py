@@ -1,4 +1,7 @@
-"""Wheels with compiled kernels: build a pure Python wheel, and add kernels compiled from the code in it."""
+"""Build a wheel with compiled kernels: a pure Python wheel, to which kernels compiled from the code in it are added.
+
+Usage: ``python .ci/wheel.py SOURCE OUT``, with evac installed: SOURCE is the folder of the sources or a wheel of them.
+"""
 
 import base64
 import hashlib
@@ -17,7 +20,8 @@ from evac.base.errors import EvacError
 #: Folder of the kernels in a wheel.
 FOLDER = "evac/kernels"
 
-_COMPILE = "import sys; from evac.cli.wheel import compile_into; compile_into(sys.argv[1])"
+#: Option with which this script is called to compile the kernels of an unpacked wheel.
+INTO = "--into"
 
 
 def build_wheel(source: Path, out: Path) -> Path:
@@ -55,7 +59,7 @@ def build_wheel(source: Path, out: Path) -> Path:
                 archive.extractall(code)
         except (OSError, zipfile.BadZipFile) as error:
             raise EvacError(f"{source}: neither a folder of sources nor a wheel ({error})") from error
-        _run([sys.executable, "-P", "-c", _COMPILE, str(code)], "the kernels cannot be compiled", code)
+        _run([sys.executable, "-P", __file__, INTO, str(code)], "the kernels cannot be compiled", code)
         return _pack(code, out)
 
 
@@ -116,3 +120,10 @@ def _pack(code: Path, out: Path) -> Path:
 
 def _hash(path: Path) -> str:
     return "sha256=" + base64.urlsafe_b64encode(hashlib.sha256(path.read_bytes()).digest()).decode().rstrip("=")
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == INTO:
+        compile_into(sys.argv[2])
+    else:
+        print(build_wheel(Path(sys.argv[1]), Path(sys.argv[2])))
