@@ -3,50 +3,48 @@
 import errno
 import io
 import os
-import select
 import sys
 from contextlib import suppress
-from typing import Any, TextIO
+from typing import TextIO
 
 
-class _Lenient(io.RawIOBase):
-    """Writes bytes to a raw stream until it fails, and discards later bytes.
-
-    Parameters
-    ----------
-    raw : raw stream
-        Stays open when this one is closed.
+class Lenient(io.TextIOWrapper):
+    """A text stream that a plugin cannot close; once writing has failed, its descriptor leads to the null device.
 
     Attributes
     ----------
-    failure : OSError, ValueError or None
-        Why writing failed; a ValueError if the stream was closed.
+    failure : OSError or None
+        Why writing failed first.
     """
 
-    def __init__(self, raw: Any) -> None:
-        self._raw = raw
-        self.failure: OSError | ValueError | None = None
+    failure: OSError | None = None
 
-    def writable(self) -> bool:
-        return True
+    def write(self, text: str, /) -> int:
+        """Write a text; return its length."""
+        try:
+            return super().write(text)
+        except OSError as error:
+            self._give_up(error)
+        return len(text)
 
-    def fileno(self) -> int:
-        return int(self._raw.fileno())
+    def flush(self) -> None:
+        """Flush, as far as that is possible."""
+        try:
+            super().flush()
+        except OSError as error:
+            self._give_up(error)
 
-    def isatty(self) -> bool:
-        return bool(self._raw.isatty())
+    def close(self) -> None:
+        """Flush only."""
+        self.flush()
 
-    def write(self, data: Any) -> int:
-        """Return how many bytes were written; all of them if writing has failed."""
-        while self.failure is None:
-            try:
-                taken = self._raw.write(data)
-                if taken is not None:
-                    return int(taken)
-                select.select([], [self._raw], [])  # a full non-blocking pipe
-            except (OSError, ValueError) as error:
-                self.failure = error
-        return len(data)
+    def _give_up(self, error: OSError) -> None:
+        self.failure = self.failure or error
+        with suppress(OSError):
+            null = os.open(os.devnull, os.O_WRONLY)
+            if null != self.fileno():  # a closed descriptor may be opened again by this
+                os.dup2(null, self.fileno())
+                os.close(null)
 
 
 def guard_streams() -> None:
@@ -63,31 +61,21 @@ def guard_streams() -> None:
             with suppress(OSError):
                 opened = os.open(os.devnull, os.O_RDWR)  # the system gives the lowest number that is free
                 os.set_inheritable(opened, True)
-    sys.stdout, sys.stderr = _guarded(sys.stdout, 1), _guarded(sys.stderr, 2)
+    sys.stdout, sys.stderr = guarded(sys.stdout, 1), guarded(sys.stderr, 2)
 
 
-def _guarded(stream: TextIO | None, number: int) -> TextIO:
+def guarded(stream: TextIO | None, number: int) -> TextIO:
     """Return a stream that never raises and writes to the target of `stream`, or to a descriptor if it is None."""
-    if stream is None:
-        return _text(_Lenient(io.FileIO(number, "w", closefd=False)), "utf-8", line_buffering=False)
-    if not isinstance(stream, io.TextIOWrapper):
+    if stream is not None and not isinstance(stream, io.TextIOWrapper):
         return stream  # already replaced by other code
-    stream.flush()
-    raw = _Lenient(getattr(stream.buffer, "raw", stream.buffer))
-    return _text(raw, stream.encoding, line_buffering=stream.line_buffering or number == 2)
-
-
-class _Text(io.TextIOWrapper):
-    """A text stream that a plugin cannot close."""
-
-    def close(self) -> None:
-        """Flush only."""
-        self.flush()
-
-
-def _text(raw: _Lenient, encoding: str, *, line_buffering: bool) -> TextIO:
-    buffered = io.BufferedWriter(raw)
-    return _Text(buffered, encoding, errors="backslashreplace", line_buffering=line_buffering)
+    raw, encoding, by_line = io.FileIO(number, "w", closefd=False), "utf-8", number == 2
+    if stream is not None:
+        stream.flush()
+        raw, encoding = getattr(stream.buffer, "raw", stream.buffer), stream.encoding
+        by_line = by_line or stream.line_buffering
+    with suppress(OSError, AttributeError):  # Windows has no such pipes
+        os.set_blocking(raw.fileno(), True)
+    return Lenient(io.BufferedWriter(raw), encoding, errors="backslashreplace", line_buffering=by_line)
 
 
 def warn_lost_output() -> None:
@@ -95,13 +83,10 @@ def warn_lost_output() -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(ValueError, AttributeError):  # a plugin may have closed or replaced it
             stream.flush()
-    raw = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
-    failure = raw.failure if isinstance(raw, _Lenient) else None
-    if isinstance(failure, OSError) and failure.errno != errno.EPIPE:
-        notify(
-            f"warning: standard output could not be written ({failure.strerror}) and is incomplete; files are not "
-            "affected"
-        )
+    failure = getattr(sys.stdout, "failure", None)
+    if failure is not None and failure.errno != errno.EPIPE:
+        what = f"standard output could not be written ({failure.strerror}) and is incomplete"
+        notify(f"warning: {what}; files are not affected")
 
 
 def notify(line: str) -> None:

@@ -8,12 +8,12 @@ import time
 
 import pytest
 
-from evac.cli.streams import _guarded, _Lenient, notify
+from evac.cli.streams import guarded, notify
 
 
 def lenient_stream(descriptor, encoding="utf-8"):
     text = io.TextIOWrapper(io.BufferedWriter(io.FileIO(descriptor, "w", closefd=False)), encoding)
-    return _guarded(text, 1), text
+    return guarded(text, 1), text
 
 
 def test_a_reader_that_has_gone_stops_nobody():
@@ -22,7 +22,7 @@ def test_a_reader_that_has_gone_stops_nobody():
     stream, _kept = lenient_stream(write)
     for _ in range(3):
         print("x" * 100_000, file=stream, flush=True)
-    assert stream.buffer.raw.failure.errno == errno.EPIPE
+    assert stream.failure.errno == errno.EPIPE
     stream.close()
     os.fstat(write)  # is still open
     os.close(write)
@@ -33,7 +33,7 @@ def test_a_full_device_stops_nobody():
     with open("/dev/full", "wb", buffering=0) as full:
         stream, _ = lenient_stream(full.fileno())
         print("x", file=stream, flush=True)
-        assert stream.buffer.raw.failure.errno == errno.ENOSPC
+        assert stream.failure.errno == errno.ENOSPC
         stream.close()
 
 
@@ -68,7 +68,7 @@ def test_letters_that_an_encoding_lacks_are_escapes(tmp_path):
 
 def test_where_there_is_no_stream_there_is_one(tmp_path):
     with (tmp_path / "out").open("wb", buffering=0) as file:
-        stream = _guarded(None, file.fileno())
+        stream = guarded(None, file.fileno())
         print("x", file=stream, flush=True)
         stream.close()
     assert (tmp_path / "out").read_bytes() == b"x\n"
@@ -76,7 +76,7 @@ def test_where_there_is_no_stream_there_is_one(tmp_path):
 
 def test_a_replaced_stream_stays():
     replaced = io.StringIO()
-    assert _guarded(replaced, 1) is replaced
+    assert guarded(replaced, 1) is replaced
 
 
 def test_a_handler_of_signals_may_say_something_without_a_stream(monkeypatch):
@@ -85,15 +85,12 @@ def test_a_handler_of_signals_may_say_something_without_a_stream(monkeypatch):
         notify("stopping")
 
 
-def test_bytes_are_thrown_away_once_one_is_refused():
-    class Refusing(io.RawIOBase):
-        calls = 0
-
-        def write(self, data):
-            self.calls += 1
-            raise OSError(errno.EIO, "the terminal has gone")
-
-    raw = Refusing()
-    lenient = _Lenient(raw)
-    assert (lenient.write(b"abc"), lenient.write(b"de")) == (3, 2)
-    assert raw.calls == 1
+def test_a_closed_descriptor_stops_nobody():
+    read, write = os.pipe()
+    stream, _ = lenient_stream(write)
+    os.close(write)
+    print("x", file=stream, flush=True)
+    assert stream.failure.errno == errno.EBADF
+    print("y", file=stream, flush=True)
+    os.close(write)  # leads to the null device
+    os.close(read)
