@@ -1,8 +1,9 @@
-"""Unexpected errors: a one-line message, and a crash file with the details needed to find the cause."""
+"""Unexpected errors: a one-line message, and a crash file with what is needed to find the cause; Python warnings."""
 
 import errno
 import importlib.metadata
 import json
+import logging
 import os
 import platform
 import re
@@ -12,12 +13,13 @@ import tempfile
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
-from evac.base.errors import in_one_line, text_of
+from evac.base.errors import EvacWarning, in_one_line, text_of
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -37,8 +39,11 @@ ADVICE = {
     errno.EAGAIN: "raise the limit of processes (ulimit -u), or use fewer (--jobs, --threads)",
 }
 
-#: Number of file names that are tried for a crash file.
-MOST_FILES = 100
+#: Libraries that log warnings to standard error by default.
+LOGGING = ("matplotlib", "imageio", "PIL")
+
+#: Maximum number of hidden warnings that are kept for crash files.
+MOST_KEPT = 100
 
 
 def fault_of_path(error: BaseException) -> str:
@@ -47,8 +52,11 @@ def fault_of_path(error: BaseException) -> str:
         return f"{text_of(error)}: the link leads to itself; give another path"
     if isinstance(error, RuntimeError) and str(error) == "can't start new thread":
         return f"no thread can be started; {ADVICE[errno.EAGAIN]}"
-    if isinstance(error, FileNotFoundError) and not _is_folder_there():
-        return "the current folder has been removed; change to another one"
+    if isinstance(error, FileNotFoundError):
+        try:
+            os.getcwd()
+        except OSError:
+            return "the current folder has been removed; change to another one"
     advice = ADVICE.get(error.errno or 0) if isinstance(error, OSError) else None
     if advice is None or not isinstance(error, OSError):
         return ""
@@ -56,26 +64,10 @@ def fault_of_path(error: BaseException) -> str:
     return f"{named}{error.strerror}; {advice}"
 
 
-def _is_folder_there() -> bool:
-    try:
-        os.getcwd()
-    except OSError:
-        return False
-    return True
+def report_crash(error: BaseException, what: str, case: "Case | None" = None, notes: Sequence[str] = ()) -> None:
+    """Print a one-line message on an unexpected error, of a kind such as "internal error", with its crash file.
 
-
-def report_crash(error: BaseException, what: str, case: "Case | None" = None, notes: list[str] | None = None) -> None:
-    """Print a one-line message on an unexpected error with the path of its crash file.
-
-    Parameters
-    ----------
-    error : BaseException
-    what : str
-        Kind of error, such as ``"internal error"``.
-    case : Case, optional
-        The case that was loaded when the error occurred.
-    notes : list of str, optional
-        Warnings that were not shown.
+    The case is the one that was loaded when the error occurred; the notes are warnings that were not shown.
     """
     advice = "please report it"
     if isinstance(error, MemoryError):
@@ -83,37 +75,32 @@ def report_crash(error: BaseException, what: str, case: "Case | None" = None, no
     print(f"evac: {what}: {in_one_line(error)}; {advice} ({crash_file(error, case, notes)})", file=sys.stderr)
 
 
-def crash_file(error: BaseException, case: "Case | None" = None, notes: list[str] | None = None) -> str:
+def crash_file(error: BaseException, case: "Case | None" = None, notes: Sequence[str] = ()) -> str:
     """Write a crash file to the folder of crash files, or to the temporary folder; return a sentence with its path.
 
     It contains the traceback, the command, versions and the settings of the case, but no environment variables and no
-    values of variables. Only the newest `KEPT` files are kept.
+    values of variables. Only the newest `KEPT` files are kept, which only the user can read.
     """
     try:
-        text = "".join(_report(error, case, notes or []))
+        text = "".join(_report(error, case, notes))
     except Exception as failure:  # such as a MemoryError
         text = f"{in_one_line(error)}\nno report, {in_one_line(failure)}\n"
-    stamp = f"evac-crash-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
-    why = ""
-    for folder in (crash_folder, lambda: Path(tempfile.gettempdir())):
+    stamp, why = f"evac-crash-{time.strftime('%Y%m%d-%H%M%S')}-", ""
+    for folder in (_crash_folder, lambda: Path(tempfile.gettempdir())):
         try:
-            path = _written(folder(), stamp, text)
+            descriptor, name = tempfile.mkstemp(".txt", stamp, folder())
+            with open(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:
+                file.write(text)
         except OSError as failure:
             why = why or f"{failure.strerror or failure}"
         else:
-            _prune(path)
-            return f"details are in {path}"
+            _prune(Path(name))
+            return f"details are in {name}"
     return f"no crash file could be written: {why}"
 
 
-def crash_folder() -> Path:
-    """Return the folder of crash files, ``crashes`` in the cache folder of the user, created if it is missing.
-
-    Raises
-    ------
-    OSError
-        There is no home folder, or the folder cannot be created.
-    """
+def _crash_folder() -> Path:
+    """Return the folder of crash files, ``crashes`` in the cache folder of the user, created if it is missing."""
     from evac.jit.store import cache_root
 
     root = cache_root()
@@ -132,25 +119,7 @@ def _prune(newest: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _written(folder: Path, stamp: str, text: str) -> Path:
-    """Write a new file that only the user can read, and return its path; an incomplete file is removed."""
-    for k in range(MOST_FILES):
-        path = folder / f"{stamp}{f'-{k}' if k else ''}.txt"
-        try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        except FileExistsError:
-            continue
-        try:
-            with open(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:
-                file.write(text)
-        except OSError:
-            path.unlink(missing_ok=True)
-            raise
-        return path
-    raise FileExistsError(f"{folder / stamp}: too many crash files")
-
-
-def _report(error: BaseException, case: "Case | None", notes: list[str]) -> Iterator[str]:
+def _report(error: BaseException, case: "Case | None", notes: Sequence[str]) -> Iterator[str]:
     """Yield the parts of a crash file; a part that cannot be determined is replaced by the reason."""
     yield "evac crash report\n\n"
     parts: dict[str, Callable[[], str]] = {
@@ -184,6 +153,42 @@ def _settings(case: "Case") -> str:
     from evac.results.results import plain
 
     return f"{case.source}\n{json.dumps(plain(case.to_dict()), indent=2)}"
+
+
+@contextmanager
+def shown_warnings() -> Iterator[list[str]]:
+    """Show Python warnings of evac and of plugin files in one line; yield the list of others, which is filled later.
+
+    Warnings from libraries are hidden, because users can do nothing about them. If warnings are requested explicitly,
+    with ``PYTHONWARNINGS=default`` for example, Python shows all of them as usual.
+    """
+    hidden: list[str] = []
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        from evac.contract.registry import is_plugin_file
+
+        told = f"{filename}, line {lineno}: {category.__name__}: {message}"
+        if issubclass(category, EvacWarning):
+            print(f"warning: {message}", file=sys.stderr)
+        elif sys.warnoptions:
+            before(message, category, filename, lineno, file, line)
+        elif is_plugin_file(filename):
+            print(f"warning: {told}", file=sys.stderr)
+        elif len(hidden) < MOST_KEPT:
+            hidden.append(told)
+
+    for library in LOGGING:
+        logging.getLogger(library).addHandler(logging.NullHandler())
+    with warnings.catch_warnings():
+        before, warnings.showwarning = warnings.showwarning, show
+        yield hidden
 
 
 def refuse_to_leave() -> None:

@@ -11,9 +11,16 @@ from collections.abc import Sequence
 
 from evac.base.errors import EvacError, PluginError
 from evac.cli.cases import loaded_case
-from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, fault_of_path, refuse_to_leave, report_crash
+from evac.cli.crash import (
+    INTERNAL_ERROR,
+    catch_the_rest,
+    crash_file,
+    fault_of_path,
+    refuse_to_leave,
+    report_crash,
+    shown_warnings,
+)
 from evac.cli.streams import guard_streams, warn_lost_output
-from evac.cli.warned import shown_warnings
 
 #: Exit status for bad input, and for an interrupt by Ctrl-C.
 BAD_INPUT = 2

@@ -5,7 +5,7 @@ import io
 import os
 import sys
 from contextlib import suppress
-from typing import TextIO
+from typing import Any, TextIO
 
 
 class Lenient(io.TextIOWrapper):
@@ -68,11 +68,12 @@ def guarded(stream: TextIO | None, number: int) -> TextIO:
     """Return a stream that never raises and writes to the target of `stream`, or to a descriptor if it is None."""
     if stream is not None and not isinstance(stream, io.TextIOWrapper):
         return stream  # already replaced by other code
-    raw, encoding, by_line = io.FileIO(number, "w", closefd=False), "utf-8", number == 2
+    raw: Any = io.FileIO(number, "w", closefd=False)
+    encoding, by_line = "utf-8", number == 2
     if stream is not None:
         stream.flush()
         raw, encoding = getattr(stream.buffer, "raw", stream.buffer), stream.encoding
-        by_line = by_line or stream.line_buffering
+        by_line |= stream.line_buffering
     with suppress(OSError, AttributeError):  # Windows has no such pipes
         os.set_blocking(raw.fileno(), True)
     return Lenient(io.BufferedWriter(raw), encoding, errors="backslashreplace", line_buffering=by_line)
