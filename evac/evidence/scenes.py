@@ -75,17 +75,18 @@ def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] 
         Exit(k, f"exit {k}", 0, np.array([way_out], dtype=float), way_out[3] - way_out[1])
         for k, way_out in enumerate(exits)
     )
-    nothing = np.zeros((0, 3))
-    return Building(Path("by hand"), nothing, (level,), (), doors, (), walls, np.zeros(len(walls), np.int32), {})
+    corners = np.array([(x1, y1, 0.0), (x2, y1, 0.0), (x2, y2, 0.0), (x1, y2, 0.0)])
+    return Building(Path("by hand"), corners, (level,), (), doors, (), walls, np.zeros(len(walls), np.int32), {})
 
 
-def one_direction(bounds: Bounds, direction: tuple[float, float] = (1.0, 0.0)) -> Fields:
-    """Return the same unit direction everywhere; the travel time decreases along it."""
+def one_direction(bounds: Bounds, *directions: tuple[float, float]) -> Fields:
+    """Return the same unit direction everywhere, +x by default; a route for each; travel times decrease along it."""
     x1, y1, x2, y2 = bounds
     side = max(x2 - x1, y2 - y1)
     node = np.array([(x1, y1), (x1, y1 + side), (x1 + side, y1), (x1 + side, y1 + side)], dtype=float)
-    time = 2.0 * side - (node - node[0]) @ np.array(direction)
-    return _fields((x1, y1), (2, 2), side, np.tile(np.array(direction, dtype=float), (4, 1)), time)
+    ahead = np.array(directions or [(1.0, 0.0)], dtype=float)
+    time = np.concatenate([2.0 * side - (node - node[0]) @ one for one in ahead])
+    return fields_of((x1, y1), (2, 2), side, np.repeat(ahead, 4, axis=0), time)
 
 
 def towards(bounds: Bounds, point: tuple[float, float], spacing: float = 0.25) -> Fields:
@@ -97,21 +98,23 @@ def towards(bounds: Bounds, point: tuple[float, float], spacing: float = 0.25) -
     away = np.stack([x - point[0], y - point[1]], axis=2).reshape(-1, 2)
     distance = np.hypot(away[:, 0], away[:, 1])
     direction = -away / np.maximum(distance, 1e-9)[:, None]
-    return _fields((x1, y1), (across, along), spacing, direction, distance)
+    return fields_of((x1, y1), (across, along), spacing, direction, distance)
 
 
-def _fields(
+def fields_of(
     origin: tuple[float, float], shape: tuple[int, int], spacing: float, direction: FloatArray, time: FloatArray
 ) -> Fields:
+    """Return the fields of one level from directions (k, 2) and travel times (k,) at the nodes of each route."""
+    routes = len(time) // (shape[0] * shape[1])
     return Fields(
-        routes=(Route(),),
+        routes=tuple(Route((f"exit {k}",)) for k in range(routes)) if routes > 1 else (Route(),),
         packed=PackedFields(
             origin=np.array([origin], dtype=float),
             shape=np.array([shape], np.int32),
             spacing=spacing,
             width=np.zeros(0),
-            field_of=np.zeros((1, 1), np.int32),
-            offset=np.zeros(1, np.int64),
+            field_of=np.arange(routes, dtype=np.int32).reshape(1, -1),
+            offset=shape[0] * shape[1] * np.arange(routes, dtype=np.int64),
             direction=np.ascontiguousarray(direction),
             travel_time=time,
             walls=NO_CELL_WALLS,

@@ -5,16 +5,13 @@ crowd walks until it is arriving, or is pressed against the closed door until it
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from shapely.geometry import box
 
-from evac.building.model.building import Building, Exit, Level
-from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
-from evac.directions.routes import Route
+from evac.building.model.building import Building
+from evac.directions.fields import Fields
 from evac.evidence.models import make_engine
-from evac.evidence.scenes import packed
+from evac.evidence.scenes import fields_of, packed, room
 from evac.physics.contact.model import ContactModel
 from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, copy_of, make_crowd
@@ -97,22 +94,7 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
 def door_room(side: float) -> Building:
     """Return a square room with a door in the middle of its right wall."""
     low, high = 0.5 * (side - DOOR), 0.5 * (side + DOOR)
-    walls = np.array(
-        [
-            [0.0, 0.0, side, 0.0],
-            [0.0, 0.0, 0.0, side],
-            [0.0, side, side, side],
-            [side, 0.0, side, low],
-            [side, high, side, side],
-        ]
-    )
-    level = Level(
-        0, "room", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, side, side), np.zeros(2), 0.0, 0.0, 0.0
-    )
-    door = Exit(0, "door", 0, np.array([[side, low, side, high]]), DOOR)
-    return Building(
-        Path("a room with a door"), np.zeros((0, 3)), (level,), (), (door,), (), walls, np.zeros(5, np.int32), {}
-    )
+    return room((0.0, 0.0, side, side), exits=((side, low, side, high),))
 
 
 def door_fields(side: float, spacing: float = 0.1) -> Fields:
@@ -122,20 +104,8 @@ def door_fields(side: float, spacing: float = 0.1) -> Fields:
     across = np.clip(y, 0.5 * (side - DOOR) + 0.25, 0.5 * (side + DOOR) - 0.25) - y
     ahead = np.maximum(side - x, 0.0) + 0.05
     distance = np.hypot(ahead, across)
-    return Fields(
-        routes=(Route(),),
-        packed=PackedFields(
-            origin=np.array([[axis[0], axis[0]]]),
-            shape=np.array([[len(axis), len(axis)]], np.int32),
-            spacing=spacing,
-            width=np.zeros(0),
-            field_of=np.zeros((1, 1), np.int32),
-            offset=np.zeros(1, np.int64),
-            direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),
-            travel_time=distance.ravel(),
-            walls=NO_CELL_WALLS,
-        ),
-    )
+    direction = np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)
+    return fields_of((axis[0], axis[0]), (len(axis), len(axis)), spacing, direction, distance.ravel())
 
 
 def _crowd(people: int, side: float, generator: np.random.Generator) -> Crowd:

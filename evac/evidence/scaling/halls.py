@@ -2,18 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shapely.geometry import box
 
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.distributions import generator_for
-from evac.building.model.building import Building, Exit, Level
+from evac.building.model.building import Building
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
+from evac.evidence.scenes import room
 from evac.physics.state import Crowd, make_crowd
 
 #: Bodies fit a hexagonal lattice of 5 per m2, 0.48 m apart [m].
@@ -53,7 +52,8 @@ def make_hall(people: int, density: float, seed: int, deepest: float = math.inf)
     angle = generator.uniform(0.0, 2.0 * math.pi, people)
     shift = slack * np.sqrt(generator.uniform(0.0, 1.0, people))
     position += shift[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    building = _building(depth, length)
+    doors = zip(*(ends.tolist() for ends in doors_along(length)), strict=True)
+    building = room((0.0, 0.0, depth, length), exits=tuple((depth, low, depth, high) for low, high in doors))
     spacing = SPACING if max(depth, length) <= LARGE else COARSE
     fields = build_fields(building, (Route(),), spacing=spacing, clearance=RADIUS[1], speeds=(1.0, 1.0, 1.0))
     return Hall(building, fields, _crowd(position, generator), depth, length)
@@ -103,28 +103,6 @@ def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, flo
     if columns == square:
         depth = length = max(depth, length)
     return np.stack([x, y], axis=1), depth, length
-
-
-def _building(depth: float, length: float) -> Building:
-    low, high = doors_along(length)
-    walls = [[depth, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, length], [0.0, length, depth, length]]
-    edges = [0.0, *np.stack([low, high], axis=1).ravel(), length]
-    walls += [[depth, end, depth, start] for start, end in zip(edges[::2], edges[1::2], strict=True)]
-    level = Level(
-        0, "hall", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, depth, length), np.zeros(2), 0.0, 0.0, 0.0
-    )
-    exits = tuple(Exit(k, f"door {k}", 0, np.array([[depth, low[k], depth, high[k]]]), DOOR) for k in range(len(low)))
-    return Building(
-        source=Path("a hall"),
-        vertices=np.array([[0.0, 0.0, 0.0], [depth, 0.0, 0.0], [depth, length, 0.0], [0.0, length, 0.0]]),
-        levels=(level,),
-        portals=(),
-        exits=exits,
-        areas=(),
-        walls=np.array(walls),
-        wall_level=np.zeros(len(walls), np.int32),
-        stairs={},
-    )
 
 
 def _crowd(position: FloatArray, generator: np.random.Generator) -> Crowd:

@@ -1,23 +1,19 @@
 """Figures 2 and 3 of the paper reproduced: a disc that hits the ground, two people who walk into each other."""
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shapely.geometry import box
 
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building, Level
-from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
-from evac.directions.routes import Route
 from evac.evidence.models import make_engine, make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.scenes import one_direction, room
 from evac.evidence.verdicts import reported
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
 
-EXTENT = 10.0  # m
+PLANE = (-10.0, -10.0, 10.0, 10.0)  # m
 STEP = 0.01  # s, of both figures
 
 #: Figure 2: a disc of this radius starts here with unit speed, 45 degrees downwards.
@@ -135,9 +131,9 @@ def _jump(name: str) -> Any:
 
 def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities (81, 2) at every step."""
-    ground = np.array([[-EXTENT, 0.0, EXTENT, 0.0]])
+    ground = [[PLANE[0], 0.0, PLANE[2], 0.0]]
     crowd = make_crowd([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
-    engine = make_engine(make_world(_plane(ground), _fields([[1.0, 0.0]])), 1)
+    engine = make_engine(make_world(room(PLANE, ground), one_direction(PLANE)), 1)
     model = make_model(name, normal_dissipation=0.0) if name == "NSM2" else make_model(name, gap_tolerance=1e-12)
     position, velocity = [crowd.position[0].copy()], [crowd.velocity[0].copy()]
     for step in range(80):
@@ -152,7 +148,7 @@ def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     start = [[-1.5, 0.5 * OFFSET], [1.5, -0.5 * OFFSET]]
     crowd = make_crowd(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
     crowd.route[1] = 1
-    engine = make_engine(make_world(_plane(np.zeros((0, 4))), _fields([[1.0, 0.0], [-1.0, 0.0]])), 2)
+    engine = make_engine(make_world(room(PLANE), one_direction(PLANE, (1.0, 0.0), (-1.0, 0.0))), 2)
     model = make_model("NSM2")
     position, velocity = [crowd.position.copy()], [crowd.velocity.copy()]
     steps = round(DURATION / STEP)
@@ -161,32 +157,3 @@ def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         position.append(crowd.position.copy())
         velocity.append(crowd.velocity.copy())
     return STEP * np.arange(steps + 1.0), np.array(position), np.array(velocity)
-
-
-def _plane(walls: FloatArray) -> Building:
-    """Return an endless floor with some walls."""
-    none = np.zeros((0, 3))
-    square = box(-EXTENT, -EXTENT, EXTENT, EXTENT)
-    level = Level(0, "plane", "floor", None, none.astype(np.int32), square, np.zeros(2), 0.0, 0.0, 0.0)
-    return Building(Path("a plane"), none, (level,), (), (), (), walls, np.zeros(len(walls), np.int32), {})
-
-
-def _fields(directions: list[list[float]]) -> Fields:
-    """Return one route for each direction, the same everywhere."""
-    routes = len(directions)
-    node = np.array([[-EXTENT, -EXTENT], [-EXTENT, EXTENT], [EXTENT, -EXTENT], [EXTENT, EXTENT]])
-    ahead = np.array(directions)
-    return Fields(
-        routes=tuple(Route((f"exit {k}",)) for k in range(routes)),
-        packed=PackedFields(
-            origin=np.full((1, 2), -EXTENT),
-            shape=np.full((1, 2), 2, np.int32),
-            spacing=2.0 * EXTENT,
-            width=np.zeros(0),
-            field_of=np.arange(routes, dtype=np.int32).reshape(1, -1),
-            offset=4 * np.arange(routes, dtype=np.int64),
-            direction=np.repeat(ahead, 4, axis=0),
-            travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
-            walls=NO_CELL_WALLS,
-        ),
-    )
