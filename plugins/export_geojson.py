@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building
+from evac.building.model.links import states_of
 from evac.export.exporter import Exporter
 from evac.trajectory.trajectory import Trajectory
 
@@ -18,7 +19,10 @@ COORDINATES = "plan of the building: x and y in metres, not longitude and latitu
 
 
 class GeojsonExporter(Exporter):
-    """The building as GeoJSON: levels, walls, portals, exits and areas with names, in plan coordinates."""
+    """The building as GeoJSON: levels, walls, portals, exits and areas with names, in plan coordinates.
+
+    Portals and exits have the property ``open`` for the start of the run, and ``changes`` if they open or close later.
+    """
 
     name = "geojson"
     suffix = ".geojson"
@@ -30,7 +34,7 @@ class GeojsonExporter(Exporter):
             "type": "FeatureCollection",
             "coordinates": COORDINATES,
             "building": building.source.name,
-            "features": [*_surfaces(building), *_lines(building)],
+            "features": [*_surfaces(building), *_lines(building, states_of(building, trajectory.changes))],
         }
         path.write_text(json.dumps(data, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
         return [path]
@@ -49,7 +53,7 @@ def _surfaces(building: Building) -> Iterable[dict[str, Any]]:
         yield _feature(area.polygon, "area", area.name, [building.levels[area.level].name])
 
 
-def _lines(building: Building) -> Iterable[dict[str, Any]]:
+def _lines(building: Building, states: list[list[tuple[float, bool]]]) -> Iterable[dict[str, Any]]:
     """Return the walls of each level, the portals and the exits."""
     for level in building.levels:
         walls = building.walls[building.wall_level == level.index]
@@ -57,11 +61,17 @@ def _lines(building: Building) -> Iterable[dict[str, Any]]:
             yield _feature(_drawn(walls), "wall", f"walls of {level.name}", [level.name])
     for portal in building.portals:
         levels = [building.levels[index].name for index in portal.levels]
-        more = {"width": portal.width, "open": building.is_open(portal)}
+        more = {"width": portal.width, **_state(states[portal.index])}
         yield _feature(_drawn(portal.segments), "portal", portal.name, levels, **more)
     for exit_ in building.exits:
-        more = {"width": exit_.width, "open": building.is_open(exit_)}
+        more = {"width": exit_.width, **_state(states[building.link_of(exit_)])}
         yield _feature(_drawn(exit_.segments), "exit", exit_.name, [building.levels[exit_.level].name], **more)
+
+
+def _state(states: list[tuple[float, bool]]) -> dict[str, Any]:
+    """Return the properties of a link that is open or closed from certain times on."""
+    changes = [{"time": time, "open": is_open} for time, is_open in states[1:]]
+    return {"open": states[0][1]} | ({"changes": changes} if changes else {})
 
 
 def _drawn(segments: FloatArray) -> BaseGeometry:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -58,7 +58,7 @@ def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
     """Return the passages through each portal and exit, by its name.
 
     Between two recorded times, people are assumed to have taken the path over the fewest levels, and the nearest of
-    several portals or exits between two levels.
+    several portals or exits between two levels; those that were closed at both times are not considered.
 
     Examples
     --------
@@ -69,14 +69,18 @@ def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
     links: list[Portal | Exit] = [*building.portals, *building.exits]
     found: list[list[tuple[float, int, bool]]] = [[] for _ in links]
     lines = [shapely.multilinestrings([s.reshape(2, 2) for s in link.segments]) for link in links]
-    level, ways = trajectory.level, _Ways(building)
+    level, ways = trajectory.level, {}
     for k in range(1, len(trajectory)):
+        closed = frozenset.intersection(*(trajectory.building_at(trajectory.time[j]).closed for j in (k - 1, k)))
+        if closed not in ways:
+            ways[closed] = _Ways(replace(building, closed=closed))
+        open_ways = ways[closed]
         time = 0.5 * float(trajectory.time[k - 1] + trajectory.time[k])
         for person in np.flatnonzero((level[k] != level[k - 1]) & (level[k - 1] >= 0)).tolist():
             place = shapely.Point(trajectory.position[k - 1, person])
             source = int(level[k - 1, person])
-            for target in ways.between(source, int(level[k, person])):
-                parallel = ways.links(source, target)
+            for target in open_ways.between(source, int(level[k, person])):
+                parallel = open_ways.links(source, target)
                 link = min(parallel, key=lambda row: float(lines[row].distance(place)))
                 forward = target < 0 or links[link].levels[0] == source  # type: ignore[union-attr]
                 found[link].append((time, person, forward))
@@ -93,14 +97,14 @@ def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
 
 
 class _Ways:
-    """Levels as a graph whose edges are portals and exits; -1 is outside."""
+    """Levels as a graph whose edges are open portals and exits; -1 is outside."""
 
     def __init__(self, building: Building) -> None:
         self._rows: dict[tuple[int, int], list[int]] = {}
-        for portal in building.portals:
+        for portal in filter(building.is_open, building.portals):
             for pair in (portal.levels, portal.levels[::-1]):
                 self._rows.setdefault(pair, []).append(portal.index)
-        for exit_ in building.exits:
+        for exit_ in filter(building.is_open, building.exits):
             self._rows.setdefault((exit_.level, -1), []).append(building.link_of(exit_))
         self._known: dict[tuple[int, int], list[int]] = {}
 

@@ -1,6 +1,6 @@
 """VTK animation of a trajectory: a .vtp file for each frame, the building in named blocks, a .pvd file for both."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -16,9 +16,10 @@ from evac.export.polydata import PolyData, write_polydata
 from evac.folder.files import (
     ANIMATION_NAME,
     BUILDING_FOLDER,
-    BUILDING_NAME,
+    BUILDINGS,
     FRAMES,
     FRAMES_FOLDER,
+    building_name,
     frame_name,
     replacing,
     writing,
@@ -31,6 +32,8 @@ KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", 
 
 def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
     """Write ``animation.pvd``, ``building.vtm`` with ``building/``, and ``frames/frame_00000.vtp``, ... to `folder`.
+
+    If links open or close during the run, ``building_00001.vtm``, ... contain the building after that.
 
     Each frame has one point per person inside, at the height of the floor, with the point arrays person, group
     (index in the field array ``group_names``, -1 for none), level (index in ``level_names``), speed and velocity
@@ -55,22 +58,25 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
                 raise NotADirectoryError(f"{folder / name} is a link")
             (folder / name).mkdir(parents=True, exist_ok=True)
         _remove_earlier(folder)
-        _write_building(trajectory.building, folder)
+        buildings = [trajectory.building_at(time) for time in trajectory.time.tolist()]
+        states = list({building.closed: building for building in buildings}.values())
+        _write_buildings(states, folder)
         for k in range(len(trajectory)):
             write_polydata(people_polydata(trajectory, trajectory[k]), folder / frame_name(k))
+        shown = [building_name(states.index(building)) for building in buildings]
         path = folder / ANIMATION_NAME
         with replacing(path, "the VTK animation") as new:
-            new.write_text(_pvd(trajectory.time), encoding="utf-8")
+            new.write_text(_pvd(trajectory.time, shown), encoding="utf-8")
     return path
 
 
 def _remove_earlier(folder: Path) -> None:
-    """Remove the frames that an earlier animation in the folder lists."""
+    """Remove the frames, and the buildings after changes, that an earlier animation in the folder lists."""
     path = folder / ANIMATION_NAME
     listed = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
-    for frame in folder.glob(FRAMES):
-        if f'"{FRAMES_FOLDER}/{frame.name}"' in listed:
-            frame.unlink()
+    for file in (*folder.glob(FRAMES), *folder.glob(BUILDINGS)):
+        if f'"{file.relative_to(folder).as_posix()}"' in listed:
+            file.unlink()
 
 
 def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
@@ -144,25 +150,37 @@ def _part(
     )
 
 
-def _write_building(building: Building, folder: Path) -> None:
-    """Write each part of a building to its own file, and the file that lists them in blocks."""
-    parts = list(building_blocks(building))
-    files = [f"{BUILDING_FOLDER}/{stem}.vtp" for stem in file_stems(f"{block} {name}" for block, name, _ in parts)]
-    blocks: dict[str, list[str]] = {}
-    for (block, name, data), file in zip(parts, files, strict=True):
-        write_polydata(data, folder / file)
-        entries = blocks.setdefault(block, [])
-        entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
-    tree = "".join(
-        f'    <Block index="{index}" name="{block}">\n{"".join(entries)}    </Block>\n'
-        for index, (block, entries) in enumerate(blocks.items())
-    )
-    with replacing(folder / BUILDING_NAME, "the building") as new:
-        new.write_text(
-            '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
-            f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
-            encoding="utf-8",
+def _write_buildings(states: Sequence[Building], folder: Path) -> None:
+    """Write the parts of a building in all its states to a file each, and for each state a file that lists them."""
+    parts = [list(building_blocks(building)) for building in states]
+    # The parts are the same in all states, except for the kinds of links that open or close.
+    kinds = [[KINDS[data.cell_arrays["kind"][0]] for _, _, data in of_state] for of_state in parts]
+    titles = {
+        (row, kind): f"{block} {name}" if kind == kinds[0][row] else f"{block} {name} {kind}"
+        for of_state, own in zip(parts, kinds, strict=True)
+        for row, ((block, name, _), kind) in enumerate(zip(of_state, own, strict=True))
+    }
+    stems = dict(zip(titles, file_stems(titles.values()), strict=True))
+    written = set()
+    for k, (of_state, own) in enumerate(zip(parts, kinds, strict=True)):
+        blocks: dict[str, list[str]] = {}
+        for row, (block, name, data) in enumerate(of_state):
+            file = f"{BUILDING_FOLDER}/{stems[row, own[row]]}.vtp"
+            if file not in written:
+                write_polydata(data, folder / file)
+                written.add(file)
+            entries = blocks.setdefault(block, [])
+            entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
+        tree = "".join(
+            f'    <Block index="{index}" name="{block}">\n{"".join(entries)}    </Block>\n'
+            for index, (block, entries) in enumerate(blocks.items())
         )
+        with replacing(folder / building_name(k), "the building") as new:
+            new.write_text(
+                '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
+                f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
+                encoding="utf-8",
+            )
 
 
 def segments_in_space(
@@ -174,11 +192,11 @@ def segments_in_space(
     return np.column_stack([ends, z]).reshape(-1, 2, 3)
 
 
-def _pvd(times: NDArray[np.float64]) -> str:
+def _pvd(times: NDArray[np.float64], buildings: Sequence[str]) -> str:
     entry = '    <DataSet timestep="{}" part="{}" name="{}" file="{}"/>'
     lines = []
-    for k, time in enumerate(times.tolist()):
+    for k, (time, building) in enumerate(zip(times.tolist(), buildings, strict=True)):
         lines.append(entry.format(repr(time), 0, "people", frame_name(k)))
-        lines.append(entry.format(repr(time), 1, "building", BUILDING_NAME))
+        lines.append(entry.format(repr(time), 1, "building", building))
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
     return head + "  <Collection>\n" + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n"

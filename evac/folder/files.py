@@ -35,6 +35,9 @@ MEDIAN_REPLAY_NAME = "replay-median.html"
 WORST_REPLAY_NAME = "replay-worst.html"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
+
+#: Pattern of the files of the building after a change, see `building_name`.
+BUILDINGS = "building_*.vtm"
 BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
 
@@ -81,6 +84,7 @@ WRITTEN = (
     WORST_REPLAY_NAME,
     ANIMATION_NAME,
     BUILDING_NAME,
+    BUILDINGS,
     BUILDING_PARTS,
     FRAMES,
     MAPS,
@@ -101,6 +105,11 @@ WRITTEN = (
 def frame_name(k: int) -> str:
     """Return the path of frame `k` of the VTK animation, relative to the result folder."""
     return FRAMES.replace("*", f"{k:05d}")
+
+
+def building_name(k: int) -> str:
+    """Return the path of the building in VTK format, in its initial state for k = 0 and after changes for others."""
+    return BUILDINGS.replace("*", f"{k:05d}") if k else BUILDING_NAME
 
 
 def map_name(quantity: str) -> str:

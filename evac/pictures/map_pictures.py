@@ -1,6 +1,7 @@
 """Pictures of maps: one quantity on the plans of all storeys, with one colour scale."""
 
 import math
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -35,6 +36,10 @@ SCALES = {
 #: Colours of floors where a map has no value, and of cells that are never cleared.
 NO_VALUE, NEVER = "#eef0f3", "#7a0177"
 
+#: Kinds of change that titles tell, in words, and the greatest number of letters for them.
+LINK_CHANGES = {"open": "opened", "close": "closed"}
+MOST_SAID = 80
+
 #: The formats that a picture of a map can have.
 FORMATS = (".png", ".svg", ".pdf", ".jpg", ".jpeg")
 
@@ -46,7 +51,9 @@ def draw_map(
     levels: Sequence[str | int] | None = None,
     dpi: int = 120,
 ) -> Figure:
-    """Draw the map of one quantity on the plans of the storeys.
+    """Draw the map of one quantity on the plans of the storeys, with links as they are at the end of its time.
+
+    The title names links that opened or closed during this time.
 
     Parameters
     ----------
@@ -83,7 +90,10 @@ def draw_map(
     title = f"{trajectory.header.get('title', '')}\n{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s"
     if quantity == "flow":
         title += "; labels: people who passed the line, and people per second and metre"
-    plans = draw_plans(trajectory.building, title, levels, dpi=dpi, is_filled=False)
+    changes = [c for c in trajectory.changes if any_map.start < c.time <= any_map.end and c.kind in LINK_CHANGES]
+    said = ", ".join(f"{c.what!r} {LINK_CHANGES[c.kind]} at {c.time:g} s" for c in changes)
+    title += textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
+    plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False)
     norm = Normalize(0.0, _top(grids.values()))
     colours = matplotlib.colormaps[SCALES[quantity]].with_extremes(bad=(0, 0, 0, 0), over=NEVER)
     for axes, shown in zip(plans.axes, plans.levels, strict=True):

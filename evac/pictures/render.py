@@ -2,15 +2,16 @@
 
 import importlib.util
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from evac.base.errors import ResultError
+from evac.building.model.building import Building
 from evac.building.model.storeys import level_of
 from evac.folder.files import replacing
 from evac.pictures.camera import Camera
@@ -32,8 +33,16 @@ LEAST_FPS, MOST_FPS, MOST_PICTURES = 0.01, 1_000.0, 100_000
 VIEWS = ("3d", "plan")
 
 
+class _Drawn(NamedTuple):
+    """The building as it is for some time, as drawn once."""
+
+    view: View
+    ground: NDArray[np.uint8]  # with all constant text
+    names: Image.Image  # everything in front of people, on a transparent ground
+
+
 class Renderer:
-    """Draws frames of a trajectory: the building once, and the people for each frame.
+    """Draws frames of a trajectory: the building once for each set of links that are closed, and the people.
 
     Parameters
     ----------
@@ -77,20 +86,20 @@ class Renderer:
         _check_size(size)
         self.trajectory = trajectory
         self._colouring = colouring(trajectory, colour_by)
-        self._view = self._look(size, view, camera or Camera(), levels)
-        largest = float(trajectory.radius.max(initial=0.0)) * self._view.scale
+        self._look = _looking(size, view, camera or Camera(), levels, self._colouring.has_legend)
+        self._drawn: dict[frozenset[int], _Drawn] = {}
+        largest = float(trajectory.radius.max(initial=0.0)) * self.view_at(float(trajectory.time[0])).scale
         if largest > MOST_RADIUS:
             raise ResultError(
                 f"zoom: the radius of a person is {largest:.0f} pixels, more than {MOST_RADIUS}; reduce zoom"
             )
-        self._ground = self._with_writing()
-        self._names = self._drawn_names()
 
     def image(self, k: int) -> NDArray[np.uint8]:
         """Return the picture of frame `k`, (height, width, 3)."""
-        trajectory, view = self.trajectory, self._view
+        trajectory = self.trajectory
         frame = trajectory[k]
-        image = self._ground.copy()
+        view, ground, names = self._drawn_at(frame["time"])
+        image = ground.copy()
         places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
         shown = np.isfinite(places[:, 0])
         radius = view.scale * trajectory.radius[frame["person"]]
@@ -98,44 +107,64 @@ class Renderer:
         draw_people(image, places[shown], radius[shown], colours[shown], view.elevation, view.nearness)
         out = trajectory.number_of_people - len(frame["person"])
         picture = Image.fromarray(image)
-        picture.paste(self._names, (0, 0), self._names)
+        picture.paste(names, (0, 0), names)
         Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out")
         return np.array(picture)
 
-    def _look(self, size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None) -> View:
-        """Draw the building."""
-        building, has_legend = self.trajectory.building, self._colouring.has_legend
-        if view == "plan":
-            from evac.pictures.planview import plan_view
+    def view_at(self, time: float) -> View:
+        """Return the building as it is drawn at a time [s], and the projection to the picture."""
+        return self._drawn_at(time).view
 
-            return plan_view(building, size, levels, 1.6 if has_legend else 0.3)
+    def _drawn_at(self, time: float) -> _Drawn:
+        """Return the building at a time [s]."""
+        building = self.trajectory.building_at(time)
+        if building.closed not in self._drawn:
+            view = self._look(building)
+            self._drawn[building.closed] = _Drawn(view, self._with_writing(view), _in_front(view))
+        return self._drawn[building.closed]
+
+    def _with_writing(self, view: View) -> NDArray[np.uint8]:
+        """Return the building with all constant text: title, legend, scales."""
+        picture = Image.fromarray(view.image)
+        pen = Pen(picture)
+        pen.title(str(self.trajectory.header.get("title", "")))
+        colours = self._colouring
+        if colours.top is not None:
+            pen.colour_bar(view.side, Colouring.scale(), colours.top, colours.label)
+        elif colours.has_legend:
+            pen.legend(view.side, colours.names, colours.colours)
+        pen.scale_bar(view.scale)
+        return np.array(picture)
+
+
+def _looking(
+    size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None, has_legend: bool
+) -> Callable[[Building], View]:
+    """Return a function that draws a building."""
+
+    def in_plan(building: Building) -> View:
+        from evac.pictures.planview import plan_view
+
+        return plan_view(building, size, levels, 1.6 if has_legend else 0.3)
+
+    def in_space(building: Building) -> View:
         from evac.pictures.scene import view_of
 
         chosen = building.levels if levels is None else [level_of(building, level) for level in levels]
         return view_of(building, size, camera, chosen, has_legend)
 
-    def _drawn_names(self) -> Image.Image:
-        """Return a transparent image of everything in front of people: names of floors and exits, outlines of exits."""
-        picture = Image.new("RGBA", self._view.image.shape[1::-1], (255, 255, 255, 0))
-        pen = Pen(picture)
-        for colour, corners in self._view.outlines:
-            pen.outline(corners, colour)
-        for label in self._view.labels:
-            pen.label(label.text, label.place, label.anchor, label.colour)
-        return picture
+    return in_plan if view == "plan" else in_space
 
-    def _with_writing(self) -> NDArray[np.uint8]:
-        """Return the building with all constant text: title, legend, scales."""
-        picture = Image.fromarray(self._view.image)
-        pen = Pen(picture)
-        pen.title(str(self.trajectory.header.get("title", "")))
-        colours = self._colouring
-        if colours.top is not None:
-            pen.colour_bar(self._view.side, Colouring.scale(), colours.top, colours.label)
-        elif colours.has_legend:
-            pen.legend(self._view.side, colours.names, colours.colours)
-        pen.scale_bar(self._view.scale)
-        return np.array(picture)
+
+def _in_front(view: View) -> Image.Image:
+    """Return a transparent image of what is in front of people: names of floors and exits, outlines of exits."""
+    picture = Image.new("RGBA", view.image.shape[1::-1], (255, 255, 255, 0))
+    pen = Pen(picture)
+    for colour, corners in view.outlines:
+        pen.outline(corners, colour)
+    for label in view.labels:
+        pen.label(label.text, label.place, label.anchor, label.colour)
+    return picture
 
 
 def _check_size(size: tuple[int, int]) -> None:
@@ -190,10 +219,16 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
     count = number_of_pictures(trajectory, fps, speed)
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
         raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or write a .gif")
-    images = (renderer.image(trajectory.nearest(k * speed / fps)) for k in range(count))
-    write = _write_gif if path.suffix == ".gif" else _write_mp4
+    frames = [trajectory.nearest(k * speed / fps) for k in range(count)]
+    images = (renderer.image(k) for k in frames)
     with replacing(path, "the film") as new:
-        write(new, images, fps)
+        if path.suffix == ".mp4":
+            _write_mp4(new, images, fps)
+        else:
+            # The palette of a GIF is that of the first picture, and of the first after each change of the building.
+            first = {trajectory.building_at(float(trajectory.time[k])).closed: k for k in reversed(frames)}
+            samples = np.concatenate([renderer.image(k) for k in first.values()])
+            _write_gif(new, images, fps, samples)
 
 
 def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
@@ -222,12 +257,11 @@ def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {' or '.join(endings)}")
 
 
-def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
-    """Write a GIF with the palette of the first picture for all pictures, to avoid flickering."""
+def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float, samples: NDArray[np.uint8]) -> None:
+    """Write a GIF with the palette of samples for all pictures, to avoid flickering."""
     from scipy.spatial import cKDTree
 
-    first = next(images)
-    palette = Image.fromarray(first).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
+    palette = Image.fromarray(samples).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
     table = np.array(palette.getpalette()).reshape(-1, 3)
     # Table of the nearest colour of the palette for each colour with five bits per channel, computed only once.
     middle = np.arange(32) * 8 + 4
@@ -240,8 +274,8 @@ def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> N
         found.putpalette(palette.getpalette() or [])
         return found
 
-    rest = (indexed(image) for image in images)
-    indexed(first).save(path, save_all=True, append_images=rest, duration=1000.0 / fps, loop=0)
+    shown = map(indexed, images)
+    next(shown).save(path, save_all=True, append_images=shown, duration=1000.0 / fps, loop=0)
 
 
 def _write_mp4(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:

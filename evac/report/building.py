@@ -1,7 +1,9 @@
 """The building and its levels: plans, and tables of all that has a name."""
 
 import math
+from collections.abc import Sequence
 
+from evac.building.model.links import states_of
 from evac.report import figures
 from evac.report.templates import Section, fixed, section
 from evac.results.results import Results
@@ -13,10 +15,7 @@ def building_section(run: Results | None) -> Section:
         return section("building", "Building", building=None, has_run=run is not None, is_missing=True)
     building = run.trajectory.building
     levels = building.levels
-
-    def state(is_open: bool) -> str:
-        return "open" if is_open else "closed"
-
+    states = [_in_words(found) for found in states_of(building, run.trajectory.changes)]
     return section(
         "building",
         "Building",
@@ -35,13 +34,20 @@ def building_section(run: Results | None) -> Section:
             )
             for level in levels
         ],
-        exits=[(e.name, levels[e.level].name, fixed(e.width, 2), state(building.is_open(e))) for e in building.exits],
+        exits=[
+            (e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)]) for e in building.exits
+        ],
         portals=[
-            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), state(building.is_open(p)))
-            for p in building.portals
+            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index]) for p in building.portals
         ],
         doors=[(door.name, levels[door.level].name, fixed(door.width, 2)) for door in building.doors],
         areas=[(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas],
         closed=run.record.table.building.closed,
         lacks=() if building.doors else ("doors",),
     )
+
+
+def _in_words(states: Sequence[tuple[float, bool]]) -> str:
+    """Say whether a link is open at the start, and from which times on that changes."""
+    words = [("open" if is_open else "closed", time) for time, is_open in states]
+    return ", ".join([words[0][0], *(f"{word} from {time:g} s on" for word, time in words[1:])])

@@ -81,7 +81,7 @@ def test_waiting_counts_the_time_at_which_people_stood(written):
 def test_levels_are_drawn_alone(trajectory):
     for view in ("plan", "3d"):
         top = Renderer(trajectory, SIZE, view, levels=["floor 2"])
-        places = top._view.project(np.arange(5), np.zeros((5, 3)))
+        places = top.view_at(0.0).project(np.arange(5), np.zeros((5, 3)))
         assert np.isfinite(places[:, 0]).tolist() == [False, False, False, False, True]
     with pytest.raises(ResultError, match="'floor 7'"):
         Renderer(trajectory, SIZE, levels=["floor 7"])
@@ -93,15 +93,15 @@ def test_people_are_drawn_where_they_are_and_as_wide_as_they_are(first_out, view
     camera = Camera(azimuth=-90.0, elevation=40.0)
     renderer = Renderer(read_trajectory(first_out), (1200, 900), view, camera, ["floor 0"])
     colour = np.array(palette.rgb([palette.GROUPS[1]])[0])
-    x, y, _ = renderer._view.project(np.array([0]), np.array([[3.0, 3.0, 0.0]]))[0]
+    x, y, _ = renderer.view_at(0.0).project(np.array([0]), np.array([[3.0, 3.0, 0.0]]))[0]
     image = renderer.image(0).astype(float)
-    image[:, renderer._view.side[0] :] = 255.0  # without the legend
+    image[:, renderer.view_at(0.0).side[0] :] = 255.0  # without the legend
     norm = np.linalg.norm(image, axis=2) * np.linalg.norm(colour)
     rows, columns = np.nonzero((image @ colour > 0.996 * norm) & (np.ptp(image, axis=2) > 60))
     assert columns.mean() == pytest.approx(x, abs=2.0)
-    assert np.ptp(columns) + 1 == pytest.approx(2 * 0.4 * renderer._view.scale, rel=0.12)
+    assert np.ptp(columns) + 1 == pytest.approx(2 * 0.4 * renderer.view_at(0.0).scale, rel=0.12)
     lowest = 0.4 if view == "plan" else 0.55 * 0.4 * np.sin(np.radians(40.0))  # feet are narrower than shoulders [m]
-    assert rows.max() == pytest.approx(y + lowest * renderer._view.scale, abs=6.0)
+    assert rows.max() == pytest.approx(y + lowest * renderer.view_at(0.0).scale, abs=6.0)
 
 
 def test_people_behind_a_floor_show_through():

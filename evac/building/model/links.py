@@ -63,6 +63,29 @@ def building_at(building: Building, changes: Iterable[Change], time: float) -> B
     return building
 
 
+def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[float, bool]]]:
+    """Return when each link is open.
+
+    Parameters
+    ----------
+    building, changes
+        As for `building_at`.
+
+    Returns
+    -------
+    list of list of (float, bool)
+        For each link, portals first: whether it is open at the start, with time 0, and each time [s] at which that
+        changes.
+    """
+    states = [[(0.0, link not in building.closed)] for link in range(building.n_links)]
+    for change in changes:
+        after = building_at(building, [change], change.time)
+        for link in after.closed ^ building.closed:
+            states[link].append((change.time, link not in after.closed))
+        building = after
+    return states
+
+
 def close_links(building: Building, names: Sequence[str]) -> Building:
     """Return the building with exits, portals and stairs closed for the whole run; closed links are walls.
 

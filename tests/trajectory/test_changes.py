@@ -1,0 +1,166 @@
+"""An exit that closes at 2 s is closed from then on in everything that shows or measures the run."""
+
+import base64
+import json
+import re
+import textwrap
+import zlib
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import pyvista
+from PIL import Image, ImageColor
+
+import evac
+from evac.analysis.lines import line_flows
+from evac.analysis.maps import level_maps
+from evac.cli import main
+from evac.export.exporter import export
+from evac.export.vtk import KINDS
+from evac.pictures import palette
+from evac.pictures.map_pictures import draw_map
+from evac.pictures.render import Renderer, render_animation
+from evac.replay.writer import replay_trajectory
+from evac.report.building import building_section
+from evac_plugins.export_geojson import GeojsonExporter
+from evac_plugins.export_vtk import VtkExporter
+
+CASE = {
+    "building": {
+        "exits": [
+            {"name": "west", "segment": [[0.0, 1.0], [0.0, 2.5]], "z": 0.0},
+            {"name": "east", "segment": [[5.0, 1.0], [5.0, 2.5]], "z": 0.0},
+        ],
+        "areas": [{"name": "all", "polygon": [[0.5, 0.5], [4.5, 0.5], [4.5, 3.5], [0.5, 3.5]], "z": 0.0}],
+    },
+    "contact": {"model": "nsm2"},
+    "behaviours": {"closing": {}},
+    "simulation": {"duration": 4.0},
+    "output": {"picture": False, "animation": False},
+    "people": [{"name": "people", "number": 12, "area": "all", "speed": 0.8}],
+}
+
+CLOSING = """
+    from evac import Behaviour
+
+    evac_interface = 3
+
+
+    class Closing(Behaviour):
+        '''Closes the western exit at 2 s.'''
+
+        name = "closing"
+
+        def prepare(self, scene):
+            self.scene = scene.scene
+
+        def act(self, crowd, time):
+            if time >= 2.0:
+                self.scene.set_open("west", False)
+"""
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("closing")
+    (folder / "hall.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n")
+    (folder / "closing.py").write_text(textwrap.dedent(CLOSING))
+    building = CASE["building"] | {"mesh": str(folder / "hall.obj")}
+    case = evac.load(CASE | {"building": building}, plugin_files=[folder / "closing.py"])
+    evac.run(case, folder / "result")
+    return folder / "result"
+
+
+@pytest.fixture(scope="module")
+def trajectory(result):
+    return evac.read_trajectory(result)
+
+
+def closed_in(page):
+    """Return the links that a replay shows as closed, from each time on."""
+    about = re.search(r'id="data-about">([^<]*)<', page.read_text(encoding="utf-8"))[1]
+    return json.loads(zlib.decompress(base64.b64decode(about)))["closed"]
+
+
+def reds(image):
+    """Return the number of pixels that have the colour of what is closed."""
+    return (np.abs(np.asarray(image, int) - ImageColor.getrgb(palette.CLOSED)) < 25).all(axis=2).sum()
+
+
+def test_the_trajectory_says_when(trajectory):
+    assert trajectory.changes == (evac.Change(2.0, "close", "west"),)
+    west, east = (exit_ for exit_ in sorted(trajectory.building.exits, key=lambda one: one.name != "west"))
+    for time, is_open in ((0.0, True), (1.9, True), (2.0, False), (4.0, False)):
+        assert trajectory.building_at(time).is_open(west) is is_open
+        assert trajectory.building_at(time).is_open(east)
+
+
+def test_a_replay_made_later_is_that_of_the_run(result, trajectory, tmp_path):
+    replay_trajectory(trajectory, tmp_path / "replay.html")
+    assert closed_in(tmp_path / "replay.html") == closed_in(result / "replay.html")
+    assert [time for time, _ in closed_in(tmp_path / "replay.html")] == [0.0, 2.0]
+
+
+@pytest.mark.parametrize("view", ["3d", "plan"])
+def test_pictures_and_films_show_it_closed_from_then_on(trajectory, tmp_path, view):
+    renderer = Renderer(trajectory, (400, 300), view)
+    before, after = (reds(renderer.image(trajectory.nearest(time))) for time in (1.5, 2.5))
+    assert before == 0
+    assert after > 20
+    render_animation(renderer, tmp_path / "film.gif", fps=2.0, speed=1.0)
+    with Image.open(tmp_path / "film.gif") as film:
+        shown = []
+        for k in range(film.n_frames):
+            film.seek(k)
+            shown.append(reds(film.convert("RGB")) > 20)
+    assert shown == [False] * 4 + [True] * 5
+
+
+def test_a_picture_by_the_command_shows_it_closed(result, tmp_path):
+    for time, is_closed in ((1.5, False), (3.0, True)):
+        path = tmp_path / "picture.png"
+        assert main(["render", str(result), "--out", str(path), "--time", str(time), "--view", "plan"]) == 0
+        assert (reds(Image.open(path).convert("RGB")) > 20) == is_closed
+
+
+def test_maps_show_what_is_closed_at_their_end_and_say_when(trajectory):
+    def words(**times):
+        figure = draw_map(trajectory, "density", level_maps(trajectory, spacing=0.5, **times))
+        return " ".join(text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text")))
+
+    assert "closed" not in words(end=1.5)
+    assert "west (closed)" in words()
+    assert "'west' closed at 2 s" in words()
+    assert "west (closed)" in words(start=2.5)
+    assert "closed at" not in words(start=2.5)
+
+
+def test_passages_are_through_what_is_open(trajectory):
+    flows = line_flows(trajectory)
+    assert flows["west"].people > 0
+    assert flows["west"].time.max() < 2.5
+    assert flows["west"].people + flows["east"].people == 12 - len(trajectory[-1]["person"])
+
+
+def test_exports_have_the_state_at_each_time(trajectory, tmp_path):
+    export(trajectory, VtkExporter(), tmp_path / "vtk")
+    entries = ElementTree.parse(tmp_path / "vtk" / "animation.pvd").iter("DataSet")
+    kinds = {}
+    for entry in entries:
+        if entry.get("name") == "building":
+            line = pyvista.read(tmp_path / "vtk" / entry.get("file"))["exits"]["west"]
+            kinds[float(entry.get("timestep"))] = KINDS[line.cell_data["kind"][0]]
+    assert {kind for time, kind in kinds.items() if time < 2.0} == {"exit"}
+    assert {kind for time, kind in kinds.items() if time >= 2.0} == {"closed exit"}
+
+    export(trajectory, GeojsonExporter(), tmp_path / "building.geojson")
+    features = json.loads((tmp_path / "building.geojson").read_text())["features"]
+    exits = {f["properties"]["name"]: f["properties"] for f in features if f["properties"]["kind"] == "exit"}
+    assert (exits["west"]["open"], exits["west"]["changes"]) == (True, [{"time": 2.0, "open": False}])
+    assert (exits["east"]["open"], exits["east"].get("changes")) == (True, None)
+
+
+def test_the_report_has_the_state_from_each_time(result):
+    section = str(building_section(evac.Results.read(result)))
+    assert "open, closed from 2 s on" in section
