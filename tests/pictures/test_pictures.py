@@ -44,7 +44,7 @@ def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, wo
         results,
         crowd=SimpleNamespace(exit_time=np.linspace(1.0, 9.0, people), level=np.full(people, -1)),
         groups=[SimpleNamespace(name=f"group {k} with a name", rows=rows) for k in range(groups)],
-        case=SimpleNamespace(title="evacuation " * words),
+        title="evacuation " * words,
     )
     draw_egress(many, tmp_path / "egress.png")
     (figure,) = drawn
