@@ -125,9 +125,9 @@ class FrameReader:
             raise FrameError("a value is missing")
         rows = Rows(
             time[0].as_py(),
-            person.to_numpy(),
-            level.to_numpy(),
-            motion.flatten().to_numpy().reshape(-1, len(FIELDS) - 2),
+            _numbers(person),
+            _numbers(level),
+            _numbers(motion.flatten()).reshape(-1, len(FIELDS) - 2),
             (),
             tuple(values.to_numpy() for values in fields),
         )
@@ -178,3 +178,11 @@ class FrameReader:
         number = len(self.frames)
         cut = f"a copy cut to {self.end} bytes holds the {number} frames" if number else "no frame is"
         return damaged(self._path, f"frame {number} at byte {self.end} is damaged ({what}; {cut} before it)")
+
+
+def _numbers(array: pa.Array) -> NDArray[Any]:
+    """Return an array of numbers as a view; its method `to_numpy` would import pandas."""
+    dtype = np.dtype(array.type.to_pandas_dtype())
+    if not len(array):
+        return np.empty(0, dtype)
+    return np.frombuffer(array.buffers()[1], dtype, len(array), array.offset * dtype.itemsize)
