@@ -34,9 +34,7 @@ def building_section(run: Results | None) -> Section:
             )
             for level in levels
         ],
-        exits=[
-            (e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)]) for e in building.exits
-        ],
+        exits=[(e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)]) for e in building.exits],
         portals=[
             (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index]) for p in building.portals
         ],

@@ -15,7 +15,7 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import SavedError, taken
 from evac.building.model.building import Building
-from evac.building.model.cells import LevelField
+from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import links_named, with_links
 from evac.directions.fields import Fields
 from evac.physics.state import World
@@ -147,8 +147,12 @@ class Scene:
 
     def add_field(self, name: str, unit: str, spacing: float) -> LevelField:
         """Return a new field for its owner, which writes its values; see `BehaviourScene.level_field`."""
-        if name in self._owned or self.has_begun:
-            why = "the run has begun" if self.has_begun else "it exists already"
+        refusals = {
+            "the run has begun": self.has_begun,
+            "it exists already": name in self._owned,
+            f"there are {MOST_FIELDS} fields": len(self._owned) >= MOST_FIELDS,
+        }
+        for why in (why for why, is_so in refusals.items() if is_so):
             raise ValueError(f"field {name!r}: {why}; call scene.level_field once for each field, in prepare()")
         self._owned[name] = LevelField(self.building, name, unit, spacing)
         return self._owned[name]

@@ -129,7 +129,7 @@ class FrameReader:
             _numbers(level),
             _numbers(motion.flatten()).reshape(-1, len(FIELDS) - 2),
             (),
-            tuple(values.to_numpy() for values in fields),
+            tuple(_numbers(values) for values in fields),
         )
         self._check_numbers(rows)
         return rows._replace(changes=self._changes(changes[0].as_py(), rows.time))

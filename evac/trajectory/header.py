@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Area, Building, Door, Exit, Level, Portal
-from evac.building.model.cells import LevelField
+from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.findings import as_findings
 
 #: Greatest absolute coordinate [m]; far more than in any coordinate system on Earth.
@@ -144,19 +144,22 @@ def fields_from_json(data: Any, building: Building) -> tuple[LevelField, ...]:
     Raises
     ------
     HeaderError
-        They are missing or not valid.
+        A key is missing, of the wrong kind, or out of range; names it.
     """
-    fields = []
-    for one in data.get("level_fields") if isinstance(data.get("level_fields"), list) else [None]:
-        match one:
-            case {"name": str(name), "unit": str(unit), "spacing": float(spacing)}:
-                try:
-                    fields.append(LevelField(building, name, unit, spacing))
-                except ValueError as error:
-                    raise HeaderError(f"level_fields: {error}") from error
-            case _:
-                raise HeaderError(f"level_fields: {one!r:.100} has no name, unit and spacing")
-    return tuple(fields)
+    rows = _list(data, "", "level_fields")
+    if len(rows) > MOST_FIELDS:
+        raise HeaderError(f"level_fields has {len(rows)} rows, more than {MOST_FIELDS}")
+    fields: dict[str, LevelField] = {}
+    for index, row in enumerate(rows):
+        key = f"level_fields.{index}"
+        name, unit = _get(row, key, "name", str), _get(row, key, "unit", str)
+        if name in fields:
+            raise HeaderError(f"{key}.name is that of another field")
+        try:
+            fields[name] = LevelField(building, name, unit, _number(row, key, "spacing", 0.0, COORDINATE_MAX))
+        except ValueError as error:
+            raise HeaderError(f"{key}.spacing: {error}") from error
+    return tuple(fields.values())
 
 
 def origin_from_json(data: Any) -> FloatArray:

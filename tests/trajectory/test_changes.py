@@ -42,20 +42,24 @@ CASE = {
 }
 
 CLOSING = """
+    import numpy as np
+
     from evac import Behaviour
 
     evac_interface = 3
 
 
     class Closing(Behaviour):
-        '''Closes the western exit at 2 s.'''
+        '''Closes the western exit at 2 s, and lets haze rise.'''
 
         name = "closing"
 
         def prepare(self, scene):
             self.scene = scene.scene
+            self.field = scene.level_field("haze", "1/m", 0.5)
 
         def act(self, crowd, time):
+            self.field.values[:] = np.arange(self.field.size) + time
             if time >= 2.0:
                 self.scene.set_open("west", False)
 """
@@ -94,6 +98,20 @@ def test_the_trajectory_says_when(trajectory):
     for time, is_open in ((0.0, True), (1.9, True), (2.0, False), (4.0, False)):
         assert trajectory.building_at(time).is_open(west) is is_open
         assert trajectory.building_at(time).is_open(east)
+
+
+def test_the_field_of_a_behaviour_is_in_the_trajectory(trajectory):
+    haze = trajectory.field("haze")
+    assert (haze.unit, haze.spacing, haze.values.shape) == ("1/m", 0.5, (len(trajectory), 80))
+    assert not haze.values[0].any()
+    before = trajectory.time[1:] - haze.values[1:, 0]  # since the behaviour acted
+    assert ((before > 0.0) & (before < 0.11)).all()
+    np.testing.assert_allclose(
+        haze.values[1:] - haze.values[1:, :1], np.arange(80)[None].repeat(len(before), 0), atol=1e-5
+    )
+    assert haze.on(0).shape == (len(trajectory), 8, 10)
+    with pytest.raises(evac.ResultError, match="'haze'"):
+        trajectory.field("hase")
 
 
 def test_a_replay_made_later_is_that_of_the_run(result, trajectory, tmp_path):

@@ -11,6 +11,7 @@ import pytest
 
 from evac.base.change import Change
 from evac.base.errors import ResultError, SimulationError
+from evac.building.model.cells import LevelField
 from evac.building.model.links import close_links
 from evac.folder.files import TRAJECTORY_NAME
 from evac.folder.records import sealed
@@ -314,3 +315,33 @@ def test_a_frame_of_100_people_is_at_most_as_large_as_their_seven_numbers_in_fou
     data = descent(people=people, frames=2).path.read_bytes()
     _, first, second, _ = places_of(data)
     assert second - first <= 28 * people
+
+
+def test_fields_come_back_and_a_writer_that_continues_goes_on_with_them(descent, building, tmp_path):
+    run = descent(people=3, frames=3)
+    header, path = read_trajectory(run.path).header, tmp_path / "fields.evac"
+    fields = [LevelField(building, "smoke", "1/m", 1), LevelField(building, "heat", "kW/m2", 2.0)]
+    writer = TrajectoryWriter(path, header, np.zeros(2), fields)
+    for k, crowd in enumerate(run.crowds):
+        for number, field in enumerate(fields):
+            field.values[:] = np.arange(field.size) + 100 * k + 0.5 * number
+        writer.append(0.5 * k, crowd, crowd.velocity, (), fields)
+    writer.close()
+    whole = path.read_bytes()
+    trajectory = read_trajectory(path)
+    assert [(one.name, one.unit, one.spacing) for one in trajectory.level_fields] == [
+        ("smoke", "1/m", 1.0),
+        ("heat", "kW/m2", 2.0),
+    ]
+    heat = trajectory.field("heat")
+    assert heat.values.tolist() == [[k + 100.0 * frame + 0.5 for k in range(heat.size)] for frame in range(3)]
+    assert heat.values[-1].tolist() == fields[1].values.tolist()
+    del trajectory
+    writer = TrajectoryWriter.reopen(path, places_of(whole)[3])
+    fields[0].values[0] = np.nan
+    with pytest.raises(SimulationError, match="'smoke'"):
+        writer.append(1.0, run.crowds[2], run.crowds[2].velocity, (), fields)
+    fields[0].values[0] = 200.0
+    writer.append(1.0, run.crowds[2], run.crowds[2].velocity, (), fields)
+    writer.close()
+    assert path.read_bytes() == whole

@@ -170,6 +170,8 @@ ENORMOUS = 10**30
         ("level_fields", None),
         ("level_fields", [None]),
         ("level_fields", [{"name": "smoke", "unit": "1/m"}]),
+        ("level_fields", [{"name": "smoke", "unit": "1/m", "spacing": 1.0}] * 2),
+        ("level_fields", [{"name": f"{k}", "unit": "1/m", "spacing": 1.0} for k in range(101)]),
         ("level_fields", [{"name": "smoke", "unit": "1/m", "spacing": 0.0}]),
         ("building.vertices", []),
         ("building.vertices", [[0, 0]]),

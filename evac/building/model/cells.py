@@ -12,6 +12,9 @@ from evac.building.model.building import Building, Level
 #: Least side of the cells of a field [m], and greatest number of cells of all levels.
 LEAST_SPACING, MOST_CELLS = 0.05, 1_000_000
 
+#: Greatest number of fields of a run.
+MOST_FIELDS = 100
+
 
 class Cells:
     """Square cells over one level, numbered row by row from the lower left corner: ``row * nx + column``.
