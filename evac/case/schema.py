@@ -95,10 +95,10 @@ class PeopleSettings(Section):
 
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     height: Height = key(
-        "body height, for pictures in three dimensions and VTK; the default is that of adults, men and women in equal "
-        "numbers, after DIN 33402-2:2005, with medians of 1.75 m and 1.625 m",
+        "body height, for pictures in three dimensions and VTK; the default is from the 5th percentile of women to the "
+        "95th of men after DIN 33402-2:2005",
         "m",
-        Distribution("normal", (1.69, 0.086), 1.4, 2.05),
+        Distribution("uniform", (1.535, 1.855)),
     )
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Tau = key(

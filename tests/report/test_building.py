@@ -22,7 +22,7 @@ def section_of(with_door):
     building = plan.building()
     building = building if with_door else replace(building, doors=())
     record = SimpleNamespace(table=SimpleNamespace(building=BuildingTable()))
-    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building), record=record))
+    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building, changes=()), record=record))
 
 
 @pytest.mark.parametrize("with_door", [True, False])
