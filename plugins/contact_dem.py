@@ -223,7 +223,7 @@ def _is_too_stiff(state, own, h, onset):
                 if hardest > 0.0:
                     own.hardens = 1
                     tangent = max(tangent, fine * hardest)
-        add_stiffness(bodies, contacts, own, c, tangent)
+        add_stiffness(bodies, contacts, own, c, contacts.normal[c, 0], contacts.normal[c, 1], tangent)
     return makes_unstable(state, own, h, own.stiffness)
 
 

@@ -29,7 +29,7 @@ def check_pair_law(model: PairContact) -> None:
     with scene("two people of 80 kg who touch or overlap"):
         before = packed.copy()
         for gap, closing in ((0.0, 2.0), (-1e-9, -2.0), (-0.2, 0.0)):
-            model.force(gap, closing, 40.0, packed)
+            model.forces(gap, closing, 40.0, packed)
         require(np.array_equal(packed, before), "the law changes its parameters", "only return the force")
 
 

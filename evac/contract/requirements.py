@@ -144,6 +144,7 @@ def check_class(cls: Any, plugin: str) -> str:
         _check_parameter(cls, key, parameter, plugin)
     _check_methods(kind, cls, plugin)
     _check_suffixes(kind, cls, plugin)
+    _check_memory(kind, cls, plugin)
     return kind
 
 
@@ -204,6 +205,14 @@ def _check_suffixes(kind: str, cls: Any, plugin: str) -> None:
         wrong = f"{cls.__name__}.suffix is {cls.suffix!r}"
         remedy = "write an ending in lower case, such as '.csv', or none for a folder"
         raise fault(f"plugin {plugin}", wrong, remedy, cls, "suffix")
+
+
+def _check_memory(kind: str, cls: Any, plugin: str) -> None:
+    names = cls.memory if kind == "contact_model" else ()
+    is_list = isinstance(names, tuple) and all(isinstance(name, str) and name.isidentifier() for name in names)
+    if not is_list or len(set(names)) < len(names):
+        wrong, remedy = f"{cls.__name__}.memory is {names!r}", "write a tuple of different names, such as ('stretch',)"
+        raise fault(f"plugin {plugin}", wrong, remedy, cls, "memory")
 
 
 def _are_suffixes(value: Any) -> bool:

@@ -42,12 +42,14 @@ __all__ = [
     "call_body_force",
     "call_pair_contact",
     "call_pair_force",
+    "call_pair_friction",
     "fused",
     "inlined",
     "inner",
     "kernel",
     "pair_contact",
     "pair_force",
+    "pair_friction",
     "row",
 ]
 
@@ -65,6 +67,10 @@ call_body_force = AddressCall([*[float] * 9, Floats], (float, float))
 
 #: Signature of the law of a contact: gap, closing speed, reduced mass and its parameters to a force [N].
 call_pair_contact = AddressCall([float, float, float, Floats], (float,))
+
+#: Signature of the law of a contact with friction: gap, closing and sliding speed, reduced mass, time, memory and its
+#: parameters to a force along the normal and one along the tangent [N].
+call_pair_friction = AddressCall([float, float, float, float, float, Floats, Floats], (float, float))
 
 
 def pair_force(function: Callable[..., Any]) -> Entry:
@@ -122,3 +128,24 @@ def pair_contact(function: Callable[..., Any]) -> Entry:
         For `evac.PairContact.pair`. Its attribute ``function`` is the Python function.
     """
     return Entry(function, call_pair_contact)
+
+
+def pair_friction(function: Callable[..., Any]) -> Entry:
+    """Declare the two forces of a single contact, which may depend on what it remembers, for `evac.PairContact`.
+
+    Parameters
+    ----------
+    function : callable
+        ``law(gap, closing_speed, sliding_speed, reduced_mass, elapsed, memory, parameters) -> (force, friction)``: the
+        repulsive force [N] as of `pair_contact`, and the force [N] along the tangent. The sliding speed [m/s] is that
+        of the person along the tangent (-ny, nx), relative to the other person or the wall, with the unit normal
+        towards the person; friction is that on the person, so that it brakes with the opposite sign. During `elapsed`
+        [s], the part of the last sub-step in which the bodies overlapped, they had these speeds. `memory` is a float64
+        array with the numbers that `ContactModel.memory` names, to be replaced by their values now.
+
+    Returns
+    -------
+    Entry
+        For `evac.PairContact.pair`. Its attribute ``function`` is the Python function.
+    """
+    return Entry(function, call_pair_friction)

@@ -16,6 +16,7 @@ from evac.physics.state import (
     Contacts,
     Events,
     Forces,
+    Kept,
     Lists,
     LoadedSolver,
     Parts,
@@ -23,7 +24,6 @@ from evac.physics.state import (
     State,
     Team,
     Traits,
-    WarmStart,
     World,
 )
 
@@ -56,7 +56,8 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
         bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2)), work=np.zeros(people // CHUNK + 1)),
         lists=make_lists(people, 8 * people + 64, 8 * people + 64, len(world.cosine)),
         contacts=make_contacts(4 * people + 64),
-        warm_start=make_warm_start(4 * people + 64),
+        warm_start=make_kept(4 * people + 64, 1),
+        memory=make_kept(0, 0),
         problem=make_problem(0, 0),
         events=allocate(Events, 4 * people + 16),
         clock=allocate(Clock, 0),
@@ -92,14 +93,14 @@ def make_lists(people: int, pairs: int, walls: int, levels: int) -> Lists:
     )
 
 
-def make_contacts(capacity: int) -> Contacts:
-    """Return contact arrays for a given number of contacts."""
-    return allocate(Contacts, capacity, near=np.zeros((NEAR_WALLS, 6)))
+def make_contacts(capacity: int, width: int = 0) -> Contacts:
+    """Return contact arrays for a given number of contacts, with a memory of a given width."""
+    return allocate(Contacts, capacity, near=np.zeros((NEAR_WALLS, 6)), memory=np.zeros((capacity, width)))
 
 
-def make_warm_start(capacity: int) -> WarmStart:
-    """Return warm start arrays for the percussions of a given number of contacts, in two halves."""
-    return allocate(WarmStart, 2 * capacity, size=capacity)
+def make_kept(capacity: int, width: int) -> Kept:
+    """Return arrays for what is kept of a given number of contacts, in two halves."""
+    return allocate(Kept, 2 * capacity, size=capacity, value=np.zeros((2 * capacity, width)))
 
 
 def make_problem(people: int, contacts: int) -> Problem:
@@ -112,11 +113,16 @@ def make_problem(people: int, contacts: int) -> Problem:
 
 
 def make_room_for_contacts(state: State, capacity: int) -> None:
-    """Replace contacts, warm start and, if it is used, the packed problem by larger, empty ones."""
-    half = state.warm_start.half
-    state.contacts = make_contacts(capacity)
-    state.warm_start = make_warm_start(capacity)
+    """Replace contacts, warm start and, if it is used, the packed problem by larger, empty ones; keep the memory."""
+    half, width = state.warm_start.half, state.contacts.memory.shape[1]
+    state.contacts = make_contacts(capacity, width)
+    state.warm_start = make_kept(capacity, 1)
     state.warm_start.half = half
+    if width:
+        old, state.memory = state.memory, make_kept(capacity, width)
+        first, state.memory.number = old.half * old.size, old.number
+        for name in ("body", "key", "value"):
+            getattr(state.memory, name)[: old.number] = getattr(old, name)[first : first + old.number]
     if len(state.problem.body):
         state.problem = make_problem(len(state.bodies.row), capacity)
 

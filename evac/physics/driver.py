@@ -18,6 +18,7 @@ from evac.directions.fields import columns_of
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import keep_percussions, report_contact_force
+from evac.physics.contact.memory import call_memory, mark_start
 from evac.physics.contact.overlaps import call_separate
 from evac.physics.force import call_add_forces
 from evac.physics.motion import add_contact_work
@@ -199,7 +200,10 @@ def search(state, pairs, contacts):
     status = _renew_lists(state, pairs, 0.0, contacts)
     if status != OK:
         return status
-    return int(call_phase(state.parts.phase, state, FIND))
+    status = int(call_phase(state.parts.phase, state, FIND))
+    if status == OK and state.parts.recall != 0:
+        status = call_memory(state.parts.recall, state)
+    return status
 
 
 @inner
@@ -274,7 +278,7 @@ def _tally_contacts(state):
 
 @kernel
 def conclude(state: State) -> int:
-    """Report contact forces if requested, sum the work, store percussions for a warm start, move; return a status."""
+    """Report contact forces if requested, sum the work, keep percussions and memory, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if clock.reports and traits.reports_percussions:
         report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
@@ -282,6 +286,8 @@ def conclude(state: State) -> int:
         add_contact_work(bodies, contacts, tally)
     if traits.remembers:
         keep_percussions(contacts, state.warm_start)
+    if state.parts.retain != 0:
+        call_memory(state.parts.retain, state)
     tally[at.SUB_STEPS] += 1.0
     clock.h_before = clock.h
     status = int(call_phase(state.parts.phase, state, MOVE))
@@ -293,27 +299,28 @@ def conclude(state: State) -> int:
 
 @kernel
 def open_step(state: State) -> None:
-    """Save bodies, sums, events and percussions at the start of a step."""
-    memory = state.warm_start
+    """Save bodies, sums, events, percussions and memory at the start of a step."""
+    contacts = state.contacts
     call_phase(state.parts.phase, state, OPEN)
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
     state.events.number_before = state.events.number
     state.clock.h_before_step = state.clock.h_before
-    memory.half_before = memory.half
-    memory.number_before = memory.number
-    memory.failed_before = state.contacts.separation_failed
+    mark_start(state.warm_start)
+    mark_start(state.memory)
+    contacts.failed_before = contacts.separation_failed
 
 
 @kernel
 def cut(state: State, status: int, parts: int) -> int:
     """Undo the step; return the number of parts to try next, 0 if further subdivision does not help.
 
-    The sub-steps start without warm start percussions, except if the step is only repeated because a part had to be
-    loaded. Neighbour lists that have been built are kept, and so is their count; after a failed move they are stale,
-    since other threads may have moved bodies that one thread had not reached.
+    The memory of contacts is again that of the start of the step. The sub-steps start without warm start percussions,
+    except if the step is only repeated because a part had to be loaded. Neighbour lists that have been built are kept,
+    and so is their count; after a failed move they are stale, since other threads may have moved bodies that one thread
+    had not reached.
     """
-    bodies, memory, tally = state.bodies, state.warm_start, state.tally
+    bodies, percussions, memory, tally = state.bodies, state.warm_start, state.memory, state.tally
     state.clock.parts = parts
     state.clock.h_before = state.clock.h_before_step
     builds = tally[at.LIST_BUILDS]
@@ -334,10 +341,12 @@ def cut(state: State, status: int, parts: int) -> int:
         tally[k] = state.tally_before[k]
     tally[at.LIST_BUILDS] = builds
     memory.half = memory.half_before
-    memory.number = 0
+    memory.number = memory.number_before
+    percussions.half = percussions.half_before
+    percussions.number = 0
     if status >= FIRST_MISSING_PART:
-        memory.number = memory.number_before if parts == 1 else 0
-        state.contacts.separation_failed = memory.failed_before
+        percussions.number = percussions.number_before if parts == 1 else 0
+        state.contacts.separation_failed = state.contacts.failed_before
         return 0
     if status == WALL_CROSSED:
         entry = at.WALL_CROSSINGS_PREVENTED

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from evac.base.errors import PluginError, SimulationError, fault, place_of, plugin_code
-from evac.base.saved import FINITE, taken
+from evac.base.saved import FINITE, SavedError, taken
 from evac.jit import AddressCall, Entry
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
@@ -14,15 +14,15 @@ from evac.physics import tallies as at
 from evac.physics.allocation import (
     allocate,
     grown,
-    make_contacts,
+    make_kept,
     make_lists,
     make_problem,
     make_room_for_contacts,
     make_state,
-    make_warm_start,
     no_solver,
 )
 from evac.physics.contact.blocks import make_on_blocks
+from evac.physics.contact.memory import memory_by_person, recall, remember_by_person, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
 from evac.physics.contact.packing import pack_forces
@@ -220,8 +220,11 @@ class CompiledEngine(Engine):
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model requires; return their number."""
         rows = rows_by_travel_time(self.state.world, crowd) if model.along_the_way else rows_by_place(crowd)
+        kept = memory_by_person(self.state) if model.memory else None
         self.state.bodies.row[: len(rows)] = rows
         driver.gather(self.state, crowd, len(rows))
+        if kept is not None:
+            remember_by_person(self.state, *kept)
         return len(rows)
 
     def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
@@ -237,8 +240,10 @@ class CompiledEngine(Engine):
                 call = AddressCall([State, type(self._own), float], (int,))
                 call.check(model.law, f"contact model {model.name!r}: law", type(model))
         addresses_of(self.entries(model), progress)
+        room, width = len(state.contacts.body), len(model.memory)
+        state.contacts.memory, state.memory = np.zeros((room, width)), make_kept(room if width else 0, width)
         if isinstance(model, SolvedContactModel):
-            state.problem = make_problem(len(state.bodies.row), len(state.contacts.body))
+            state.problem = make_problem(len(state.bodies.row), room)
         parts = state.parts
         parts.parameters = self._own
         parts.law = model.law.address if model.law else 0
@@ -248,6 +253,7 @@ class CompiledEngine(Engine):
             parts.solver, parts.on_blocks = load_solver(self._solver(model)), make_on_blocks.address
         parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
+        parts.recall, parts.retain = (recall.address, retain.address) if model.memory else (0, 0)
         parts.drive = drive_of(model).address
         parts.forces = add_forces.address if self._pair_forces else 0
         parts.body_forces = add_body_forces.address if self._body_forces else 0
@@ -285,6 +291,8 @@ class CompiledEngine(Engine):
             ]
         if isinstance(model, SolvedContactModel) and model.separates:
             found.append(("separation of overlaps", self.full, "loaded if overlaps exceed the tolerance"))
+        if model.memory:
+            found.append(("memory of contacts", True, ", ".join(model.memory)))
         return found
 
     def explain_forces(self) -> dict[str, str]:
@@ -376,12 +384,19 @@ class CompiledEngine(Engine):
         """Return copies of the state, besides the crowd, that the next tick depends on."""
         state = self.state
         room = (state.lists.pair_body, state.lists.wall_item, state.contacts.body, state.events.row)
-        return {
+        found = {
             "tally": state.tally.copy(),
             "span": np.array([state.lists.pair_reach, state.lists.wall_reach]),
             "h_before": np.array([state.clock.h_before]),
             "room": np.array([len(array) for array in room]),
         }
+        if self._model is not None and self._model.memory:
+            found |= zip(self._memory_keys(self._model), memory_by_person(state), strict=True)
+        return found
+
+    def _memory_keys(self, model: ContactModel) -> tuple[str, str]:
+        """Return the names of the pairs and the numbers in a saved state."""
+        return f"memory.{model.name}.pairs", f"memory.{model.name}.numbers"
 
     def restore(self, saved: Mapping[str, np.ndarray]) -> None:
         """Restore a state returned by `snapshot`, including array sizes, which affect warm starts.
@@ -400,14 +415,25 @@ class CompiledEngine(Engine):
         before = taken(saved, "h_before", np.float64, (1,), 0.0, 1.0)
         room = taken(saved, "room", np.int64, (4,), own["room"], own["room"] * MOST_GROWTH)
         pairs, walls, contacts, events = map(int, room)
-        state.lists, state.contacts = make_lists(n, pairs, walls, len(state.world.cosine)), make_contacts(contacts)
-        state.warm_start = make_warm_start(contacts)
-        if len(state.problem.body):
-            state.problem = make_problem(n, contacts)
+        state.lists = make_lists(n, pairs, walls, len(state.world.cosine))
+        state.memory.number = 0
+        make_room_for_contacts(state, contacts)
+        if self._model is not None and self._memory_keys(self._model)[0] in saved:  # not if a change adds the model
+            self._restore_memory(self._model, saved)
         state.events = allocate(Events, events)
         state.tally[:] = tally
         state.lists.pair_reach, state.lists.wall_reach = map(float, span)
         state.clock.h_before = float(before[0])
+
+    def _restore_memory(self, model: ContactModel, saved: Mapping[str, np.ndarray]) -> None:
+        bodies, n, room = self.state.bodies, len(self.state.bodies.row), self.state.memory.size
+        key, of_numbers = self._memory_keys(model)
+        pairs = taken(saved, key, np.int64, (None, 2), (0, -len(self.state.world.wall)), n - 1)
+        if len(pairs) > room:
+            raise SavedError(f"{key}: {len(pairs)} contacts, with room for {room}")
+        numbers = taken(saved, of_numbers, np.float64, (len(pairs), len(model.memory)))
+        bodies.row[:], bodies.inside = np.arange(n), n
+        remember_by_person(self.state, pairs, numbers)
 
     def report(self) -> dict[str, float | int]:
         """Return the tallies of the run by name: counts as int, other sums as float."""

@@ -8,6 +8,7 @@ from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry, call_body_force, call_pair_force
 from evac.physics import driver
 from evac.physics.contact.blocks import make_on_blocks
+from evac.physics.contact.memory import recall, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
 from evac.physics.contact.packing import check_indices, cutoff_of, packed_row
@@ -42,6 +43,8 @@ def entries_of_loop(
             found.append(separate)
     if has_seams:
         found.append(reaches)
+    if model.memory:
+        found += [recall, retain]
     for force in forces:
         found += functions_of(force)
     return list(dict.fromkeys(found))

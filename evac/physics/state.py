@@ -323,26 +323,27 @@ class Contacts(Struct):
     kept_percussion: Floats  # saved percussions
     kept_friction: Floats
     sticky: Bytes  # 1: the tangential law acts
+    memory: FloatGrid  # (contacts, width) what the law keeps, see `evac.physics.contact.memory`
     picked: Ints  # scratch: bodies in reach of one
     near: NearWalls  # scratch for the wall search: distance, normal, wall, nearest point
     deepest: float  # largest overlap at the start of the sub-step [m]
     separation_tolerance: float  # overlap that the law allows [m]
     separation_iterations: int
     separation_failed: int  # 1: overlaps could not be separated in this tick
+    failed_before: int  # its value at the start of the step
 
 
-class WarmStart(Struct):
-    """Percussions of the last sub-step for warm starts, in two halves; one keeps those at the start of the step."""
+class Kept(Struct):
+    """Numbers of the contacts of the last sub-step, in two halves; one keeps those at the start of the step."""
 
     size: int  # of a half
     half: int  # half that the next search reads
-    number: int  # number of percussions in that half
+    number: int  # number of contacts in that half
     half_before: int  # both values at the start of the step
     number_before: int
-    failed_before: int  # `Contacts.separation_failed` at the start of the step
     body: Ints
     key: Ints
-    percussion: Floats
+    value: FloatGrid
 
 
 class Events(Struct):
@@ -421,6 +422,8 @@ class Parts(Struct):
     forces: int
     body_forces: int
     seams: int
+    recall: int  # and `retain`: the memory of contacts
+    retain: int
 
 
 class State(Struct):
@@ -430,7 +433,8 @@ class State(Struct):
     bodies: Bodies
     lists: Lists
     contacts: Contacts
-    warm_start: WarmStart
+    warm_start: Kept  # percussions
+    memory: Kept  # what the law keeps
     problem: Problem
     events: Events
     clock: Clock

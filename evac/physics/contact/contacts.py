@@ -7,6 +7,7 @@ implies its constraint, since keeping it would push people sideways at joints of
 import math
 
 from evac.jit import inner
+from evac.physics.contact.memory import holds, slot_of
 from evac.physics.contact.neighbours import segment_distance, unit_normal
 from evac.physics.extent import extent, greatest_extent
 from evac.physics.seams import touches
@@ -123,7 +124,7 @@ def find_contacts(state, first, last):
     capacity = contacts.body.shape[0]
     walls = world.wall.shape[0]
     near = contacts.near
-    used, memory = 0, 0
+    used, slot = 0, state.warm_start.half * state.warm_start.size
     for i in range(first, last):
         level = bodies.level[i]
         if level < 0:
@@ -146,7 +147,7 @@ def find_contacts(state, first, last):
                 key, omega = int(near[k, 3]) - walls, bodies.inverse_mass[i]
                 nx, ny = near[k, 1], near[k, 2]
                 gap = near[k, 0] - extent(bodies, i, -nx, -ny)
-                memory = _append(state, used, memory, i, -1, key, nx, ny, gap, omega)
+                slot = _append(state, used, slot, i, -1, key, nx, ny, gap, omega)
                 used += 1
         for k in range(_pick_near(bodies, lists, contacts.picked, i)):
             j = contacts.picked[k]
@@ -158,7 +159,7 @@ def find_contacts(state, first, last):
             nx, ny, distance = unit_normal(nx, ny, nx * nx + ny * ny)
             gap = distance - extent(bodies, i, -nx, -ny) - extent(bodies, j, nx, ny)
             omega = bodies.inverse_mass[i] + bodies.inverse_mass[j]
-            memory = _append(state, used, memory, i, j, j, nx, ny, gap, omega)
+            slot = _append(state, used, slot, i, j, j, nx, ny, gap, omega)
             used += 1
     contacts.number = used
     return OK
@@ -182,10 +183,10 @@ def _pick_near(bodies, lists, found, i):
 
 
 @inner
-def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
-    """Set contact c and its warm start percussion; return the new read position in the warm start memory.
+def _append(state, c, slot, i, other, key, nx, ny, gap, omega):
+    """Set contact c and its warm start percussion; return the slot from which the next one is looked for.
 
-    Contacts and remembered percussions are both sorted by body and key.
+    Contacts and kept percussions are both sorted by body and key.
     """
     contacts, before = state.contacts, state.warm_start
     contacts.body[c] = i
@@ -200,14 +201,10 @@ def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
     contacts.friction[c] = 0.0
     contacts.sticky[c] = 0
     contacts.percussion[c] = 0.0
-    first = before.half * before.size
-    while memory < before.number and (
-        before.body[first + memory] < i or (before.body[first + memory] == i and before.key[first + memory] < key)
-    ):
-        memory += 1
-    if memory < before.number and before.body[first + memory] == i and before.key[first + memory] == key:
-        contacts.percussion[c] = before.percussion[first + memory]
-    return memory
+    slot = slot_of(before, slot, i, key)
+    if holds(before, slot, i, key):
+        contacts.percussion[c] = before.value[slot, 0]
+    return slot
 
 
 @inner
@@ -250,11 +247,20 @@ def take_velocities(bodies, first, last):
 
 @inner
 def push(velocity, inverse_mass, contacts, c, percussion):
-    """Apply a normal percussion to the bodies of contact c."""
+    """Apply a normal percussion [N s] to the bodies of contact c."""
+    _apply(velocity, inverse_mass, contacts, c, percussion * contacts.normal[c, 0], percussion * contacts.normal[c, 1])
+
+
+@inner
+def rub(velocity, inverse_mass, contacts, c, friction):
+    """Apply a percussion [N s] along the tangent (-ny, nx) to the bodies of contact c."""
+    _apply(velocity, inverse_mass, contacts, c, -friction * contacts.normal[c, 1], friction * contacts.normal[c, 0])
+
+
+@inner
+def _apply(velocity, inverse_mass, contacts, c, px, py):
     i = contacts.body[c]
     j = contacts.other[c]
-    px = percussion * contacts.normal[c, 0]
-    py = percussion * contacts.normal[c, 1]
     velocity[i, 0] += inverse_mass[i] * px
     velocity[i, 1] += inverse_mass[i] * py
     if j >= 0:
@@ -263,15 +269,15 @@ def push(velocity, inverse_mass, contacts, c, percussion):
 
 
 @inner
-def keep_percussions(contacts, memory):
+def keep_percussions(contacts, kept):
     """Store the percussions of this sub-step for a warm start, in the half that does not hold the start of the step."""
-    memory.half = 1 - memory.half_before
-    memory.number = contacts.number
-    first = memory.half * memory.size
+    kept.half = 1 - kept.half_before
+    kept.number = contacts.number
+    first = kept.half * kept.size
     for c in range(contacts.number):
-        memory.body[first + c] = contacts.body[c]
-        memory.key[first + c] = contacts.key[c]
-        memory.percussion[first + c] = contacts.percussion[c]
+        kept.body[first + c] = contacts.body[c]
+        kept.key[first + c] = contacts.key[c]
+        kept.value[first + c, 0] = contacts.percussion[c]
 
 
 @inner
@@ -304,6 +310,8 @@ def copy_contact(given, k, contacts, c):
     contacts.bias[c] = given.bias[k]
     contacts.friction[c] = given.friction[k]
     contacts.sticky[c] = given.sticky[k]
+    for number in range(given.memory.shape[1]):
+        contacts.memory[c, number] = given.memory[k, number]
 
 
 @inner

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class StepContacts(NamedTuple):
-    """The contacts of one sub-step for contact models written in NumPy; read-only except for `percussion`.
+    """The contacts of one sub-step for contact models written in NumPy; read-only except for the last two.
 
     Attributes
     ----------
@@ -40,6 +40,8 @@ class StepContacts(NamedTuple):
     mass, radius : (n,) [kg], [m]
     percussion : (c,) [N s]
         Output: normal percussions, for energy and contact forces.
+    memory : (c, w)
+        Input and output: the numbers that `ContactModel.memory` names, from the last sub-step, to be replaced.
     """
 
     body: NDArray[np.int32]
@@ -51,6 +53,7 @@ class StepContacts(NamedTuple):
     mass: FloatArray
     radius: FloatArray
     percussion: FloatArray
+    memory: FloatArray
 
 
 class BorderScene(NamedTuple):
@@ -103,6 +106,12 @@ class ContactModel(Configurable, ABC):
         Whether the law starts from the percussions of the previous sub-step (warm start).
     reports_percussions : bool
         Whether contact forces are the percussions divided by the length of a step; if not, the law reports them.
+    memory : tuple of str
+        Names of the numbers that the law keeps of each contact, column by column of ``state.contacts.memory``. They are
+        zero where a contact begins; the law replaces them in every sub-step, and they are lost when the contact is open
+        at the end of a sub-step. As the two people may change places in a contact, the numbers must be the same seen
+        from either: of a vector, components along the normal and the tangent (-ny, nx), which turn over with the
+        places, not along x and y. A contact with a wall is one with that wall; the next wall is another one.
     along_the_way : bool
         Whether bodies, and with them contacts, are sorted by travel time, the order in which sweeps transmit loads; if
         not, they are sorted by place, which is faster in large crowds.
@@ -118,6 +127,7 @@ class ContactModel(Configurable, ABC):
     longest_path: float = math.inf
     remembers: bool = True
     reports_percussions: bool = True
+    memory: ClassVar[tuple[str, ...]] = ()
     along_the_way: bool = False
     rigid: ClassVar[bool] = False
 
@@ -272,9 +282,10 @@ class ContactModel(Configurable, ABC):
             bodies.mass[:n],
             bodies.radius[:n],
             contacts.percussion[:c],
+            contacts.memory[:c],
         )
         for name, array in seen._asdict().items():
-            array.flags.writeable = name == "percussion"
+            array.flags.writeable = name in ("percussion", "memory")
         found = self.step(seen, engine.state.clock.h)
         if np.shape(found) != (n, 2):
             wrong = f"step returns velocities of shape {np.shape(found)}, not {(n, 2)}"

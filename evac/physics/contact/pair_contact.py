@@ -1,6 +1,7 @@
-"""Contact models that are defined by the force of a single contact."""
+"""Contact models that are defined by the forces of a single contact."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -8,9 +9,10 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import PluginError, ScenarioError, fault, in_one_line
-from evac.jit import Entry, Floats, Struct, Triples, call_pair_contact
+from evac.jit import Entry, Floats, Struct, Triples, call_pair_contact, call_pair_friction, row
 from evac.jit.digest import kernels_in
-from evac.physics.contact.contacts import push, use_free_velocity
+from evac.physics.contact.contacts import push, rub, tangential_velocity, use_free_velocity
+from evac.physics.contact.memory import copy_memory
 from evac.physics.contact.model import BorderScene, ContactModel
 from evac.physics.contact.packing import check_indices, packed_row
 from evac.physics.contact.stability import add_stiffness, damping_limit, forget_stiffnesses, makes_unstable
@@ -28,6 +30,7 @@ class PairLaw(Struct):
     parameters: Floats
     stiffnesses: Triples  # (n, 3) of each body, see `evac.physics.contact.stability` [1/s2]
     coupling: Floats  # (n,) [1/s2]
+    tried: Floats  # memory of a contact, for trials
 
 
 def law_of(pair: Entry, label: str) -> Entry:
@@ -38,6 +41,16 @@ def law_of(pair: Entry, label: str) -> Entry:
     The stiffness of a contact is dF/dD + (2/h) dF/dw at the overlap D that it reaches within the step, with the closing
     speed w: an explicit step with springs k and dampers c is stable if h^2 (k + 2c/h) / m < 4 for all modes.
     """
+    obey = _law_with_friction(pair) if _has_friction(pair) else _law_along_normal(pair)
+    obey.__module__, obey.__qualname__ = label.rsplit(":", 1)
+    return Entry(obey)
+
+
+def _has_friction(pair: Entry) -> bool:
+    return len(pair.signature[0]) == len(call_pair_friction.kinds)
+
+
+def _law_along_normal(pair: Entry) -> Callable[[State, PairLaw, float], int]:
 
     def obey(state: State, own: PairLaw, h: float) -> int:
         bodies, contacts, given = state.bodies, state.contacts, own.parameters
@@ -48,7 +61,8 @@ def law_of(pair: Entry, label: str) -> Entry:
             deepest = gap - h * max(closing, 0.0)  # equal to the gap if it opens; a branch costs more than a call
             force = pair(deepest, closing, mass, given)
             beyond = pair(deepest - SPAN, closing + 2.0 * SPAN / h, mass, given)
-            add_stiffness(bodies, contacts, own, c, PER_SPAN * max(beyond - force, 0.0))
+            stiffness = PER_SPAN * max(beyond - force, 0.0)
+            add_stiffness(bodies, contacts, own, c, contacts.normal[c, 0], contacts.normal[c, 1], stiffness)
         if makes_unstable(state, own, h, 1.0):
             return TOO_STIFF
         use_free_velocity(state)
@@ -56,22 +70,63 @@ def law_of(pair: Entry, label: str) -> Entry:
             push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
         return OK
 
-    obey.__module__, obey.__qualname__ = label.rsplit(":", 1)
-    return Entry(obey)
+    return obey
+
+
+def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
+    """Return the law for a function with friction, whose stiffness along the tangent is found likewise.
+
+    It is that towards less friction: a contact that slides may stick in the next step.
+    """
+
+    def obey(state: State, own: PairLaw, h: float) -> int:
+        bodies, contacts, given, tried = state.bodies, state.contacts, own.parameters, own.tried
+        forget_stiffnesses(contacts, own)
+        for c in range(contacts.number):
+            gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
+            slide = tangential_velocity(bodies.velocity, contacts, c)
+            deepest, change = gap - h * max(closing, 0.0), 2.0 * SPAN / h
+            copy_memory(contacts, c, tried)
+            force, friction = pair(deepest, closing, slide, mass, 0.5 * h, tried, given)
+            copy_memory(contacts, c, tried)
+            beyond, _ = pair(deepest - SPAN, closing + change, slide, mass, 0.5 * h, tried, given)
+            copy_memory(contacts, c, tried)
+            _, less = pair(deepest, closing, slide + math.copysign(change, friction), mass, 0.5 * h, tried, given)
+            nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+            add_stiffness(bodies, contacts, own, c, nx, ny, PER_SPAN * max(beyond - force, 0.0))
+            add_stiffness(bodies, contacts, own, c, -ny, nx, PER_SPAN * abs(less - friction))
+            elapsed = state.clock.h_before
+            if -gap < elapsed * closing:
+                elapsed = -gap / closing
+            force, friction = pair(gap, closing, slide, mass, elapsed, row(contacts.memory, c), given)
+            contacts.percussion[c] = h * max(force, 0.0)
+            contacts.friction[c] = h * friction
+            contacts.slide_before[c] = slide
+            contacts.sticky[c] = 1
+        if makes_unstable(state, own, h, 1.0):
+            return TOO_STIFF
+        use_free_velocity(state)
+        for c in range(contacts.number):
+            push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
+            rub(bodies.solved, bodies.inverse_mass, contacts, c, contacts.friction[c])
+        return OK
+
+    return obey
 
 
 class PairContact(ContactModel):
-    """Base class of contact models that are defined by the force of a single contact.
+    """Base class of contact models that are defined by the forces of a single contact.
 
     A subclass names a function compiled with `evac.jit.pair_contact`, which returns the repulsive force of two people
-    who overlap, or of a person and a wall. A negative force is replaced by zero. Steps that are unstable because of
-    the stiffness of the law are divided.
+    who overlap, or of a person and a wall, or one compiled with `evac.jit.pair_friction`, which also returns a force
+    along the tangent and may have a `memory`. A negative repulsive force is replaced by zero. Steps that are unstable
+    because of the stiffness of the law are divided.
     """
 
     longest_path = 0.5
     remembers = False
 
-    #: Function compiled by `evac.jit.pair_contact`.
+    #: Function compiled by `evac.jit.pair_contact` or `evac.jit.pair_friction`.
     pair: ClassVar[Any] = None
 
     def __init_subclass__(cls, **given: Any) -> None:
@@ -90,7 +145,12 @@ class PairContact(ContactModel):
             or the class names a law of its own; or the parameters are not finite.
         """
         what = f"contact model {self.name!r}"
-        call_pair_contact.check(self.pair, f"{what}: pair", type(self))
+        has_friction = isinstance(self.pair, Entry) and _has_friction(self.pair)
+        call = call_pair_friction if has_friction else call_pair_contact
+        call.check(self.pair, f"{what}: pair", type(self))
+        if self.memory and not has_friction:
+            wrong = f"it declares a memory, but {self.pair.title} does not receive it"
+            raise fault(what, wrong, "decorate the function with evac.jit.pair_friction", self, "memory")
         if self.law is None or self.pair not in kernels_in(self.law):
             wrong = f"its law does not call its function {self.pair.title}"
             remedy = "name `pair` in the body of the class, and derive a model with a law of its own from ContactModel"
@@ -142,34 +202,44 @@ class PairContact(ContactModel):
             raise fault(f"contact model {self.name!r}", wrong, remedy, self.pair)
 
     def _force(self, overlap: float, mass: float, closing: float = 0.0) -> float:
-        return self.force(-overlap, closing, mass, self.packed())
+        return self.forces(-overlap, closing, mass, self.packed())[0]
 
-    def force(self, gap: float, closing: float, mass: float, packed: FloatArray) -> float:
-        """Return the force [N] that the function returns in Python.
+    def forces(
+        self, gap: float, closing: float, mass: float, packed: FloatArray, slide: float = 0.0, elapsed: float = 0.0
+    ) -> tuple[float, float]:
+        """Return the forces along normal and tangent [N] that the function returns in Python, without a past.
 
         Raises
         ------
         PluginError
-            It is not a finite number; names the function and its arguments.
+            One of them is not a finite number; names the function and its arguments.
         """
         what, remedy = f"contact model {self.name!r}", "return a finite number for every gap that is negative or zero"
         called = f"for the gap {gap:.3g} m, the closing speed {closing:.3g} m/s and the reduced mass {mass:.3g} kg"
+        if _has_friction(self.pair):
+            called = f"{called}, the sliding speed {slide:.3g} m/s and the time {elapsed:.3g} s"
         try:
             with np.errstate(all="ignore"):
-                force = self.pair.function(gap, closing, mass, packed)
+                if _has_friction(self.pair):
+                    memory = np.zeros(len(self.memory))
+                    force, friction = self.pair.function(gap, closing, slide, mass, elapsed, memory, packed)
+                else:
+                    force, friction = self.pair.function(gap, closing, mass, packed), 0.0
         except Exception as error:
             raise fault(what, f"{self.pair.title} raises {in_one_line(error)} {called}", remedy, self.pair) from error
-        if not (isinstance(force, (int, float, np.number)) and np.isreal(force) and np.isfinite(force)):
-            raise fault(what, f"{self.pair.title} returns {force} {called}", remedy, self.pair)
-        return float(force)
+        for found in (force, friction):
+            if not (isinstance(found, (int, float, np.number)) and np.isreal(found) and np.isfinite(found)):
+                raise fault(what, f"{self.pair.title} returns {found} {called}", remedy, self.pair)
+        return float(force), float(friction)
 
     def culprit(self, state: State) -> PluginError | None:
         """Return the error for the first contact at which the function is not finite; None if there is none."""
-        contacts, packed = state.contacts, self.packed()
+        contacts, packed, elapsed = state.contacts, self.packed(), state.clock.h_before
         for c in range(contacts.number):
             gap, closing = min(float(contacts.gap[c]), 0.0), -float(contacts.velocity_before[c])
+            slide = float(tangential_velocity(state.bodies.velocity, contacts, c))
             try:
-                self.force(gap, closing, 1.0 / float(contacts.omega[c]), packed)
+                self.forces(gap, closing, 1.0 / float(contacts.omega[c]), packed, slide, elapsed)
             except PluginError as error:
                 return error
         return super().culprit(state)
@@ -184,7 +254,12 @@ class PairContact(ContactModel):
 
     def own(self, people: int, world: World) -> PairLaw:
         """Return the parameters of the law, with work arrays for a number of people."""
-        return PairLaw(parameters=self.packed(), stiffnesses=np.zeros((people, 3)), coupling=np.zeros(people))
+        return PairLaw(
+            parameters=self.packed(),
+            stiffnesses=np.zeros((people, 3)),
+            coupling=np.zeros(people),
+            tried=np.zeros(len(self.memory)),
+        )
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return nothing: the arrays of `own` are recomputed in every sub-step."""

@@ -37,10 +37,9 @@ def _forget(own, i):
 
 
 @inner
-def add_stiffness(bodies, contacts, own, c, stiffness):
-    """Add the stiffness of contact c to the sums of its bodies."""
+def add_stiffness(bodies, contacts, own, c, nx, ny, stiffness):
+    """Add the stiffness of contact c along (nx, ny) to the sums of its bodies."""
     i, j = contacts.body[c], contacts.other[c]
-    nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
     _stiffen(own, stiffness * bodies.inverse_mass[i], i, nx, ny)
     if j >= 0:
         _stiffen(own, stiffness * bodies.inverse_mass[j], j, nx, ny)
