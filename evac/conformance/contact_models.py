@@ -10,7 +10,7 @@ from evac.conformance.scenes import EAST, NORTH, PLAIN, ROOM, Pace, greatest_ove
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.packing import packed_row
 from evac.physics.contact.pair_contact import PairContact
-from evac.physics.state import make_crowd
+from evac.physics.state import Crowd, make_crowd
 
 #: Tolerance of positions after rotating or shifting a scene [m]; the iteration counts of solvers may differ.
 TURN_TOLERANCE = 1e-4
@@ -20,16 +20,22 @@ SIGNED = ("driving_work", "contact_dissipation", "contact_creation")
 
 PRESSED = "nine people pressed against a wall"
 
+#: Another order of these people.
+ANOTHER_ORDER = [4, 7, 0, 2, 8, 5, 1, 6, 3]
+
 
 def check_pair_law(model: PairContact) -> None:
-    """Check that the law of a single contact is finite where bodies touch, and has no side effects."""
+    """Check that the law of a single contact is finite and brakes sliding where bodies touch, without side effects."""
     with examining("its function pair"):
         model.check_pair()
         packed = packed_row(model, f"contact model {model.name!r}")
     with scene("two people of 80 kg who touch or overlap"):
         before = packed.copy()
         for gap, closing in ((0.0, 2.0), (-1e-9, -2.0), (-0.2, 0.0)):
-            model.forces(gap, closing, 40.0, packed)
+            for slide in (-1.0, 1.0):
+                friction = model.forces(gap, closing, 40.0, packed, slide, 0.01)[1]
+                wrong = f"the friction is {friction:.3g} N for the sliding speed {slide} m/s"
+                require(friction * slide <= 0.0, wrong, "return a force that brakes, with the opposite sign")
         require(np.array_equal(packed, before), "the law changes its parameters", "only return the force")
 
 
@@ -131,4 +137,35 @@ def check_crowd(model: ContactModel, pace: Pace) -> None:
             require(apart <= TURN_TOLERANCE, f"the motion differs by {apart:.3g} m", remedy)
 
 
-CHECKS = (check_free_walk, check_collision, check_room, check_crowd)
+def check_memory(model: ContactModel, pace: Pace) -> None:
+    """Check that what contacts remember belongs to persons, whatever their order, and that a snapshot has all of it.
+
+    It must not belong to one of two people, nor to x and y: in a scene that is rotated in the middle, bodies are in
+    another order from then on.
+    """
+    remedy = "keep it in contacts.memory, and components along normal and tangent instead of x and y"
+    with scene(f"{PRESSED}, {pace}"):
+        crowds, _ = walk(model, pace, nine_people(), 120, room())
+    half, whole = crowds[5], crowds[-1].position
+    with scene(f"{PRESSED}, in another order, {pace}"):
+        mixed = Crowd(**{name: array[ANOTHER_ORDER] for name, array in nine_people().values().items()})
+        crowds, engine = walk(model, pace, mixed, 60, room())
+        apart = float(np.abs(crowds[-1].position - half.position[ANOTHER_ORDER]).max())
+        require(apart <= TURN_TOLERANCE, f"the motion differs by {apart:.3g} m", remedy)
+    if not model.memory:
+        return
+    _, engine = walk(model, pace, nine_people(), 60, room())
+    with scene(f"{PRESSED}, resumed in the middle, {pace}"):
+        crowd = nine_people().replace(position=half.position.copy(), velocity=half.velocity.copy())
+        crowds, _ = walk(model, pace, crowd, 60, room(), saved=engine.snapshot())
+        apart = float(np.abs(crowds[-1].position - whole).max())
+        require(apart == 0.0, f"the motion differs by {apart:.3g} m", remedy)
+    with scene(f"{PRESSED}, rotated in the middle, {pace}"):
+        walls = np.hstack([turned(room()[:, :2]), turned(room()[:, 2:])])
+        crowd = nine_people().replace(position=turned(half.position), velocity=turned(half.velocity))
+        crowds, _ = walk(model, pace, crowd, 60, walls, NORTH, engine.snapshot())
+        apart = float(np.abs(crowds[-1].position - turned(whole)).max())
+        require(apart <= TURN_TOLERANCE, f"the motion differs by {apart:.3g} m", remedy)
+
+
+CHECKS = (check_free_walk, check_collision, check_room, check_crowd, check_memory)

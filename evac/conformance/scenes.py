@@ -1,9 +1,11 @@
 """Scenes for contact models: a flat level, with or without the walls of a room, and one direction for all people."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry import box
 
 from evac.base.arrays import FloatArray
@@ -46,16 +48,26 @@ PLAIN = Pace()
 
 
 def walk(
-    model: ContactModel, pace: Pace, crowd: Crowd, steps: int, walls: FloatArray = NOWHERE, ahead: FloatArray = EAST
+    model: ContactModel,
+    pace: Pace,
+    crowd: Crowd,
+    steps: int,
+    walls: FloatArray = NOWHERE,
+    ahead: FloatArray = EAST,
+    saved: Mapping[str, NDArray[Any]] | None = None,
 ) -> tuple[list[Crowd], CompiledEngine]:
     """Make a number of plain steps in which all people want to walk in one direction; with none, two at the pace.
 
     Returns copies of the crowd after each tick, with the velocities of the plain pace, and the engine with its report.
+    The engine goes on from the snapshot of another one, if it is given.
     """
     world = make_world(_flat(walls), _fields(ahead))
     engine = CompiledEngine(world, len(crowd.level), [], solvers=Registry().solvers)
     crowd = crowd.replace(velocity=crowd.velocity / pace.slow, speed=crowd.speed / pace.slow, tau=crowd.tau * pace.slow)
     model.check_scene(border_scene(crowd, pace.step, True))
+    if saved is not None:
+        engine.load(model)
+        engine.restore(saved)
     total, tick, crowds = *((steps * pace.parts, 10 * pace.parts) if steps else (2, 1)), []
     for first in range(0, total, tick):
         engine.advance(model, crowd, first, tick, pace.step, True, True)

@@ -65,7 +65,7 @@ def functions_of(force: Force) -> list[Entry]:
         function = getattr(force, name)
         if function is not None:
             call.check(function, f"{what}: {name}", type(force))
-            check_indices(function, packed_row(force, what), what)
+            check_indices(function, len(packed_row(force, what)), what)
             found += [caller, function]
     if not found:
         remedy = "define `pair`, decorated with evac.jit.pair_force, or `body`, decorated with evac.jit.body_force"

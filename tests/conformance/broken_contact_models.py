@@ -6,8 +6,9 @@ import numpy as np
 
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter
-from evac.jit import Struct, inner, kernel, pair_contact
+from evac.jit import Struct, inner, kernel, pair_contact, pair_friction
 from evac.physics import tallies as at
+from evac.physics.contact.contacts import push, use_free_velocity
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.state import State
@@ -295,6 +296,52 @@ class Linear(Pulls):
     pair = linear
 
 
+@pair_friction
+def drives(gap, closing_speed, sliding_speed, reduced_mass, elapsed, memory, parameters):
+    memory[0] = sliding_speed
+    return -parameters[0] * gap, 10.0 * sliding_speed
+
+
+@pair_friction
+def beyond_its_memory(gap, closing_speed, sliding_speed, reduced_mass, elapsed, memory, parameters):
+    memory[1] = sliding_speed
+    return -parameters[0] * gap, 0.0
+
+
+class Sliding(Linear):
+    """Drives people who slide."""
+
+    name = "sliding"
+    pair = drives
+    memory = ("speed",)
+
+
+class AlongAxes(Bounce):
+    """Remembers a vector by its components along x and y."""
+
+    name = "along_axes"
+    memory = ("x", "y")
+
+    def step(self, contacts, h):
+        contacts.percussion[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
+        tangent = np.column_stack([-contacts.normal[:, 1], contacts.normal[:, 0]])
+        other = np.where(contacts.other[:, None] >= 0, contacts.velocity[contacts.other], 0.0)
+        slide = ((contacts.velocity[contacts.body] - other) * tangent).sum(axis=1)
+        contacts.memory[:] += h * slide[:, None] * tangent
+        return self.pushed(contacts, contacts.percussion[:, None] * contacts.normal - h * 1e4 * contacts.memory)
+
+
+@kernel
+def by_row(state: State, own: Softness, h: float) -> int:
+    bodies, contacts = state.bodies, state.contacts
+    use_free_velocity(state)
+    for c in range(contacts.number):
+        stiffness = 1e5 + 1e4 * bodies.row[contacts.body[c]]
+        contacts.percussion[c] = -h * stiffness * min(contacts.gap[c], 0.0)
+        push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
+    return 0
+
+
 FREE, TWO, PRESSED = "scene 'a person without contacts", "scene 'two people who collide", "scene 'nine people pressed"
 PAIR, ROOM = "scene 'two people of 80 kg", "scene '20 ticks of Twenty people"
 PLACE = "scene 'two people at one place"
@@ -329,6 +376,9 @@ BROKEN = [
     Broken(odd(Bounce, state=lambda self: {"a": 1}), "check_same_bits", ROOM, r"1 for 'a'; return arrays"),
     Broken(odd(Bounce, restore=raising), "check_same_bits", f"{ROOM}.*resumed", "restore: .*partner", KeyError),
     Broken(odd(ContactModel), "check_free_walk", FREE, r"neither a law nor step\(contacts, h\); define"),
+    Broken(AlongAxes, "check_memory", f"{PRESSED}.* rotated in the middle", "differs by .* m; .* normal and tangent"),
+    Broken(odd(Lawful, law=by_row), "check_memory", f"{PRESSED}.* in another order", "differs by .* m; keep it"),
+    Broken(odd(Bounce, memory="stretch"), "check_contract", "the class", r"Odd\.memory is 'stretch'; write a tuple"),
     Broken(Lawful, "check_free_walk", FREE, "not at 1.05"),
     Broken(
         odd(Lawful, law=without_parameters),
@@ -353,6 +403,9 @@ BROKEN = [
         "its function pair",
         r"parameters\[3\], but .*; correct the index",
     ),
+    Broken(Sliding, "check_pair_law", PAIR, "friction is -10 N for the sliding speed -1.0 m/s; .* opposite sign"),
+    Broken(odd(Sliding, pair=beyond_its_memory), "check_pair_law", FUNCTION, r"memory\[1\], but .* one number"),
+    Broken(odd(Linear, memory=("a",)), "check_pair_law", FUNCTION, "does not receive it; .* evac.jit.pair_friction"),
     Broken(odd(Pulls, pair=vector), "check_pair_law", PAIR, r"returns \(.*\) for .*; return a finite number"),
     Broken(odd(Pulls, pair=nothing), "check_pair_law", PAIR, "returns None for .*; return a finite number"),
     Broken(odd(Linear, packed=raising), "check_pair_law", FUNCTION, "partner", KeyError),

@@ -1,5 +1,6 @@
 """The plugins of docs/plugins.md run as they are written there."""
 
+import math
 import os
 import subprocess
 import sys
@@ -12,10 +13,11 @@ from evac.conformance import check_plugin
 from evac.contract.registry import Registry
 from evac.physics.state import make_crowd
 from evac_plugins.contact_dem import Dem
-from tests.physics.scenes import kinetic_energy, make_building, walk
+from tests.physics.scenes import kinetic_energy, make_building, make_engine, uniform_fields, walk
 
 NAMES = [
-    *("crowding.py", "personal_space.py", "keep_right.py", "dem_numpy.py", "hertz.py", "spring_damper.py", "jacobi.py"),
+    *("crowding.py", "personal_space.py", "keep_right.py", "dem_numpy.py", "hertz.py", "tangential_spring.py"),
+    *("spring_damper.py", "jacobi.py"),
     *("rooms.py", "positions.py", "crossing_guard.py"),
 ]
 
@@ -54,7 +56,7 @@ def test_a_documented_plugin_conforms(plugin_files, name):
 
 @pytest.mark.parametrize(
     "name",
-    ["crowding.py", "personal_space.py", "keep_right.py", "dem_numpy.py", "hertz.py", "rooms.py", "positions.py"],
+    [name for name in NAMES if name not in ("spring_damper.py", "jacobi.py", "crossing_guard.py")],
 )
 def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
     code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
@@ -129,6 +131,99 @@ def test_damping_makes_hertz_lose_energy(plugin_files):
     crowd = make_crowd([(-0.21, 0), (0.21, 0)], [(1.5, 0), (-1.5, 0)], radius=0.2, mass=80.0, tau=1e30)
     walk(model, crowd, 2000, h=1e-4, tick=100)
     assert 0.2 < kinetic_energy(crowd) / (80.0 * 1.5**2) < 0.9
+
+
+WALL = make_building(walls=[(0, -60, 0, 60)])
+
+#: Desired force on a person who leans on the wall [N], and its mass [kg] and relaxation time [s].
+LEAN, MASS, TAU = 800.0, 80.0, 0.1
+
+
+def leaning(model, ratio, steps, h=1e-3):
+    """Let a disc be driven into a wall, and along it by `ratio` of the force into it."""
+    turn = math.atan(ratio)
+    crowd = make_crowd([(-0.2, 0.0)], radius=0.2, mass=MASS, tau=TAU, speed=LEAN * TAU / MASS)
+    fields = uniform_fields(1, (math.cos(turn), math.sin(turn)))
+    engine = make_engine(crowd, WALL, fields)
+    walk(model, crowd, steps, h=h, engine=engine, tick=10)
+    return crowd, turn
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.7])
+def test_a_disc_at_a_wall_sticks_below_the_limit_of_coulomb_and_slides_above(plugin_files, mu):
+    """It rests, with the spring stretched by the force along the wall, or slides at tau (F_t - mu F_n) / m."""
+    model = class_of(plugin_files, "tangential_spring", "contact_models")(friction=mu, damping=5000.0)
+    crowd, turn = leaning(model, 0.999 * mu, 8000)
+    assert np.abs(crowd.velocity).max() < 1e-9
+    assert crowd.position[0, 0] == pytest.approx(LEAN * math.cos(turn) / 1.2e5 - 0.2, abs=1e-9)
+    for ratio in (1.001 * mu, 2.0 * mu):
+        crowd, turn = leaning(model, ratio, 8000)
+        slide = TAU / MASS * LEAN * (math.sin(turn) - mu * math.cos(turn))
+        np.testing.assert_allclose(crowd.velocity, [(0.0, slide)], rtol=0, atol=2e-6)
+
+
+def test_the_energy_of_a_stick_slip_cycle_is_the_area_of_its_loop(plugin_files):
+    """A heavy disc is moved to and fro by 2 A along a wall: it takes 4 mu N (A - mu N / k_t) in a cycle."""
+    mu, k_t, overlap, speed, half = 0.4, 8e4, 0.02, 0.5, 1000
+    model = class_of(plugin_files, "tangential_spring", "contact_models")(friction=mu, damping=0.0)
+    crowd = make_crowd([(overlap - 0.2, 0.0)], [(0.0, speed)], radius=0.2, mass=1e12, tau=1e30)
+    engine, taken = make_engine(crowd, WALL), []
+    for cycle in range(6):
+        crowd.velocity[:] = [(0.0, speed if cycle % 2 == 0 else -speed)]
+        engine.advance(model, crowd, half * cycle, half, 1e-4, True, False)
+        report = engine.report()
+        taken.append(report["contact_dissipation"] - report["contact_creation"])
+    longest, amplitude = mu * 1.2e5 * overlap / k_t, 0.5 * speed * half * 1e-4
+    assert amplitude > 2.0 * longest
+    loop = 4.0 * k_t * longest * (amplitude - longest)
+    assert taken[5] - taken[3] == pytest.approx(loop, rel=2e-3)
+    assert taken[3] - taken[1] == pytest.approx(taken[5] - taken[3], rel=1e-6)
+
+
+def test_the_stretch_is_forgotten_when_two_people_part(plugin_files):
+    """Turned away from the wall and back again, the disc has a spring at rest, by which it swings as the first time."""
+    model = class_of(plugin_files, "tangential_spring", "contact_models")()
+    crowd = make_crowd([(-0.19, 0.0)], [(0.0, 0.1)], radius=0.2, mass=MASS, tau=1e30)
+    engine = walk(model, crowd, 5, h=1e-3, building=WALL)
+    stretch = engine.snapshot()["memory.tangential_spring.numbers"]
+    assert stretch[0, 0] == pytest.approx(-4 * 1e-4, rel=0.01)  # the tangent is (0, -1)
+    walk(model, crowd, 200, h=1e-3, engine=engine)
+    assert crowd.position[0, 0] < -0.2
+    assert engine.snapshot()["memory.tangential_spring.numbers"].shape == (0, 1)
+    crowd.position[:], crowd.velocity[:] = (-0.19, 0.0), 0.0
+    walk(model, crowd, 5, h=1e-3, engine=engine)
+    assert crowd.velocity[0, 1] == 0.0
+
+
+def test_a_run_resumed_while_people_stick_goes_on_to_the_bit(plugin_files, tmp_path):
+    change = {"contact.model": "tangential_spring", "simulation.duration": 6.0, "output.animation": False}
+    case = evac.load("square_room", change, plugin_files=[plugin_files["tangential_spring.py"]])
+    whole = evac.Simulation(case)
+    while not whole.ended:
+        if whole.step == 300:
+            middle = whole.state()
+        whole.advance_tick()
+    pairs, stretch = (middle[f"engine.memory.tangential_spring.{name}"] for name in ("pairs", "numbers"))
+    assert len(pairs) > 3
+    assert np.abs(stretch).min() > 0.0
+    resumed = evac.Simulation(case)
+    resumed.restore(middle)
+    while not resumed.ended:
+        resumed.advance_tick()
+    found, wanted = resumed.state(), whole.state()
+    assert found.keys() == wanted.keys()
+    for key, array in wanted.items():
+        np.testing.assert_array_equal(found[key], array, err_msg=key)
+    resumed = evac.Simulation(case.change({"contact.model": "dem"}))
+    resumed.restore(middle)
+    resumed.advance_tick()
+
+
+def test_a_tangential_spring_is_checked_on_the_command_line(plugin_files, capsys):
+    from evac.cli import main
+
+    assert main(["plugins", "--check", str(plugin_files["tangential_spring.py"])]) == 0
+    assert "tangential_spring" in capsys.readouterr().out
 
 
 def test_who_walks_along_a_wall_keeps_right(plugin_files):

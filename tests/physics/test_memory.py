@@ -18,6 +18,7 @@ from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import (
     cut_wall,
     fields_towards,
+    kinetic_energy,
     make_building,
     make_engine,
     random_crowd,
@@ -336,6 +337,15 @@ def test_a_saved_memory_that_cannot_be_is_refused(fault, key):
     engine.load(Sticking())
     with pytest.raises(SavedError, match=r"memory\.sticking\."):
         engine.restore(saved)
+
+
+def test_friction_counts_in_the_energy():
+    """Two people who hit each other aslant stick and slip, and part; each loses what percussions account for."""
+    crowd = make_crowd([(-0.21, 0.0), (0.21, 0.12)], [(1.5, 0.0), (-1.0, 0.3)], mass=[60.0, 100.0], tau=FREE)
+    before, report = kinetic_energy(crowd), walk(Sticking(), crowd, 400, h=1e-3).report()
+    taken = report["contact_dissipation"] - report["contact_creation"]
+    assert before - kinetic_energy(crowd) == pytest.approx(taken, rel=1e-9)
+    assert taken > 10.0
 
 
 @pytest.mark.parametrize("model", [Dem(), Nsm1()])

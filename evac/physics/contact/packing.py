@@ -36,8 +36,8 @@ def packed_row(plugin: Any, what: str) -> FloatArray:
     return packed
 
 
-def check_indices(entry: Entry, packed: FloatArray, what: str) -> None:
-    """Check that a function reads only parameters that exist: kernels do not check indices.
+def check_indices(entry: Entry, length: int, what: str, argument: int = -1, source: str = "packed() returns") -> None:
+    """Check that a function reads only numbers of an array, by default parameters, that exist: kernels do not check it.
 
     Only indices that are written as numbers are checked, in the function itself.
 
@@ -45,18 +45,17 @@ def check_indices(entry: Entry, packed: FloatArray, what: str) -> None:
     ------
     PluginError
     """
-    for index, line in _indices(entry):
-        if not 0 <= index < len(packed):
-            name = entry.function.__code__.co_varnames[entry.function.__code__.co_argcount - 1]
-            numbers = f"packed() returns {len(packed)} numbers" if len(packed) != 1 else "packed() returns one number"
-            place = (entry.function.__code__.co_filename, line)
-            raise fault(what, f"{entry.title} reads {name}[{index}], but {numbers}", "correct the index", place)
-
-
-def _indices(entry: Entry) -> Iterator[tuple[int, int]]:
-    """Yield constant indices of the last argument of a function, each with its line; none without its source."""
     code = entry.function.__code__
-    name = code.co_varnames[code.co_argcount - 1]
+    name = code.co_varnames[code.co_argcount + argument]
+    for index, line in _indices(entry, name):
+        if not 0 <= index < length:
+            numbers = f"{source} {length} numbers" if length != 1 else f"{source} one number"
+            wrong, place = f"{entry.title} reads {name}[{index}], but {numbers}", (code.co_filename, line)
+            raise fault(what, wrong, "correct the index", place)
+
+
+def _indices(entry: Entry, name: str) -> Iterator[tuple[int, int]]:
+    """Yield constant indices of an argument of a function, each with its line; none without its source."""
     with suppress(OSError, TypeError, SyntaxError):
         lines, first = inspect.getsourcelines(entry.function)
         for node in ast.walk(ast.parse(textwrap.dedent("".join(lines)))):

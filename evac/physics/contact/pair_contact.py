@@ -155,7 +155,9 @@ class PairContact(ContactModel):
             wrong = f"its law does not call its function {self.pair.title}"
             remedy = "name `pair` in the body of the class, and derive a model with a law of its own from ContactModel"
             raise fault(what, wrong, remedy, self)
-        check_indices(self.pair, packed_row(self, what), what)
+        check_indices(self.pair, len(packed_row(self, what)), what)
+        if has_friction:
+            check_indices(self.pair, len(self.memory), what, -2, f"{type(self).__name__}.memory names")
 
     def packed(self) -> FloatArray:
         """Return the parameters (p,) float64 that the function reads; by default all declared numbers."""
