@@ -33,7 +33,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Write the files and print the paths of those that a user opens."""
-    from evac.contract.registry import BUILTIN_EXPORTERS, Registry
+    from evac.contract.builtin import BUILTIN_EXPORTERS
+    from evac.contract.registry import Registry
     from evac.export.exporter import export
 
     registry = Registry(arguments.plugins, builtins=BUILTIN_EXPORTERS)

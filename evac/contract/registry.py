@@ -18,6 +18,7 @@ import pluggy
 from evac.base.errors import BuildingError, PluginError, fault, plugin_code, text_of
 from evac.base.parameters import Configurable, did_you_mean
 from evac.contract import hooks
+from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.contract.requirements import (
     KINDS,
     RUN_HOOKS,
@@ -30,26 +31,6 @@ from evac.contract.requirements import (
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
-
-#: Modules of the built-in importers, sufficient to read a building without a case.
-BUILTIN_IMPORTERS = tuple(
-    f"evac_plugins.import_{name}" for name in ("dxf", "geojson", "ifc", "meshio", "obj", "off", "plan", "ply", "wkt")
-)
-
-#: Modules of the built-in exporters, sufficient to export a recorded run.
-BUILTIN_EXPORTERS = tuple(f"evac_plugins.export_{name}" for name in ("csv", "geojson", "jupedsim", "parquet", "vtk"))
-
-#: Modules of all built-in plugins; loaded by `Registry`, never imported by the core.
-BUILTIN_PLUGINS = (
-    *(f"evac_plugins.contact_{name}" for name in ("dem", "nsm1", "nsm2")),
-    *(f"evac_plugins.solver_{name}" for name in ("sweeps", "gradient", "conjugate")),
-    "evac_plugins.force_social",
-    *(f"evac_plugins.behaviour_{n}" for n in ("response_time", "teacher_following", "route_choice", "headway")),
-    *(f"evac_plugins.recorder_{name}" for name in ("trajectory", "replay")),
-    *BUILTIN_IMPORTERS,
-    *BUILTIN_EXPORTERS,
-    "evac_plugins.cases",
-)
 
 #: Prefix of the names of modules made from plugin files.
 FILE_PREFIX = "evac_plugin_"

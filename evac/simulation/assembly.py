@@ -10,7 +10,8 @@ from evac.building.model.findings import Finding
 from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
-from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.contract.builtin import BUILTIN_IMPORTERS
+from evac.contract.registry import Registry
 from evac.people.groups import check_people
 from evac.people.population import Population, build_population
 from evac.people.ways import check_ways

@@ -11,7 +11,8 @@ import shapely
 from evac.base.errors import BuildingError
 from evac.building.model.building import Building
 from evac.building.surface.build import build_building
-from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.contract.builtin import BUILTIN_IMPORTERS
+from evac.contract.registry import Registry
 from evac.simulation.assembly import read_surface
 from tests.attacks.seeded import Case, in_turn
 from tests.building.random_plans import plan_shapes

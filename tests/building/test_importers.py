@@ -8,7 +8,8 @@ import shapely
 from evac.base.errors import BuildingError
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import checked
-from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.contract.builtin import BUILTIN_IMPORTERS
+from evac.contract.registry import Registry
 from evac.simulation.assembly import read_building, read_surface
 
 REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)

@@ -4,7 +4,8 @@ import pytest
 
 from evac.case.loading import load_case
 from evac.conformance import check_plugin
-from evac.contract.registry import BUILTIN_PLUGINS, Registry
+from evac.contract.builtin import BUILTIN_PLUGINS
+from evac.contract.registry import Registry
 
 REGISTRY = Registry()
 

@@ -12,7 +12,7 @@ from evac.contract.registry import Registry
 ROOT = Path(evac.__file__).parent
 
 #: Where names are allowed: the list of built-in modules, the cases that `evac new` and `evac import` write, evidence.
-MAY_NAME = ("contract/registry.py", "cli/new.py", "importing/casefile.py", "evidence/", "physics/contact/")
+MAY_NAME = ("contract/builtin.py", "cli/new.py", "importing/casefile.py", "evidence/")
 
 #: Registered names that are columns of people.csv, too.
 COLUMNS = {"response_time"}

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from evac.base.errors import BuildingError, PluginError
+from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.contract.hooks import INTERFACE
-from evac.contract.registry import BUILTIN_PLUGINS, Registry
+from evac.contract.registry import Registry
 from evac.contract.requirements import KINDS
 from evac.physics.contact.model import ContactModel
 

@@ -7,7 +7,8 @@ import pytest
 import evac
 from evac.base.errors import ResultError
 from evac.cli.main import main
-from evac.contract.registry import BUILTIN_EXPORTERS, Registry
+from evac.contract.builtin import BUILTIN_EXPORTERS
+from evac.contract.registry import Registry
 from evac.export.exporter import export
 from evac.folder.files import FRAMES, WRITTEN, frame_name, replacing, writing
 

@@ -10,7 +10,8 @@ from shapely.geometry import shape
 
 from evac.analysis.tables import MOTION_COLUMNS, motion_table
 from evac.base.errors import ResultError
-from evac.contract.registry import BUILTIN_EXPORTERS, Registry
+from evac.contract.builtin import BUILTIN_EXPORTERS
+from evac.contract.registry import Registry
 from evac.export.exporter import export, file_stems
 from evac.trajectory.trajectory import read_trajectory
 

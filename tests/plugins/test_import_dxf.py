@@ -11,7 +11,8 @@ import shapely
 import evac
 from evac import BuildingError, import_building, read_building
 from evac.conformance import check_plugin
-from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.contract.builtin import BUILTIN_IMPORTERS
+from evac.contract.registry import Registry
 
 REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
 ROOM = [(0, 0), (8, 0), (8, 5), (0, 5)]

@@ -9,7 +9,8 @@ import pytest
 import evac
 from evac import BuildingError, read_building
 from evac.conformance import check_plugin
-from evac.contract.registry import BUILTIN_IMPORTERS, Registry
+from evac.contract.builtin import BUILTIN_IMPORTERS
+from evac.contract.registry import Registry
 from tests.ifcfiles import IfcFile, steps
 
 REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)

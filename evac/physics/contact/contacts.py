@@ -282,7 +282,7 @@ def keep_percussions(contacts, kept):
 
 @inner
 def keep_only_meeting(world, bodies, contacts, h, margin):
-    """Drop the contacts whose gap stays above `margin` [m] within the step at the free velocity (NSM2).
+    """Drop the contacts whose gap stays above `margin` [m] within the step at the free velocity.
 
     These are the contacts with D + h G.V > `margin`, which is 0 in the paper.
     """

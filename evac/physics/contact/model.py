@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import PluginError, ScenarioError, fault, is_foreign
 from evac.base.parameters import Configurable, Parameter
+from evac.contract.builtin import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
 from evac.physics import driver
 from evac.physics.state import Crowd, State, Traits, World
@@ -94,7 +95,7 @@ class ContactModel(Configurable, ABC):
         ``state.bodies.free``, and returns a status of `evac.physics.status`. Its second argument is the struct that
         `own` returns.
     midpoint : bool
-        Whether bodies move by the mean of the old and new velocity (as in NSM2) or by the new velocity.
+        Whether bodies move by the mean of the old and new velocity or by the new velocity.
     overdamped : bool
         Whether the free velocity equals the desired velocity, without inertia.
     reach_share, reach_fastest : float
@@ -302,9 +303,9 @@ class NoParameters(Struct):
 
 
 class SolvedContactModel(ContactModel):
-    """Base class of contact models that solve a contact problem in every sub-step, such as NSM1 and NSM2."""
+    """Base class of contact models that solve a contact problem in every sub-step."""
 
-    solver = Parameter("accelerated_sweeps", "registered solver of the contact problem")
+    solver = Parameter(DEFAULT_SOLVER, "registered solver of the contact problem")
     velocity_tolerance = Parameter(5e-4, "largest accepted residual of the contact problem", unit="m/s", above=0.0)
     along_the_way = True
     #: Whether overlaps are separated, by moving positions, before the law is called.

@@ -53,8 +53,8 @@ def separate(state: State, is_solve: int) -> int:
     """Separate the overlaps in two calls, each followed by a contact search; return a status.
 
     The first call extends the reaches, the second finds the displacements and moves. The displacements d are the
-    smallest ones in the mass norm with D + G.d >= 0 for all contacts in reach, which is the NSM1 problem without time.
-    They are applied only if they at least halve the deepest overlap; a squeezed body is not moved.
+    smallest ones in the mass norm with D + G.d >= 0 for all contacts in reach, which is the problem of rigid contacts
+    without time. They are applied only if they at least halve the deepest overlap; a squeezed body is not moved.
     """
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
     if is_solve == 0:

@@ -271,6 +271,6 @@ class PairContact(ContactModel):
         """Return advice for steps that fail."""
         own = f"parameters of contact.{self.name}"
         return {
-            WALL_CROSSED: f"choose {own} that make contacts stiffer, or use contact.model = 'nsm1'",
+            WALL_CROSSED: f"choose {own} that make contacts stiffer, or a contact model that prevents overlaps",
             TOO_STIFF: f"choose {own} that make contacts softer, or use a smaller simulation.step",
         }

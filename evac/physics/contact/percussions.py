@@ -2,12 +2,12 @@
 
 Find percussions P >= 0 such that with the velocity v = V + M^-1 sum_c P_c n_c each contact obeys its law
 
-    NSM1:  w+ + b >= 0  complementary to P,           b = max(D, 0) / h
-    NSM2:  P = K_N max(0, -(w+ + w-)/2) + mu,  0 <= mu complementary to w+ >= 0
+    rigid:    w+ + b >= 0  complementary to P,           b = max(D, 0) / h
+    elastic:  P = K_N max(0, -(w+ + w-)/2) + mu,  0 <= mu complementary to w+ >= 0
 
 with the normal velocity w+ after and w- before the step. Both have the closed local form of docs/physics.md,
 P = max(0, -(a + b)/omega, -(a + w-)/(omega + 2/K_N)), a being w+ without the contact's own percussion.
-The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap error [m].
+The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is the error of the gaps of rigid contacts [m].
 """
 
 import math
@@ -46,7 +46,7 @@ def find_percussions(state, free, velocity, normal, tangential, tolerance, limit
     free, velocity : (n, 2)
         Free velocity V, and the resulting velocity [m/s].
     normal, tangential : float
-        K_N and K_T [kg]; both are 0 for NSM1.
+        K_N and K_T [kg]; both are 0 for rigid contacts.
     tolerance : float
         Tolerance of the residual [m/s].
     limit : int

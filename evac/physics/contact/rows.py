@@ -63,7 +63,7 @@ def law(rows, r, x, rigid):
     """Return the change of x after which row r satisfies its local law, with all other rows fixed.
 
     `rigid` is ``rows.rigid``, read before a loop over rows so that the compiler specialises the loop: a sweep over
-    rigid rows (NSM1, and NSM2 with K_N = 0) is a quarter cheaper.
+    rigid rows (also those with K_N = 0) is a quarter cheaper.
     """
     data, i, j = rows.data, rows.body[r], rows.other[r]
     if rigid:

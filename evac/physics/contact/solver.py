@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from evac.base.parameters import Configurable
+from evac.contract.builtin import DEFAULT_STRONGER_SOLVER
 from evac.jit import Entry
 
 
@@ -28,4 +29,4 @@ class Solver(Configurable):
 
     solve: ClassVar[Entry]
     make_phase: ClassVar[Entry | None] = None
-    stronger: ClassVar[str] = "conjugate_faces"
+    stronger: ClassVar[str] = DEFAULT_STRONGER_SOLVER

@@ -1,0 +1,24 @@
+"""The built-in plugins, which the core knows by these names only, and which of them it uses where none is named."""
+
+#: Modules of the built-in importers, sufficient to read a building without a case.
+BUILTIN_IMPORTERS = tuple(
+    f"evac_plugins.import_{name}" for name in ("dxf", "geojson", "ifc", "meshio", "obj", "off", "plan", "ply", "wkt")
+)
+
+#: Modules of the built-in exporters, sufficient to export a recorded run.
+BUILTIN_EXPORTERS = tuple(f"evac_plugins.export_{name}" for name in ("csv", "geojson", "jupedsim", "parquet", "vtk"))
+
+#: Modules of all built-in plugins; loaded by `Registry`, never imported by the core.
+BUILTIN_PLUGINS = (
+    *(f"evac_plugins.contact_{name}" for name in ("dem", "nsm1", "nsm2")),
+    *(f"evac_plugins.solver_{name}" for name in ("sweeps", "gradient", "conjugate")),
+    "evac_plugins.force_social",
+    *(f"evac_plugins.behaviour_{n}" for n in ("response_time", "teacher_following", "route_choice", "headway")),
+    *(f"evac_plugins.recorder_{name}" for name in ("trajectory", "replay")),
+    *BUILTIN_IMPORTERS,
+    *BUILTIN_EXPORTERS,
+    "evac_plugins.cases",
+)
+
+#: Solvers of the contact problem: that of models, and that of solves in which another solver fails.
+DEFAULT_SOLVER, DEFAULT_STRONGER_SOLVER = "accelerated_sweeps", "conjugate_faces"
