@@ -52,19 +52,7 @@ def conjugate_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     Niebe and Erleben, 2010). Sweeps are in the order of travel time, along the force chains. The residual is always
     evaluated after a sweep. Returns the number of iterations.
     """
-    clear_direction(rows)
-    before = 0.0
-    rows.residual, likely = row_residual(rows), LIKELY
-    iteration = 0
-    while rows.residual > tolerance and iteration < limit:
-        keep(rows)
-        sweep_up(rows)
-        change = sweep_down(rows)
-        iteration += 1
-        likely = evaluate(rows, change, likely, tolerance if iteration < limit else math.inf)
-        if rows.residual > tolerance and iteration < limit:
-            before = conjugate_step(rows, before)
-    return iteration
+    return _conjugate(rows, tolerance, limit, False)
 
 
 @inner
@@ -101,29 +89,32 @@ def conjugate_step(rows, before):
 @kernel
 def conjugate_faces(rows: Problem, tolerance: float, limit: int) -> int:
     """Solve by conjugate sweeps and by conjugate gradients on faces; return the number of iterations."""
-    clear_direction(rows)
     for r in range(rows.size):
         rows.branch[r] = OFF
-    before = 0.0
-    iteration = 0
+    return _conjugate(rows, tolerance, limit, True)
+
+
+@inner
+def _conjugate(rows, tolerance, limit, uses_faces):
+    clear_direction(rows)
+    before, iteration = 0.0, 0
     rows.residual, likely = row_residual(rows), LIKELY
     while rows.residual > tolerance and iteration < limit:
         keep(rows)
         sweep_up(rows)
         change = sweep_down(rows)
         iteration += 1
-        changed = mark_branches(rows)
+        is_new = not uses_faces or mark_branches(rows) > 0
         likely = evaluate(rows, change, likely, tolerance if iteration < limit else math.inf)
         if rows.residual <= tolerance or iteration >= limit:
             break
-        if changed == 0:
+        if is_new:
+            before = conjugate_step(rows, before)
+        else:
             made, rows.residual = descend_on_face(rows, tolerance, min(limit - iteration, LONGEST_FACE))
             iteration += made
             clear_direction(rows)
             before = 0.0
-        else:
-            before = conjugate_step(rows, before)
-            rows.residual = max(rows.residual, 2.0 * tolerance)  # extrapolated percussions may be negative: sweep first
     return iteration
 
 
@@ -207,13 +198,19 @@ def precondition(rows, held):
 
 
 @inner
+def _slope(rows, k):
+    """Return the gradient in row k of the face."""
+    data = rows.face_data
+    w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k, data[k, SHIFT])
+    return w + data[k, COMPLIANCE] * rows.percussion[rows.face[k]]
+
+
+@inner
 def _gradient(rows, held):
     """Set `work_a` to the gradient on the face; return its largest entry [m/s]."""
     worst = 0.0
-    data = rows.face_data
     for k in range(held):
-        w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k, data[k, SHIFT])
-        g = w + data[k, COMPLIANCE] * rows.percussion[rows.face[k]]
+        g = _slope(rows, k)
         rows.work_a[k] = g
         worst = max(worst, abs(g) * rows.scale[rows.face[k]])
     return worst
@@ -284,15 +281,12 @@ def _step(rows, held, length):
 def _put_back(rows, held):
     """Set negative percussions of the face to zero, with the changes in `work_b`; return the increase of energy [J]."""
     rise = 0.0
-    data = rows.face_data
     for k in range(held):
         r = rows.face[k]
         push = max(-rows.percussion[r], 0.0) if rows.elastic[r, BOUND] == 0.0 else 0.0
         rows.work_b[k] = push
         if push > 0.0:
-            w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k, data[k, SHIFT])
-            gradient = w + data[k, COMPLIANCE] * rows.percussion[r]
-            rise += push * (gradient + 0.5 * push / data[k, SOFTNESS])
+            rise += push * (_slope(rows, k) + 0.5 * push / rows.face_data[k, SOFTNESS])
             push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, push)
             rows.percussion[r] = 0.0
     return rise
