@@ -4,23 +4,19 @@ scikit-fmm holds the lock of the interpreter, so that threads would march one af
 once, and then a metric and exits for each march; it answers with the costs.
 """
 
-import pickle
-import subprocess
-import sys
-import threading
+from collections import deque
 from collections.abc import Generator, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
-from queue import SimpleQueue
 from typing import NamedTuple
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.base.processes import close_pipes, kill_workers, start_worker
+from evac.base.processes import Pool, cores
 from evac.building.model.building import Exit
 from evac.directions.grids import BuildingGrids
 from evac.directions.marching import Metric, march
-from evac.jit.workers import cores
 
 #: A worker pays from so many nodes on, counted once for each march: it takes a quarter of a second to start.
 NODES_PER_WORKER = 2_500_000
@@ -69,73 +65,36 @@ def march_all(
     workers : int
         Number of processes that march at the same time; 1 means that this process does.
     """
-    processes: list[subprocess.Popen[bytes]] = []
-    threads: list[threading.Thread] = []
-    todo: SimpleQueue[int] = SimpleQueue()
-    done: SimpleQueue[tuple[int, FloatArray] | None] = SimpleQueue()
-    for index in range(len(marches)):
-        todo.put(index)
+    with Pool(workers, (_take, (grids, order)), is_quiet=True, replaces=False) as pool:
+        futures: deque[Future[FloatArray]] = deque()
+        with suppress(OSError):  # no process can be started
+            for metric, exits in marches if workers > 1 else ():
+                factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number, repeated
+                futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits))
+        for metric, exits in marches:
+            cost = _answer(futures.popleft()) if futures else None
+            yield march(grids, metric, exits, order) if cost is None else cost
 
-    def attend(worker: subprocess.Popen[bytes]) -> None:
-        """Ask a worker until nothing is left to do (`queue.Empty`) or it has died."""
-        with suppress(Exception):  # of any kind: what a worker writes may be cut off, or not be an answer at all
-            _send(worker, (grids, order))
-            while True:
-                index = todo.get_nowait()
-                done.put((index, _asked(worker, marches[index])))
-        done.put(None)
 
-    found: dict[int, FloatArray] = {}
+def _answer(future: "Future[FloatArray]") -> FloatArray | None:
+    """Return the answer of a worker; None if it died, or could not march for lack of memory, for example."""
     try:
-        for _ in range(workers if workers > 1 else 0):
-            with suppress(OSError):
-                processes.append(start_worker(__name__))
-                threads.append(threading.Thread(target=attend, args=(processes[-1],), daemon=True))
-                threads[-1].start()
-        attended = len(threads)
-        for index, (metric, exits) in enumerate(marches):
-            while index not in found and attended:
-                attended -= _take(done, found)
-            yield found.pop(index) if index in found else march(grids, metric, exits, order)
-    finally:
-        kill_workers(processes)
-        for thread in threads:
-            thread.join()
-        close_pipes(processes)
+        return future.result()
+    except Exception:
+        return None
 
 
-def _take(done: "SimpleQueue[tuple[int, FloatArray] | None]", found: dict[int, FloatArray]) -> bool:
-    """Wait for an answer and add it to those found; True if instead a worker answers no more."""
-    answer = done.get()
-    if answer is not None:
-        found[answer[0]] = answer[1]
-    return answer is None
+# Worker process
+
+_given: list[tuple[BuildingGrids, int]] = []
 
 
-def _asked(worker: subprocess.Popen[bytes], task: March) -> FloatArray:
-    """Return the answer of a worker."""
-    factor = task.metric.factor
-    if factor.strides == (0,):  # one number, repeated
-        factor = factor[:1]
-    _send(worker, (task.metric.slowness, factor, task.metric.is_plain, task.exits))
-    assert worker.stdout is not None
-    cost: FloatArray = pickle.load(worker.stdout)
-    return cost
+def _take(grids: BuildingGrids, order: int) -> None:
+    """Keep what all marches need."""
+    _given.append((grids, order))
 
 
-def _send(worker: subprocess.Popen[bytes], question: object) -> None:
-    assert worker.stdin is not None
-    pickle.dump(question, worker.stdin, protocol=5)
-    worker.stdin.flush()
-
-
-def serve() -> None:
-    """March what the other process asks for, until it closes the pipe."""
-    questions, answers = sys.stdin.buffer, sys.stdout.buffer
-    with suppress(EOFError):
-        grids, order = pickle.load(questions)
-        while True:
-            slowness, factor, is_plain, exits = pickle.load(questions)
-            metric = Metric(slowness, np.broadcast_to(factor, grids.size), is_plain)
-            pickle.dump(march(grids, metric, exits, order), answers, protocol=5)
-            answers.flush()
+def _march(slowness: FloatArray, factor: FloatArray, is_plain: bool, exits: list[Exit]) -> FloatArray:
+    """Return the costs of a march."""
+    ((grids, order),) = _given
+    return march(grids, Metric(slowness, np.broadcast_to(factor, grids.size), is_plain), exits, order)

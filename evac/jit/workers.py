@@ -3,22 +3,16 @@
 Every kernel is stored as soon as it is finished, so that an interrupted process loses only its current kernel.
 """
 
-import base64
 import importlib.util
-import json
-import os
-import queue
-import subprocess
 import sys
-import threading
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing, suppress
-from dataclasses import astuple
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from evac.base.errors import PluginError
-from evac.base.processes import close_pipes, kill_workers, start_worker
+from evac.base.processes import Pool, cores
 from evac.jit.digest import digest_of, kernels_in
 from evac.jit.kernels import Entry, entries_of
 from evac.jit.processor import Processor
@@ -132,11 +126,6 @@ def divide(tasks: Sequence[Task], most: int) -> list[list[Task]]:
     return best
 
 
-def cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _source(entry: Entry) -> str | None:
     """Return the file of a kernel's module for import in another process; None if impossible, as for scripts."""
     file = getattr(sys.modules.get(entry.__module__), "__file__", None)
@@ -161,96 +150,41 @@ def _warn(store: Store | None, problem: str) -> None:
         store.warn("access", f"{store.folder}: kernels cannot be stored ({problem}); the next run compiles them again")
 
 
-# Parent process
-
-
 def _compile_elsewhere(
     shares: list[list[Task]], processor: Processor, store: Store | None, tell: Callable[[], None]
 ) -> Generator[tuple[Task, bytes], None, None]:
     """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
-    tasks = {task.digest: task for share in shares for task in share}
-    answers: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
-    workers: list[subprocess.Popen[bytes]] = []
-    try:
-        for share in shares:
-            with suppress(OSError):
-                workers.append(_start(share, processor, store, answers))
-        running = len(workers)
-        while running:
-            try:
-                answer = answers.get(timeout=_TOLD_EVERY)
-            except queue.Empty:
+    folder = store and store.folder
+    with ExitStack() as ending:
+        futures: dict[Future[tuple[bytes, str]], Task] = {}
+        with suppress(OSError):  # no process can be started
+            for share in shares:
+                pool = ending.enter_context(Pool(1, is_quiet=True, replaces=False))
+                for task in share:
+                    where = task.entry.__module__, _source(task.entry), task.entry.label, task.digest
+                    futures[pool.submit(_compile_there, where, processor, folder)] = task
+        while futures:
+            done, _ = wait(futures, _TOLD_EVERY, FIRST_COMPLETED)
+            for future in done:
+                task, error = futures.pop(future), future.exception()
+                if isinstance(error, PluginError):
+                    raise error
+                if error is None:
+                    code, problem = future.result()
+                    if problem:
+                        _warn(store, problem)
+                    yield task, code
+            if not done:
                 tell()
-                continue
-            if answer is None:
-                running -= 1
-            elif "error" in answer:
-                error = PluginError(answer["error"])
-                error.file = answer["file"]
-                raise error
-            else:
-                if answer["problem"]:
-                    _warn(store, answer["problem"])
-                yield tasks[answer["digest"]], base64.b64decode(answer["code"])
-    finally:
-        kill_workers(workers)
-        close_pipes(workers)
-
-
-def _start(
-    share: list[Task], processor: Processor, store: Store | None, answers: "queue.SimpleQueue[dict[str, Any] | None]"
-) -> subprocess.Popen[bytes]:
-    """Start a worker process, and a thread that forwards its answers, followed by None."""
-    job = {
-        "processor": astuple(processor),
-        "folder": str(store.folder) if store else None,
-        "tasks": [(task.entry.__module__, _source(task.entry), task.entry.label, task.digest) for task in share],
-    }
-    worker = start_worker("evac.jit.workers")
-
-    def pass_on() -> None:
-        assert worker.stdin is not None
-        assert worker.stdout is not None
-        with suppress(OSError, ValueError):  # the process ended early
-            worker.stdin.write(json.dumps(job).encode() + b"\n")
-            worker.stdin.flush()
-            for line in worker.stdout:
-                answers.put(json.loads(line))
-        answers.put(None)
-
-    threading.Thread(target=pass_on, daemon=True).start()
-    return worker
 
 
 # Worker process
 
 
-def serve() -> None:
-    """Compile the kernels that the parent process requests."""
-    job = json.loads(sys.stdin.buffer.readline())
-    threading.Thread(target=_end_with_the_other, daemon=True).start()
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # output of plugins must not mix with answers
-    processor = Processor(*job["processor"])
-    store = Store(Path(job["folder"])) if job["folder"] else None
-    for module, file, label, digest in job["tasks"]:
-        answer: dict[str, Any]
-        try:
-            entry = _find(module, file, label, digest, processor)
-            code, problem = _compile_here(Task(entry, digest), processor, store)
-            answer = {"digest": digest, "code": base64.b64encode(code).decode(), "problem": problem}
-        except PluginError as error:
-            answer = {"error": error.args[0], "file": error.file}
-        except Exception:  # the parent compiles the kernel again and reports the error
-            continue
-        answers.write(json.dumps(answer) + "\n")
-        answers.flush()
-
-
-def _end_with_the_other() -> None:
-    """End this process when the parent process has ended."""
-    sys.stdin.buffer.read()
-    os._exit(1)
+def _compile_there(where: tuple[str, str, str, str], processor: Processor, folder: Path | None) -> tuple[bytes, str]:
+    """Compile and store the kernel of a module, file, label and digest; see `_compile_here`."""
+    entry = _find(*where, processor)
+    return _compile_here(Task(entry, where[-1]), processor, Store(folder) if folder else None)
 
 
 def _find(module: str, file: str, label: str, digest: str, processor: Processor) -> Entry:

@@ -12,12 +12,12 @@ from tempfile import TemporaryDirectory
 
 from evac.base.errors import EvacError, SimulationError, in_one_line
 from evac.base.phases import Progress
+from evac.base.processes import Pool
 from evac.results.ending import Stopped
-from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, workers_of
+from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, died, warn_alone, workers_of
 from evac.study.points import Point
 from evac.study.runs import Order, Row, Task, make_rows
 from evac.study.shared import GroundFile, shared_ground, write_ground
-from evac.study.workers import LocalPool, died, warn_alone
 
 #: Start-up cost of a further process: it is started only if there is at least this much work for it [s].
 JOINING = 1.5
@@ -54,7 +54,7 @@ class Conductor:
         self._points = points
         self._on_row = on_row
         self._executor = executor
-        self._pool = LocalPool(workers - 1) if executor is None and workers > 1 else None
+        self._pool = Pool(workers - 1) if executor is None and workers > 1 else None
         self._waiting: deque[Task] = deque()
         self._running: dict[Future[list[Row]], Task] = {}
         self._deaths = 0

@@ -3,15 +3,15 @@
 import json
 import logging
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager, suppress
-from os import cpu_count
 from pathlib import Path
 from typing import TypeVar
 
-from evac.base.errors import EvacError, in_one_line
-from evac.study.workers import LocalPool, died
+from evac.base.errors import EvacError, ProcessWarning, SimulationError, in_one_line
+from evac.base.processes import Pool, cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -111,7 +111,7 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
     if workers == 1:
         yield from map(function, items)
         return
-    pool = LocalPool(min(workers, cpu_count() or 1))
+    pool = Pool(min(workers, cores()))
     at_once = True
     try:
         futures = [pool.submit(function, item) for item in items]
@@ -125,3 +125,15 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
         raise
     finally:
         pool.close(at_once)
+
+
+def died() -> SimulationError:
+    """Return the error for worker processes that were killed or could not be started."""
+    return SimulationError(
+        "worker processes ended unexpectedly, possibly for lack of memory; use fewer (--jobs, from Python workers=1)"
+    )
+
+
+def warn_alone(why: str) -> None:
+    """Warn that this process makes all runs."""
+    warnings.warn(f"{why}; all runs are made in this process", ProcessWarning, stacklevel=2)

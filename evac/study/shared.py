@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.processes import packed
 from evac.simulation.assembly import ground_key, make_shared
 from evac.simulation.scene import Ground
 from evac.simulation.simulation import Simulation
@@ -60,19 +61,18 @@ class GroundFile:
 
 def write_ground(ground: Ground, folder: Path) -> GroundFile:
     """Write a ground to a folder, to which other users must not have write access."""
-    buffers: list[pickle.PickleBuffer] = []
-    frame = pickle.dumps(ground, protocol=5, buffer_callback=buffers.append)
+    frame, buffers = packed(ground)
     digest = hashlib.sha256(frame).hexdigest()
     spans, end = [], 0
     for buffer in buffers:
         start = -(-end // ALIGNMENT) * ALIGNMENT
-        end = start + buffer.raw().nbytes
+        end = start + len(buffer)
         spans.append((start, end - start))
     file = GroundFile(str(folder), digest, tuple(spans))
     with file.arrays.open("wb") as stream:
         for buffer, (start, _) in zip(buffers, spans, strict=True):
             stream.seek(start)
-            stream.write(buffer.raw())
+            stream.write(buffer)
         stream.truncate(max(end, 1))  # an empty file cannot be mapped
     file.frame.write_bytes(frame)
     return file

@@ -81,14 +81,14 @@ def test_fields_are_the_same_where_gaps_are_avoided_and_links_are_closed(buildin
 
 @pytest.mark.parametrize("dying", [1, 3])
 def test_marches_of_workers_that_die_are_made_here(building, started, monkeypatch, dying):
-    def start(module):
-        worker = processes.start_worker(module)
+    def start(is_quiet):
+        worker = whole(is_quiet)
         if len(started) <= dying:
             worker.kill()
         return worker
 
-    expected = build_fields(building, ROUTES)
-    monkeypatch.setattr(workers, "start_worker", start)
+    whole, expected = processes.start_worker, build_fields(building, ROUTES)
+    monkeypatch.setattr(processes, "start_worker", start)
     _assert_same(build_fields(building, ROUTES, threads=3), expected)
     assert len(started) == 3
     _assert_ended(started)
@@ -97,15 +97,15 @@ def test_marches_of_workers_that_die_are_made_here(building, started, monkeypatc
 def test_a_worker_that_dies_during_a_march(building, started, monkeypatch):
     """It is asked something that raises an error there, as a lack of memory would."""
     expected = build_fields(building, ROUTES)
-    send, wrong = workers._send, []
+    submit, wrong = processes.Pool.submit, []
 
-    def send_wrong(worker, question):
-        if len(question) == 4 and not wrong:
-            wrong.append(worker)
-            question = (*question[:3], "no exits")
-        send(worker, question)
+    def submit_wrong(pool, function, *arguments):
+        if not wrong:
+            wrong.append(pool)
+            arguments = (*arguments[:3], "no exits")
+        return submit(pool, function, *arguments)
 
-    monkeypatch.setattr(workers, "_send", send_wrong)
+    monkeypatch.setattr(processes.Pool, "submit", submit_wrong)
     _assert_same(build_fields(building, ROUTES, threads=2), expected)
     assert wrong
     _assert_ended(started)
@@ -116,22 +116,22 @@ def test_marches_of_workers_that_write_something_else_are_made_here(building, st
     """As a start-up file of the interpreter that prints; whatever it is read as."""
     expected = build_fields(building, ROUTES)
 
-    def start(module):
+    def start(is_quiet):
         program = f"import sys; sys.stdout.buffer.write({written}); sys.stdout.flush(); sys.stdin.buffer.read()"
         pipe = subprocess.PIPE
         return subprocess.Popen([sys.executable, "-c", program], stdin=pipe, stdout=pipe)
 
-    monkeypatch.setattr(workers, "start_worker", start)
+    monkeypatch.setattr(processes, "start_worker", start)
     _assert_same(build_fields(building, ROUTES, threads=2), expected)
     _assert_ended(started)
 
 
 def test_without_processes_everything_is_marched_here(building, started, monkeypatch):
-    def refuse(module):
+    def refuse(is_quiet):
         raise OSError("no more processes")
 
     expected = build_fields(building, ROUTES)
-    monkeypatch.setattr(workers, "start_worker", refuse)
+    monkeypatch.setattr(processes, "start_worker", refuse)
     _assert_same(build_fields(building, ROUTES, threads=3), expected)
 
 
@@ -158,7 +158,7 @@ def test_marches_that_nobody_waits_for_are_given_up(building, started):
 
 def test_small_buildings_have_no_workers(building, monkeypatch):
     monkeypatch.setattr(workers, "cores", lambda: 8)
-    monkeypatch.setattr(workers, "start_worker", None)
+    monkeypatch.setattr(processes, "start_worker", None)
     build_fields(building, ROUTES, threads=None)
     build_fields(building, ROUTES, threads=8)
 

@@ -382,7 +382,7 @@ def test_processes_end_with_the_one_that_started_them(compiling):
 
 def _is_compiling(pid):
     try:
-        return b"evac.jit.workers" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        return b"evac.base.processes" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return False
 

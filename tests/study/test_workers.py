@@ -1,23 +1,14 @@
 """Worker processes of studies: started by scripts without a guard or with own classes; that die or cannot start."""
 
-import builtins
-import math
-import operator
-import os
 import subprocess
 import sys
 import textwrap
-import threading
-import time
-from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
-from pathlib import Path
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import evac
-from evac.base.errors import PluginError, ProcessWarning, ScenarioError
-from evac.case.loading import load_case
-from evac.study.workers import LocalPool
+from evac.base.errors import PluginError, ProcessWarning
 
 SCRIPT = """
 import enum, os
@@ -46,13 +37,6 @@ def evac_prepare(simulation):
     pathlib.Path("made").mkdir(exist_ok=True)
     (pathlib.Path("made") / str(os.getpid())).touch()
 """
-
-
-@pytest.fixture
-def pool():
-    pool = LocalPool(2)
-    yield pool
-    pool.close(at_once=True)
 
 
 @pytest.mark.parametrize("how", ["file", "input", "command"])
@@ -126,52 +110,3 @@ def test_an_executor_that_accepts_no_task_is_named():
     case = evac.load("square_room", {"people.people.number": 3})
     with pytest.raises(evac.SimulationError, match=r"executor.*shutdown"):
         evac.repeat(case, 4, executor=executor)
-
-
-def test_a_process_that_dies_breaks_its_task_alone(pool):
-    slow, dying = pool.submit(time.sleep, 0.3), pool.submit(os._exit, 0)
-    with pytest.raises(BrokenExecutor):
-        dying.result()
-    assert slow.result() is None
-    assert [one.result() for one in [pool.submit(math.factorial, k) for k in range(4)]] == [1, 1, 2, 6]
-
-
-def test_what_a_task_prints_or_reads_is_not_an_answer(pool, capfd):
-    assert pool.submit(builtins.print, "spoken").result() is None
-    with pytest.raises(EOFError):
-        pool.submit(builtins.input).result()
-    assert "spoken" in capfd.readouterr().err
-
-
-def test_exceptions_come_with_their_notes_or_their_place(pool):
-    with pytest.raises(ScenarioError, match="nowhere"):
-        pool.submit(load_case, "nowhere").result()
-    with pytest.raises(ZeroDivisionError) as caught:
-        pool.submit(operator.truediv, 1, 0).result()
-    assert "workers.py" in caught.value.__notes__[0]
-    with pytest.raises(TypeError, match="pickle"):
-        pool.submit(threading.Lock).result()
-
-
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for processes in /proc")
-def test_workers_end_with_the_process_that_started_them():
-    script = """
-        import sys, time
-        from evac.study.workers import LocalPool
-        pool = LocalPool(2)
-        print(pool.submit(__import__("os").getpid).result(), flush=True)
-        pool.submit(time.sleep, 60)
-        pool.submit(time.sleep, 60)
-        time.sleep(60)
-    """
-    words = [sys.executable, "-c", textwrap.dedent(script)]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
-        worker = Path("/proc") / process.stdout.readline().strip()
-        assert worker.exists()
-        process.kill()
-    for _ in range(200):
-        if not worker.exists() or (worker / "stat").read_text().rpartition(")")[2].split()[0] == "Z":
-            break
-        time.sleep(0.05)
-    else:
-        pytest.fail("the worker still runs")
