@@ -28,7 +28,7 @@ from evac.building.plan.outlines import (
     is_on,
     nearest,
     normal,
-    overlaps,
+    overlap,
     reaching,
     strip,
     with_walls,
@@ -135,11 +135,10 @@ class _Drawing:
         if len(rooms) < len(storey.polygons):
             count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
             self._find("assumed", f"{count} of another one, and left out", name, rooms[0])
-        double = overlaps(rooms)
-        if double:
-            area = united(double).area
-            text = f"polygons overlap on {area:.2f} m2 and are joined; the largest overlap is here"
-            self._find("assumed", text, name, max(double, key=lambda part: part.area))
+        double = overlap(rooms)
+        if double.area > LEAST_AREA:
+            text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
+            self._find("assumed", text, name, max(shapely.get_parts(double), key=lambda part: part.area))
         if storey.wall > 0.0:
             rooms = with_walls(rooms, storey.wall)
         self.floors[name] = united(rooms)

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.building.geometry.extent import FACTORS
-from evac.building.geometry.overlays import GRID, LEAST_AREA, common, cut, flat_parts
+from evac.building.geometry.overlays import GRID, common, cut, flat_parts, united
 from evac.building.geometry.segments import between_floors, segment_lengths, sides
 from evac.building.model.findings import away
 
@@ -185,11 +185,22 @@ def distinct(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     return list(found.values())
 
 
-def overlaps(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
-    """Return the intersection of each pair of polygons, if it is larger than rounding errors."""
-    one, other = shapely.STRtree(polygons).query(polygons, "intersects")
-    both = [common(polygons[a], polygons[b]) for a, b in zip(one.tolist(), other.tolist(), strict=True) if a < b]
-    return [part for part in both if part.area > LEAST_AREA]
+def overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
+    """Return the ground that two or more polygons cover, without what is no larger than rounding errors.
+
+    The list is halved again and again: many copies of a floor, each pair of which overlaps, take no longer than as many
+    rooms side by side.
+    """
+
+    def covered_once_and_twice(some: Sequence[BaseGeometry]) -> tuple[BaseGeometry, BaseGeometry]:
+        if len(some) == 1:
+            return some[0], shapely.Polygon()
+        (one, one_twice), (other, other_twice) = (
+            covered_once_and_twice(half) for half in (some[: len(some) // 2], some[len(some) // 2 :])
+        )
+        return united([one, other]), united([one_twice, other_twice, common(one, other)])
+
+    return covered_once_and_twice(polygons)[1]
 
 
 def reaching(outside: BaseGeometry, floor: BaseGeometry, reach: float) -> BaseGeometry:
