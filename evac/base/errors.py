@@ -120,6 +120,25 @@ def text_of(item: object) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
 
 
+def usable_path(given: str | Path, kind: type[EvacError]) -> Path:
+    """Return a path from outside, whose file need not exist, so that later questions about it raise no other errors.
+
+    Raises
+    ------
+    EvacError
+        Of the class `kind`: the path is too long, contains a null character, or is a loop of links.
+    """
+    path = Path(given)
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise kind(f"{text_of(escaped(str(path)))}: {reason}; check the path") from None
+    return path
+
+
 def in_one_line(error: BaseException) -> str:
     """Return class and text of an error in one line, shortened as by `text_of`."""
     text = text_of(error)

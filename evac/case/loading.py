@@ -1,13 +1,14 @@
 """Load case.toml and overrides as a checked `Case`; all faults are reported together."""
 
 import copy
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from evac.base.errors import PluginError, ScenarioError, escaped
+from evac.base.errors import PluginError, ScenarioError, escaped, usable_path
 from evac.base.keys import Key, Problem, is_multiple, problems_of
 from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
@@ -179,7 +180,7 @@ def _without_repeats(problems: list[Problem], content: dict[str, Any]) -> list[P
 
 def _found(source: str | Path, registry: "Registry") -> Path:
     """Return the path of the case.toml that `source` names."""
-    path = Path(source)
+    path = usable_path(source, ScenarioError)
     if path.is_dir():
         if not (path / "case.toml").is_file():
             raise ScenarioError(f"{path}: the folder contains no case.toml; give a folder that does")
@@ -195,7 +196,7 @@ def _found(source: str | Path, registry: "Registry") -> Path:
 
 def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...]:
     """Register plugin files and return their paths, resolved."""
-    paths = tuple(Path(file).resolve() for file in files)
+    paths = tuple(usable_path(file, PluginError).resolve() for file in files)
     for path in paths:
         registry.add_file(path)
     return paths
@@ -326,7 +327,7 @@ def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) ->
         seen |= {name} if isinstance(name, str) else set()
     building = content.get("building")
     mesh = building.get("mesh") if isinstance(building, dict) else None
-    if isinstance(mesh, str) and mesh and not (folder / mesh).exists():
+    if isinstance(mesh, str) and mesh and not os.path.exists(folder / mesh):
         problems.append(Problem(("building", "mesh"), f"no such file {folder / mesh}; check the path"))
     if case is not None and not is_multiple(case.output.every, case.simulation.tick):
         every, tick = case.output.every, case.simulation.tick

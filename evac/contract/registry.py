@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pluggy
 
-from evac.base.errors import BuildingError, PluginError, fault, plugin_code, text_of
+from evac.base.errors import BuildingError, PluginError, fault, plugin_code, text_of, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.contract import hooks
 from evac.contract.builtin import BUILTIN_PLUGINS
@@ -142,12 +142,11 @@ class Registry:
         PluginError
             The file cannot be loaded, breaks the contract, or claims a name that is taken.
         """
+        path = usable_path(path, PluginError).resolve()
         try:
-            path = Path(path).resolve()
             text = path.read_bytes()
-        except (OSError, ValueError) as error:  # such as a path that is too long, or with a null character
-            reason = getattr(error, "strerror", None) or error
-            raise PluginError(f"plugin file {text_of(path)}: {reason}; check the path") from None
+        except OSError as error:
+            raise PluginError(f"plugin file {text_of(path)}: {error.strerror}; check the path") from None
         provenance = Provenance(str(path), "file", str(path), hashlib.sha256(text).hexdigest()[:16])
         if provenance not in self.provenance:
             with plugin_code(f"plugin file {path} cannot be loaded", path):

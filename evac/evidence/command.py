@@ -10,7 +10,7 @@ import evac
 from evac.base.errors import ResultError, ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.evidence import KINDS
-from evac.evidence.report import Evidence
+from evac.evidence.report import Evidence, write_whole
 from evac.evidence.verdicts import verdict_table
 from evac.report.verification import EVIDENCE_NAME
 
@@ -53,7 +53,7 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, pa
         importlib.import_module(f"evac.evidence.{kind}.page").run(evidence)
         write_index(folder)
         if COMMITTED.is_dir() and folder.samefile(COMMITTED):
-            INSTALLED.write_text(json.dumps(shown_in_reports(folder), indent=1) + "\n")
+            write_whole(INSTALLED, json.dumps(shown_in_reports(folder), indent=1))
     except OSError as error:
         raise ResultError(f"{folder}: cannot write evidence there: {error.strerror}; choose another --out") from error
     return evidence.folder / "README.md"
@@ -69,7 +69,7 @@ def write_index(folder: Path) -> None:
             page = f"{kind}/README.md"
             lines += [f"## [{found['title']}]({page})", found["examined"], verdict_table(found["verdicts"], page)]
             lines.append(f"`{found['command']}`, commit {found['commit']}, {found['wall time [s]']} s.")
-    (folder / "README.md").write_text("\n\n".join(lines) + "\n")
+    write_whole(folder / "README.md", "\n\n".join(lines))
 
 
 def shown_in_reports(folder: Path) -> dict[str, Any]:

@@ -30,6 +30,7 @@ import numpy as np
 from evac.base.distributions import generator_for
 from evac.base.errors import ResultError
 from evac.evidence.verdicts import Finding, verdict_table
+from evac.folder.files import replacing
 from evac.study.executors import in_processes
 
 if TYPE_CHECKING:
@@ -173,7 +174,8 @@ class Evidence:
     def plot(self, name: str, draw: Callable[[], "Figure"], caption: str) -> None:
         """Draw NAME.png, unless only the page is written, and add it to the page."""
         if not self.page_only:
-            draw().savefig(self.folder / f"{name}.png", dpi=130, metadata={"Software": None})
+            with replacing(self.folder / f"{name}.png", "the figure") as new:
+                draw().savefig(new, dpi=130, metadata={"Software": None})
         self._page.append(f"![{caption}]({name}.png)\n\n*{caption}*")
 
     def write_page(self, title: str, examined: str) -> Path:
@@ -187,7 +189,7 @@ class Evidence:
         """
         conditions = self.conditions()
         described = {"title": title, "examined": " ".join(examined.split()), "verdicts": self._findings, **conditions}
-        (self.folder / "run.json").write_text(json.dumps(described, indent=2) + "\n")
+        write_whole(self.folder / "run.json", json.dumps(described, indent=2))
         told = (
             f"Measured by `{conditions['command']}` in {conditions['wall time [s]']} s: {conditions['machine']}; commit"
             f" {conditions['commit']}, seed {conditions['seed']}; python {conditions['python']},"
@@ -197,9 +199,7 @@ class Evidence:
         if self.quick:
             told = f"**Quick run: smaller problems and fewer runs than the full one.** {told}"
         lines = [f"# {title}", " ".join(examined.split()), verdict_table(self._findings), told, *self._page]
-        path = self.folder / "README.md"
-        path.write_text("\n\n".join(lines) + "\n")
-        return path
+        return write_whole(self.folder / "README.md", "\n\n".join(lines))
 
     def conditions(self) -> dict[str, str]:
         """Return machine, commit, versions, seed and duration of the run that measured."""
@@ -225,7 +225,8 @@ class Evidence:
             self._write_csv(name, rows)
 
     def _write_csv(self, name: str, rows: Sequence[Row]) -> None:
-        with (self.folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
+        path = self.folder / f"{name}.csv"
+        with replacing(path, "the table") as new, new.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
@@ -380,3 +381,10 @@ MODEL_COLOURS = {
     "NSM1 overdamped": "#E69F00",
     "NSM2": "#009E73",
 }
+
+
+def write_whole(path: Path, text: str) -> Path:
+    """Write a text and a line feed to a file, which it replaces as a whole."""
+    with replacing(path, "the evidence") as new:
+        new.write_text(f"{text}\n", encoding="utf-8")
+    return path

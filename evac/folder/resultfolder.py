@@ -17,7 +17,7 @@ from pathlib import Path, PurePath
 from types import TracebackType
 from typing import Any, Self
 
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, usable_path
 from evac.folder.files import (
     CHECKPOINT_NAME,
     RUNS_PARQUET_NAME,
@@ -62,7 +62,7 @@ class ResultFolder:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+        self.path = usable_path(path, ResultError)
         self._place = self.path.resolve()  # the target of a link is replaced, not the link
         self.running = running_beside(self.path)
         self._replaced = self._place.with_name(f"{self._place.name}.replaced")
@@ -270,7 +270,7 @@ class ResultFolder:
 
 def running_beside(path: str | Path) -> Path:
     """Return the folder in which a run writes until it has ended: ``RESULT.running``."""
-    place = Path(path)
+    place = usable_path(path, ResultError)
     if place.is_symlink() or not place.name or place.name == "..":
         place = place.resolve()
     if not place.name:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.errors import ScenarioError
+from evac.base.errors import ScenarioError, usable_path
 from evac.building.model.names import repaired
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def check_folder(folder: Path, case: str, report: str) -> None:
     ScenarioError
         It contains something else.
     """
+    usable_path(folder, ScenarioError)
     if folder.exists() and not folder.is_dir():
         raise ScenarioError(f"{folder}: not a folder; choose another one for the case (--out)")
     if not folder.exists() or not any(folder.iterdir()):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.change import Change
-from evac.base.errors import ScenarioError, fault, plugin_code
+from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.building.model.cells import LevelField
 from evac.physics.state import Crowd
@@ -187,7 +187,7 @@ class BehaviourScene:
         ScenarioError
             There is no such file, or it lies outside of the folder, with links resolved.
         """
-        path = (self.folder / name).resolve()
+        path = usable_path(self.folder / name, ScenarioError).resolve()
         if not path.is_relative_to(self.folder.resolve()):
             raise ScenarioError(f"{name!r} is outside of the case's folder, {self.folder}; put a copy into the folder")
         if not path.is_file():

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from evac.base.errors import BuildingError, PluginError, ScenarioError, fault, naming, plugin_code, text_of
+from evac.base.errors import BuildingError, PluginError, ScenarioError, fault, naming, plugin_code, text_of, usable_path
 from evac.building.model.findings import Finding
 from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
@@ -339,7 +339,7 @@ def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
 
 def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -> Found:
     """Return what a method of an importer makes of a file."""
-    if not path.is_file():
+    if not usable_path(path, BuildingError).is_file():
         raise BuildingError(f"{path}: no such file; check the path")
     if path.stat().st_size == 0:
         raise BuildingError(f"{path}: the file is empty; export it again")

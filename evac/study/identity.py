@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.errors import ResultError, in_one_line, naming
+from evac.base.errors import ResultError, in_one_line, naming, usable_path
 from evac.folder.files import STUDY_NAME, replacing
 from evac.results.results import plain, versions
 from evac.simulation.assembly import ground_key, providers
@@ -83,7 +83,7 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     ResultError
         The folder contains no study, or its file is damaged.
     """
-    path = folder / STUDY_NAME
+    path = usable_path(folder, ResultError) / STUDY_NAME
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         digest, definition = found.pop("digest"), found["definition"]

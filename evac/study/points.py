@@ -3,6 +3,7 @@
 import csv
 import itertools
 import math
+import os
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -154,7 +155,7 @@ def from_rows(
         name = given.get(CASE_COLUMN)
         if name is not None and name not in cases:
             path = folder / str(name)
-            cases[name] = run_files(load_case(path if path.exists() else str(name), registry=registry))
+            cases[name] = run_files(load_case(path if os.path.exists(path) else str(name), registry=registry))
         base = cases[name] if name is not None else case
         if base is None:
             raise ScenarioError(f"row {number} of the table: no case; fill its column 'case', or give a case to sweep")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, usable_path
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
 from evac.building.model.cells import LevelField
@@ -290,7 +290,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
     ResultError
         The file does not exist, is not a trajectory of a known format, or is damaged before its last frame.
     """
-    path = Path(path)
+    path = usable_path(path, ResultError)
     return read_up_to(path / TRAJECTORY_NAME if path.is_dir() else path)
 
 

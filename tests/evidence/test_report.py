@@ -53,6 +53,21 @@ def test_page_holds_what_was_added_in_order_and_says_what_it_was_computed_with(t
     assert [row["verdict"] for row in found["verdicts"]] == [MET]
 
 
+def test_files_are_replaced_as_a_whole_and_links_are_not_followed(tmp_path):
+    own, names = tmp_path / "lean", ("times.csv", "line.png", "run.json", "README.md")
+    own.mkdir()
+    for name in names:
+        (tmp_path / name).write_text("mine")
+        (own / name).symlink_to(tmp_path / name)
+    evidence = Evidence("lean", own, quick=True)
+    evidence.table("times", [{"runs": 5}], "Times.")
+    evidence.plot("line", lambda: new_figure()[0], "A line.")
+    evidence.write_page("A page", "Times.")
+    assert {(tmp_path / name).read_text() for name in names} == {"mine"}
+    assert sorted(path.name for path in own.iterdir()) == sorted(names)
+    assert not any((own / name).is_symlink() for name in names)
+
+
 def test_same_plot_gives_the_same_file(tmp_path):
     evidence = Evidence("scaling", tmp_path)
     for name in ("one", "two"):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evac.base.errors import BuildingError
+from evac.base.errors import BuildingError, usable_path
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 
 #: Element type numbers of Gmsh.
@@ -36,7 +36,7 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
     lines += ["$EndNodes", "$Elements", str(len(cells))]
     lines += [f"{row} {cell}" for row, cell in enumerate(cells, start=1)]
     try:
-        path.write_text("\n".join([*lines, "$EndElements", ""]), encoding="utf-8")
+        usable_path(path, BuildingError).write_text("\n".join([*lines, "$EndElements", ""]), encoding="utf-8")
     except OSError as error:
         raise BuildingError(f"{path}: cannot be written ({error.strerror}); choose another path") from error
 

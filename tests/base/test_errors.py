@@ -1,0 +1,43 @@
+"""Paths from outside that the system cannot look up."""
+
+import os
+
+import pytest
+
+import evac
+from evac.base.errors import BuildingError, EvacError, usable_path
+
+CALLS = {
+    "building": lambda path: evac.read_building(f"{path}.obj"),
+    "case": lambda path: evac.load(path),
+    "mesh": lambda path: evac.load("square_room", {"building.mesh": str(path)}),
+    "plugin": lambda path: evac.load("square_room", plugin_files=[path]),
+    "results": lambda path: evac.read_results(path),
+    "study": lambda path: evac.read_study(path),
+    "trajectory": lambda path: evac.read_trajectory(path),
+    "resumed": lambda path: evac.resume(path),
+    "run": lambda path: evac.run("square_room", path),
+    "imported": lambda path: evac.import_building([f"{path}.obj"], "case"),
+    "case of an import": lambda path: evac.import_building(["room.wkt"], path),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("path", ["x" * 300, "x" * 5000, "x/" * 3000 + "x", "a\0b", "loop", "loop/case"])
+def test_a_path_that_cannot_be_looked_up_is_one_line(call, path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "room.wkt").write_text("POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0))")
+    os.symlink("other", "loop")
+    os.symlink("loop", "other")
+    with pytest.raises(EvacError) as caught:
+        CALLS[call](path)
+    told = str(caught.value)
+    assert "\n" not in told
+    assert "\0" not in told
+    assert len(told) < 1500
+    assert sorted(os.listdir()) == ["loop", "other", "room.wkt"]
+
+
+def test_a_path_need_not_exist(tmp_path):
+    for path in (tmp_path, tmp_path / "none", tmp_path / "none" / "file.obj"):
+        assert usable_path(str(path), BuildingError) == path
