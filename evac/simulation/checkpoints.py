@@ -27,7 +27,7 @@ from evac.physics.contact.model import ContactModel
 from evac.results.ending import INTERRUPTED
 from evac.results.results import plain
 from evac.simulation.loop import Operation
-from evac.simulation.made_with import differences_of, inputs_of, made_of
+from evac.simulation.made_with import inputs_of, made_of
 from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder
@@ -65,13 +65,7 @@ class Checkpoints:
         return Operation("checkpoints", "recording", self._save_or_warn, self._is_due, self._begin)
 
     def _begin(self) -> None:
-        """If checkpoints are wanted, check that all plugins can save their state, and save the first checkpoint.
-
-        Raises
-        ------
-        PluginError
-            Plugins cannot save their state; names each of them.
-        """
+        """If checkpoints are wanted, check that all plugins can save their state, and save the first checkpoint."""
         if self._every is None:
             return
         if missing := without_state(self._simulation):
@@ -151,16 +145,6 @@ class Checkpoint:
     arrays: Mapping[str, NDArray[Any]]
 
     @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self.header.time
-
-    @property
-    def every(self) -> float | None:
-        """Requested wall time between two checkpoints [s]."""
-        return self.header.every
-
-    @property
     def files(self) -> dict[str, tuple[int, str]]:
         """Names of the files that recorders append to, their lengths [bytes], and their SHA-256 up to there.
 
@@ -183,18 +167,7 @@ class Checkpoint:
         case_file: str | Path | None = None,
         announce: Callable[[Path], None] | None = None,
     ) -> "Case":
-        """Return the case of the run as it was at the start, with overrides applied.
-
-        Parameters
-        ----------
-        overrides, plugin_files, registry
-            As for `evac.load`. Plugin files that the run was given in addition to those of its case must be given
-            again.
-        case_file : str or Path, optional
-            The file of the case, or its folder. Needed if the case names plugin files, and lies neither in the parent
-            folder of the result folder nor in a folder beside it.
-        announce : callable, optional
-            Called with the path of each plugin file of the case before it is run.
+        """Return the case of the run as it was at the start, with overrides applied; arguments are those of `resumed`.
 
         Raises
         ------
@@ -225,36 +198,8 @@ class Checkpoint:
             )
         return changed
 
-    def differences(self, case: "Case") -> list[str]:
-        """Return what has changed in versions and files since the checkpoint was written, one line per difference.
-
-        Parameters
-        ----------
-        case : Case
-            As `case` returns it.
-        """
-        return differences_of(self.header.made_with, inputs_of(case))
-
-    def simulation_differences(self, simulation: Simulation) -> list[str]:
-        """Return what has changed in building, kernels and data files of behaviours, one line per difference."""
-        old: dict[str, dict[str, str]] = {}
-        new: dict[str, dict[str, str]] = {}
-        for kind, now in made_of(simulation).items():
-            before = self.header.made_with.get(kind, {})
-            both = before.keys() & now.keys() if kind != "building" else now.keys()  # a changed case may use others
-            old[kind] = {name: before.get(name, "") for name in both}
-            new[kind] = {name: now[name] for name in both}
-        return differences_of(old, new)
-
-    def restore(self, simulation: Simulation, case_before: "Case | None" = None) -> None:
-        """Restore the state of a simulation, except that of the recorders.
-
-        Parameters
-        ----------
-        simulation : Simulation
-            A simulation of the same case, or of a changed one.
-        case_before : Case, optional
-            The case before it was changed, if it was: links that it closes and the new one does not are opened.
+    def restore(self, simulation: Simulation, case_before: "Case") -> None:
+        """Restore the state of a simulation of the same case as before, or of a changed one, except for the recorders.
 
         Raises
         ------
@@ -271,19 +216,12 @@ class Checkpoint:
             )
         with self._naming(), part_of(self.arrays, "simulation.") as state:
             simulation.restore(state)
-            taken({"time": np.array(self.time)}, "time", np.float64, (), simulation.time, simulation.time)
-        if case_before is not None:
-            _switch_links(simulation.scene, case_before.building.closed, simulation.case.building.closed)
+            taken({"time": np.array(self.header.time)}, "time", np.float64, (), simulation.time, simulation.time)
+        _switch_links(simulation.scene, case_before.building.closed, simulation.case.building.closed)
         simulation.resumed = list(self.header.resumed)
 
     def check_recorders(self, simulation: Simulation) -> None:
-        """Check that the recorders of a restored simulation can be restored, without changing anything.
-
-        Raises
-        ------
-        ResultError
-            A file is missing, shorter, or another one than at the checkpoint, or a state is not valid.
-        """
+        """Check that the recorders of a restored simulation can be restored, without changing anything."""
         with self._naming(), part_of(self.arrays, "recorder.") as state:
             simulation.recording.check(simulation, state, self.path.parent, self.files)
             simulation.phases.add(self.header.wall_time)
@@ -320,13 +258,7 @@ class Checkpoint:
 
 
 def find_checkpoint(folder: Path) -> Checkpoint:
-    """Return the checkpoint in a result folder, of a running, killed or stopped run.
-
-    Raises
-    ------
-    ResultError
-        There is none, or it is damaged.
-    """
+    """Return the checkpoint in a result folder, of a running, killed or stopped run."""
     for place in dict.fromkeys((ResultFolder(folder).running, find_result(folder))):
         if (place / CHECKPOINT_NAME).is_file():
             path = place / CHECKPOINT_NAME

@@ -55,8 +55,12 @@ def differences_of(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Ma
     """Return a line for each difference."""
     lines = []
     for kind, values in now.items():
-        for name in sorted({*before.get(kind, {}), *values}):
-            old, new = before.get(kind, {}).get(name), values.get(name)
+        then = before.get(kind, {})
+        names = (
+            then.keys() & values if kind in ("kernel", "data") else then.keys() | values
+        )  # a case may change
+        for name in sorted(names):
+            old, new = then.get(name), values.get(name)
             if old != new:
                 what = f"{kind} {name}".strip()
                 lines.append(f"{what}: {old or 'missing'} when the checkpoint was written, {new or 'missing'} now")

@@ -29,6 +29,7 @@ from evac.results.results import Results
 from evac.simulation.checkpoints import Checkpoints, find_checkpoint
 from evac.simulation.interrupt import Interrupt
 from evac.simulation.loop import Operation
+from evac.simulation.made_with import differences_of, inputs_of, made_of
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recording import check_lengths
 from evac.trajectory.trajectory import read_trajectory
@@ -206,16 +207,16 @@ def resumed(
     found = find_checkpoint(folder)
     before = found.case((), plugin_files, registry, case_file, announce)
     case = found.case(overrides, plugin_files, before.registry, case_file) if overrides else before
-    differences = found.differences(before)
+    differences = differences_of(found.header.made_with, inputs_of(before))
     _check_differences(found.path, differences, allow_differences)
     simulation = Simulation(case, place.running, found.header.full, threads=threads, compiling=compiling)
-    differences += found.simulation_differences(simulation)
+    differences += differences_of(found.header.made_with, made_of(simulation))
     _check_differences(found.path, differences, allow_differences)
-    found.restore(simulation, before if overrides else None)
+    found.restore(simulation, before)
     if not is_branch:
         found.check_recorders(simulation)
     simulation.resumed.append(
-        {"from": str(folder), "time": found.time, "changes": dict(overrides), "differences": differences}
+        {"from": str(folder), "time": found.header.time, "changes": dict(overrides), "differences": differences}
     )
     if is_branch:
         place.start()
@@ -227,7 +228,7 @@ def resumed(
             place.put_back(found.path.parent)
             raise
         remove_written(place.running, [*found.files, CHECKPOINT_NAME])
-    return simulation, found.every
+    return simulation, found.header.every
 
 
 def _run_interruptible(
@@ -264,12 +265,10 @@ def run_into(
         Created with the folder ``place.running``.
     place : ResultFolder
         Locked, and started or reopened.
-    progress : callable or None
-        Called with a `Progress` at every tick. If it raises `Stopped`, the run is interrupted.
+    progress, checkpoint
+        As for `run`.
     interrupt : Interrupt
         If it has noted a signal, the run is interrupted, and a checkpoint is saved.
-    checkpoint : float or None
-        As for `run`.
     writing : callable
         Called when the run is over, before its outputs are written.
 
@@ -277,11 +276,6 @@ def run_into(
     -------
     Results
         Their ``folder`` is RESULT, or RESULT.running if the run was stopped and RESULT holds an earlier result.
-
-    Raises
-    ------
-    EvacError
-        As for `run`.
     """
     first = simulation.step
     simulation.loop.operations += [
@@ -314,21 +308,7 @@ def run_into(
 
 
 def write_tables(results: Results, folder: Path, phases: Phases) -> None:
-    """Write summary.json and, if ``output.tables`` is true, the tables.
-
-    Parameters
-    ----------
-    results : Results
-    folder : Path
-        An existing folder.
-    phases : Phases
-        Clock of the run, in its phase "output".
-
-    Raises
-    ------
-    ResultError
-        A file cannot be written.
-    """
+    """Write summary.json and, if ``output.tables`` is true, the tables, to an existing folder."""
     if results.case.output.tables:
         results.write_tables(folder)
     replace(results, phases=phases.seconds()).write_summary(folder)

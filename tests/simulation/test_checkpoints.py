@@ -241,7 +241,7 @@ def test_a_plugin_that_was_given_is_to_be_given_again_and_unchanged(tmp_path, cl
     plugin.write_text(plugin.read_text() + "# changed\n")
     with pytest.raises(ResultError, match=r"file .*closing\.py: "):
         evac.resume(tmp_path / "r", plugin_files=[plugin])
-    assert find_checkpoint(tmp_path / "r").time == pytest.approx(1.4)
+    assert find_checkpoint(tmp_path / "r").header.time == pytest.approx(1.4)
 
 
 def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, monkeypatch):
@@ -499,7 +499,7 @@ def test_a_kill_after_the_last_step_loses_no_more_than_others(tmp_path, duration
         patch.setattr("evac.simulation.running.write_tables", killed)
         with pytest.raises(Killed):
             evac.run(case, tmp_path / "r", checkpoint=0.0)
-    assert find_checkpoint(tmp_path / "r").time < evac.read_trajectory(tmp_path / "whole").time[-1]
+    assert find_checkpoint(tmp_path / "r").header.time < evac.read_trajectory(tmp_path / "whole").time[-1]
     results = evac.resume(tmp_path / "r")
     assert results.ended == ("duration over" if duration == 1.0 else "everybody out")
     for name in TABLES:
