@@ -30,7 +30,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         action = actions.add_parser(name, help=summary, description=f"evac cache {name}: {summary}.")
         action.set_defaults(action=name)
         if name == "compile":
-            from evac.cli.cases import declare_plugin
+            from evac.cli.inputs import declare_plugin
 
             declare_plugin(action)
 

@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 
 from evac.base.errors import ScenarioError
-from evac.cli.cases import declare_plugin
+from evac.cli.inputs import declare_plugin
 from evac.cli.screen import show_table
 
 #: The only built-in plugin with cases; the others need not be loaded to list cases.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from evac.base.display import Display
 from evac.base.errors import BuildingError, EvacError
-from evac.cli.cases import case_of, declare_case
+from evac.cli.inputs import case_of, declare_case
 from evac.cli.screen import show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def _read_file(path: Path, arguments: argparse.Namespace) -> "Building":
     from evac.contract.registry import Registry
     from evac.simulation.assembly import read_building
 
-    if arguments.overrides or arguments.seed is not None:
+    if arguments.set or arguments.seed is not None:
         raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
     return read_building(path, registry=Registry(arguments.plugins), need_exit=False)
 

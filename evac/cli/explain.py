@@ -7,7 +7,7 @@ behaviours decide themselves whether they are needed: plugin files of the case a
 import argparse
 
 from evac.base.display import Display
-from evac.cli.cases import case_to_run, declare_case, note_unused_plugins
+from evac.cli.inputs import case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import show_facts, show_table
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evac.base.errors import counted
-from evac.cli.cases import declare_plugin
-from evac.cli.results import declare_result, trajectory_of
+from evac.cli.inputs import declare_plugin, declare_result, declare_set, trajectory_of
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -25,9 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         metavar="PATH",
         help="file, or folder for formats with several files (default: RESULT/export/..., for vtk RESULT)",
     )
-    parser.add_argument(
-        "--set", dest="parameters", metavar="NAME=VALUE", nargs="+", default=[], help="parameters of the exporter"
-    )
+    declare_set(parser, "parameters of the exporter", "NAME=VALUE")
     declare_plugin(parser)
 
 
@@ -38,7 +35,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.export.exporter import export
 
     registry = Registry(arguments.plugins, builtins=BUILTIN_EXPORTERS)
-    exporter = registry.get("exporter", arguments.to)(**_values(arguments.parameters))
+    exporter = registry.get("exporter", arguments.to)(**_values(arguments.set))
     trajectory = trajectory_of(arguments)
     for path in export(trajectory, exporter, arguments.out):
         print(path)

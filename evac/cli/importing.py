@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError, counted
-from evac.cli.cases import declare_plugin
+from evac.cli.inputs import declare_plugin, declare_set
 
 if TYPE_CHECKING:
     from evac.importing import Imported
@@ -30,15 +30,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     many.add_argument("--people", type=int, metavar="N", help="number of people, divided among the rooms by area")
     many.add_argument("--density", type=float, metavar="D", help="people per square metre of every room (0.1)")
     parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (3 m apart)")
-    parser.add_argument(
-        "--option",
-        dest="options",
-        metavar="KEY=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="parameters of the importer (`evac plugins` lists them), and scale, up, weld, headroom, treads and angles",
-    )
+    what = "parameters of the importer (`evac plugins` lists them), and scale, up, weld, headroom, treads and angles"
+    declare_set(parser, what, option="--option")
     declare_plugin(parser)
 
 
@@ -48,7 +41,7 @@ def execute(arguments: argparse.Namespace) -> int:
         value = getattr(arguments, key)
         if value is not None and not value >= least:
             raise ScenarioError(f"--{key} must be at least {least:g}, got {value:g}")
-    options = dict(_option(text) for text in arguments.options)
+    options = dict(_option(text) for text in arguments.option)
     exits = [int(one) for one in _numbers("--exit", arguments.exits, whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
     from evac.base.display import Display

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Sequence
 
 from evac.base.errors import EvacError, PluginError
-from evac.cli.cases import loaded_case
 from evac.cli.crash import (
     INTERNAL_ERROR,
     catch_the_rest,
@@ -20,6 +19,7 @@ from evac.cli.crash import (
     report_crash,
     shown_warnings,
 )
+from evac.cli.inputs import loaded_case
 from evac.cli.streams import guard_streams, warn_lost_output
 
 #: Exit status for bad input, and for an interrupt by Ctrl-C.

@@ -6,7 +6,7 @@ Each map is a picture with the plans of all storeys. Also works during a run and
 import argparse
 from pathlib import Path
 
-from evac.cli.results import declare_result, trajectory_of
+from evac.cli.inputs import declare_result, maps_of, trajectory_of
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -33,14 +33,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Draw the maps and print the paths of the files."""
-    from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, SPACING, level_maps
+    from evac.analysis.maps import KERNEL_RADIUS, SPACING, level_maps
     from evac.base.errors import ResultError
-    from evac.base.parameters import did_you_mean
 
-    quantities = list(QUANTITIES) if arguments.of == "all" else arguments.of.split(",")
-    for quantity in quantities:
-        if quantity not in QUANTITIES:
-            raise ResultError(f"--of {quantity}: there is no such map; {did_you_mean(quantity, list(QUANTITIES))}")
+    quantities = maps_of("--of", arguments.of)
     trajectory = trajectory_of(arguments)
     maps = level_maps(
         trajectory,

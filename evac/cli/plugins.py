@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from evac.cli.cases import declare_plugin
+from evac.cli.inputs import declare_plugin
 from evac.cli.screen import console, show_table, shown
 
 

@@ -7,7 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from evac.cli.results import declare_result, trajectory_of
+from evac.cli.inputs import declare_result, trajectory_of
 from evac.folder.files import FILM_NAME, PICTURE_NAME
 
 #: Width and height of pictures and of films [pixels].

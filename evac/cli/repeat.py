@@ -7,52 +7,26 @@ replay-median.html and replay-worst.html. `evac run CASE --seed N` repeats one o
 """
 
 import argparse
-import sys
-from pathlib import Path
 
-from evac.base.display import Display
-from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
-from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
+from evac.cli.inputs import case_to_run, declare_case, default_folder, note_unused_plugins
+from evac.cli.studies import declare_study, run_study, stopping_rule
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_case(parser)
     declare_study(parser)
-    parser.add_argument(
-        "--check-step",
-        action="store_true",
-        help="make all runs with half the time step as well, and show the difference",
-    )
-    parser.add_argument(
-        "--replay", action="store_true", help="repeat the median and the worst run, and write a replay of each"
-    )
+    step = "make all runs with half the time step as well, and show the difference"
+    parser.add_argument("--check-step", action="store_true", help=step)
+    replay = "repeat the median and the worst run, and write a replay of each"
+    parser.add_argument("--replay", action="store_true", help=replay)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run the study and show it; return its status, see `evac.cli.studies.show_study`."""
-    from evac.study.asking import conducted, rule_of
+    """Run the study and show it; return its status, see `evac.cli.studies.run_study`."""
     from evac.study.points import halved_steps, single
 
     case = case_to_run(arguments)
     note_unused_plugins(case)
-    options = options_of(arguments)
-    rule = rule_of(*(options[key] for key in ("runs", "until", "statistic", "least", "most", "repetitions")))
-    folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
-    prepare(case)
-    number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
-    print(f"runs: {number}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
-    with executor_of(arguments) as executor, Display() as display:
-        display.phase("checking points and seeds")
-        study = conducted(
-            halved_steps(case) if arguments.check_step else single(case),
-            rule,
-            folder,
-            options["repetitions"],
-            options["workers"],
-            executor,
-            arguments.resume,
-            Rows(display),
-            arguments.replay,
-        )
-    return show_study(study)
+    points = halved_steps(case) if arguments.check_step else single(case)
+    return run_study(arguments, points, stopping_rule(arguments), default_folder(case, "runs"), arguments.replay)

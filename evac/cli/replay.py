@@ -7,7 +7,7 @@ a killed run, to another place or with fewer states.
 import argparse
 from pathlib import Path
 
-from evac.cli.results import declare_result, trajectory_of
+from evac.cli.inputs import declare_result, trajectory_of
 from evac.folder.files import REPLAY_NAME
 
 

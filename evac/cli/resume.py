@@ -10,38 +10,22 @@ import argparse
 from pathlib import Path
 
 from evac.base.display import Display
-from evac.cli.cases import announce_plugin_file, declare_plugin
+from evac.cli.inputs import announce_plugin_file, declare_plugin, declare_set
 from evac.cli.run import declare_checkpoint, declare_threads
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of the interrupted run")
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        metavar="KEY=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="change keys of the case from the checkpoint on; requires --out",
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="another result folder, with records from the checkpoint on"
-    )
-    parser.add_argument(
-        "--case",
-        type=Path,
-        metavar="FILE",
-        help="the case of the run; needed if it names plugin files and does not lie beside RESULT",
-    )
+    declare_set(parser, "change keys of the case from the checkpoint on; requires --out")
+    other = "another result folder, with records from the checkpoint on"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=other)
+    case = "the case of the run; needed if it names plugin files and does not lie beside RESULT"
+    parser.add_argument("--case", type=Path, metavar="FILE", help=case)
     declare_checkpoint(parser, "as the interrupted run")
     declare_threads(parser)
-    parser.add_argument(
-        "--allow-differences",
-        action="store_true",
-        help="continue even if versions, kernels, plugins or the building's file have changed; the summary lists this",
-    )
+    differences = "continue even if versions, kernels, plugins or the building's file have changed, which is noted"
+    parser.add_argument("--allow-differences", action="store_true", help=differences)
     declare_plugin(parser)
 
 
@@ -57,7 +41,7 @@ def execute(arguments: argparse.Namespace) -> int:
             simulation, every = resumed(
                 arguments.result,
                 place,
-                arguments.overrides,
+                arguments.set,
                 arguments.plugins,
                 allow_differences=arguments.allow_differences,
                 threads=arguments.threads,

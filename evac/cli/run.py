@@ -10,7 +10,7 @@ import math
 from pathlib import Path
 
 from evac.base.display import Display
-from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
+from evac.cli.inputs import case_to_run, declare_case, default_folder, note_unused_plugins, positive
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +51,7 @@ def declare_threads(parser: argparse.ArgumentParser) -> None:
     """Add --threads to a command."""
     parser.add_argument(
         "--threads",
-        type=_threads,
+        type=positive,
         metavar="N",
         help="share steps and set-up among N threads, at most one for each core, and 25,000 people in steps: the same"
         " results (default: by size)",
@@ -84,12 +84,6 @@ def execute(arguments: argparse.Namespace) -> int:
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results)
     return status
-
-
-def _threads(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError("must be a whole number, at least 1")
-    return int(text)
 
 
 def _seconds(text: str) -> float:

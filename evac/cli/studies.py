@@ -3,20 +3,23 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from evac.base.display import Display
 from evac.base.errors import counted, text_of
+from evac.cli.inputs import positive
 from evac.cli.screen import show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from evac.case.case import Case
+    from evac.study.points import Point
     from evac.study.statistics import Estimate
+    from evac.study.stopping import Rule
     from evac.study.study import Progress, Study
 
 TITLE = "Evacuation time: when the last person left"
@@ -33,64 +36,79 @@ MOST_NOTES = 3
 
 def declare_study(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a study."""
-    parser.add_argument("--runs", type=positive, metavar="N", help="number of runs of each point (20)")
-    parser.add_argument(
-        "--until",
-        type=share,
-        metavar="SHARE",
-        help="run until half the interval is at most this share, such as 2%%",
-    )
-    parser.add_argument(
-        "--statistic", metavar="NAME", default="mean", help='with --until: mean, or "percentile 95" for example'
-    )
-    parser.add_argument("--least", type=positive, metavar="N", help="with --until: the fewest runs (20, or as needed)")
-    parser.add_argument("--most", type=positive, metavar="N", help="with --until: the most runs (1000)")
-    parser.add_argument(
-        "--repetitions", type=positive, metavar="N", help="runs of the same people from other start positions (1)"
-    )
-    parser.add_argument(
-        "--imo", action="store_true", help="100 populations, 5 repetitions of each: IMO MSC.1/Circ.1533"
-    )
-    parser.add_argument("--jobs", type=positive, metavar="N", help="processes (default: one for each core)")
-    parser.add_argument(
-        "--dask", metavar="ADDRESS", help="address or file of a Dask scheduler whose workers execute the runs"
-    )
+
+    def number(name: str, what: str) -> None:
+        parser.add_argument(f"--{name}", type=positive, metavar="N", help=what)
+
+    number("runs", "number of runs of each point (20)")
+    until = "run until half the interval is at most this share, such as 2%%"
+    parser.add_argument("--until", type=share, metavar="SHARE", help=until)
+    statistic = 'with --until: mean, or "percentile 95" for example'
+    parser.add_argument("--statistic", metavar="NAME", default="mean", help=statistic)
+    number("least", "with --until: the fewest runs (20, or as needed)")
+    number("most", "with --until: the most runs (1000)")
+    number("repetitions", "runs of the same people from other start positions (1)")
+    imo = "100 populations, 5 repetitions of each: IMO MSC.1/Circ.1533"
+    parser.add_argument("--imo", action="store_true", help=imo)
+    number("jobs", "processes (default: one for each core)")
+    dask = "address or file of a Dask scheduler whose workers execute the runs"
+    parser.add_argument("--dask", metavar="ADDRESS", help=dask)
     parser.add_argument("--resume", action="store_true", help="continue the study in the result folder")
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-runs or ./CASE-sweep)")
 
 
-def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the options as arguments of `evac.repeat` and `evac.sweep`."""
+def stopping_rule(arguments: argparse.Namespace) -> "Rule":
+    """Return the stopping rule that the options state; --imo sets numbers of runs and repetitions."""
     from evac.base.errors import ScenarioError
+    from evac.study.asking import rule_of
     from evac.study.imo import POPULATIONS, REPETITIONS
 
-    runs, repetitions = arguments.runs, arguments.repetitions or 1
     if arguments.imo:
-        if runs is not None or arguments.repetitions is not None:
+        if arguments.runs is not None or arguments.repetitions is not None:
             raise ScenarioError("--imo sets --runs and --repetitions; remove these or --imo")
-        repetitions = REPETITIONS
-        runs = None if arguments.until is not None else POPULATIONS * REPETITIONS
-    return {
-        "runs": runs,
-        "until": arguments.until,
-        "statistic": arguments.statistic,
-        "least": arguments.least,
-        "most": arguments.most,
-        "repetitions": repetitions,
-        "workers": arguments.jobs,
-        "resume": arguments.resume,
-    }
+        arguments.repetitions = REPETITIONS
+        arguments.runs = None if arguments.until is not None else POPULATIONS * REPETITIONS
+    arguments.repetitions = arguments.repetitions or 1
+    names = ("runs", "until", "statistic", "least", "most", "repetitions")
+    return rule_of(*(getattr(arguments, name) for name in names))
+
+
+def run_study(
+    arguments: argparse.Namespace, points: "Sequence[Point]", rule: "Rule", folder: Path, replay: bool = False
+) -> int:
+    """Run and show the study of some points; return 2 if runs failed, else 3 if people are left in any run, else 0."""
+    from evac.study.asking import conducted
+
+    first = points[0].case
+    prepare(first)
+    of_each = f"points: {len(points)}, runs of each" if arguments.command == "sweep" else "runs"
+    number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
+    print(f"{of_each}: {number}, seeds from {first.simulation.seed} on", file=sys.stderr, flush=True)
+    with executor_of(arguments.dask) as executor, Display() as display:
+        display.phase("checking points and seeds")
+        study = conducted(
+            points,
+            rule,
+            arguments.out or folder,
+            arguments.repetitions,
+            arguments.jobs,
+            executor,
+            arguments.resume,
+            Rows(display),
+            replay,
+        )
+    return show_study(study)
 
 
 @contextmanager
-def executor_of(arguments: argparse.Namespace) -> Iterator["Executor | None"]:
-    """Connect to the Dask scheduler given by --dask, if any."""
-    if arguments.dask is None:
+def executor_of(address: str | None) -> Iterator["Executor | None"]:
+    """Connect to the Dask scheduler at an address, if there is one."""
+    if address is None:
         yield None
         return
     from evac.study.executors import dask_executor
 
-    with dask_executor(arguments.dask) as executor:
+    with dask_executor(address) as executor:
         yield executor
 
 
@@ -270,13 +288,6 @@ def interval(one: "Estimate", told: Callable[[float], str] = seconds) -> str:
     low = "open" if math.isnan(one.low) else told(one.low)
     high = told(one.high) if math.isfinite(one.high) else "open"
     return f"{low} to {high}"
-
-
-def positive(text: str) -> int:
-    """Parse a whole number, at least 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError("must be a whole number, at least 1")
-    return int(text)
 
 
 def share(text: str) -> float:

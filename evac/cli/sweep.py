@@ -7,14 +7,12 @@ they differ only in their parameters. The files of `evac repeat`, for each point
 
 import argparse
 import math
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.display import Display
-from evac.cli.cases import declare_plugin, default_folder, with_plugin_files
-from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
+from evac.cli.inputs import declare_plugin, declare_set, default_folder, with_plugin_files
+from evac.cli.studies import declare_study, run_study, stopping_rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,61 +22,33 @@ if TYPE_CHECKING:
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument(
-        "case",
-        metavar="CASE",
-        nargs="?",
-        help="a case.toml, a folder that holds one, or a shipped case; not needed if the table names cases",
+    case = "a case.toml, a folder that holds one, or a shipped case; not needed if the table names cases"
+    parser.add_argument("case", metavar="CASE", nargs="?", help=case)
+    declare_set(
+        parser, "values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01", "KEY=VALUES"
     )
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        metavar="KEY=VALUES",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01",
-    )
-    parser.add_argument(
-        "--table",
-        type=Path,
-        metavar="FILE",
-        help="one point per row: CSV with dotted keys as header, or TOML with [[points]]; `case` names a case",
-    )
+    table = "one point per row: CSV with dotted keys as header, or TOML with [[points]]; `case` names a case"
+    parser.add_argument("--table", type=Path, metavar="FILE", help=table)
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
     declare_plugin(parser)
     declare_study(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run the study and show it; return its status, see `evac.cli.studies.show_study`."""
-    from evac.study.asking import conducted, rule_of
+    """Run the study and show it; return its status, see `evac.cli.studies.run_study`."""
     from evac.study.points import from_rows, grid
 
-    parameters, fixed = swept(arguments.overrides)
+    parameters, fixed = swept(arguments.set)
     if arguments.seed is not None:
         fixed.append(f"simulation.seed={arguments.seed}")
-    options = options_of(arguments)
-    rule = rule_of(*(options[key] for key in ("runs", "until", "statistic", "least", "most", "repetitions")))
-    case = _case(arguments, fixed)
+    rule, case = stopping_rule(arguments), _case(arguments, fixed)
     if arguments.table is not None:
         rows, place = _rows(arguments, parameters, fixed), arguments.table.parent
         points = from_rows(case, rows, place, run_files=partial(_with_files_beside, place))
     else:
         assert case is not None
         points = grid(case, parameters)
-    first = points[0].case
-    folder = arguments.out or Path(f"{default_folder(case or first).name.removesuffix('-result')}-sweep")
-    prepare(first)
-    number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
-    line = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
-    print(line, file=sys.stderr, flush=True)
-    with executor_of(arguments) as executor, Display() as display:
-        display.phase("checking points and seeds")
-        study = conducted(
-            points, rule, folder, options["repetitions"], options["workers"], executor, arguments.resume, Rows(display)
-        )
-    return show_study(study)
+    return run_study(arguments, points, rule, default_folder(case or points[0].case, "sweep"))
 
 
 def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
@@ -120,11 +90,11 @@ def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
 
     if arguments.case is None and arguments.table is None:
         raise ScenarioError("name a case, or a table of cases (--table)")
-    if arguments.table is None and not any("," in text for text in arguments.overrides):
+    if arguments.table is None and not any("," in text for text in arguments.set):
         raise ScenarioError("no key has several values: give them (--set KEY=V1,V2), or use evac repeat")
-    return (
-        with_plugin_files(load_case(arguments.case, fixed, arguments.plugins)) if arguments.case is not None else None
-    )
+    if arguments.case is None:
+        return None
+    return with_plugin_files(load_case(arguments.case, fixed, arguments.plugins))
 
 
 def _with_files_beside(folder: Path, case: "Case") -> "Case":

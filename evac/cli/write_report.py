@@ -8,6 +8,8 @@ documentation. Fields not filled in by options are left empty.
 import argparse
 from pathlib import Path
 
+from evac.cli.inputs import maps_of
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -52,6 +54,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.base.errors import ResultError
     from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result
+    from evac.report.congestion import MAPS
     from evac.report.of_run import run_report
     from evac.report.pages import Labels, write_page
     from evac.report.study import is_study, study_report
@@ -62,7 +65,8 @@ def execute(arguments: argparse.Namespace) -> int:
         raise ResultError(f"{folder}: no such folder; give the result folder of a run or a study")
     labels = Labels(arguments.project, arguments.author, arguments.reviewer, arguments.date)
     density = DENSITY if arguments.congestion_density is None else arguments.congestion_density
-    looks = {"density": density, "least_time": arguments.congestion_time, "maps": _maps(arguments.maps)}
+    maps = MAPS if arguments.maps is None else () if arguments.maps == "none" else maps_of("--maps", arguments.maps)
+    looks = {"density": density, "least_time": arguments.congestion_time, "maps": maps}
     if is_study(folder):
         text = study_report(folder, arguments.runs, labels, **looks)
     elif arguments.runs:
@@ -73,21 +77,3 @@ def execute(arguments: argparse.Namespace) -> int:
     write_page(text, out)
     print(out)
     return 0
-
-
-def _maps(words: str | None) -> tuple[str, ...]:
-    """Return the names of the requested maps."""
-    from evac.analysis.maps import QUANTITIES
-    from evac.base.errors import ResultError
-    from evac.base.parameters import did_you_mean
-    from evac.report.congestion import MAPS
-
-    if words is None:
-        return MAPS
-    if words in ("all", "none"):
-        return tuple(QUANTITIES) if words == "all" else ()
-    names = tuple(words.split(","))
-    for name in names:
-        if name not in QUANTITIES:
-            raise ResultError(f"--maps {name}: there is no such map; {did_you_mean(name, list(QUANTITIES))}")
-    return names

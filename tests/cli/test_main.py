@@ -54,7 +54,7 @@ def test_status_of_errors(error, status, message, monkeypatch, capsys):
 
 def test_overrides_gather():
     arguments = parser().parse_args(["run", "c", "--set", "a=1", "b=2", "--set", "d=3"])
-    assert arguments.overrides == ["a=1", "b=2", "d=3"]
+    assert arguments.set == ["a=1", "b=2", "d=3"]
 
 
 #: What draws, writes and converts, and parts of scipy that a quarter of a second is too much for.
