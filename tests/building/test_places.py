@@ -57,7 +57,7 @@ def test_exit_off_the_edge_names_the_nearest(room, read, segment, words):
     with pytest.raises(BuildingError, match="exit 'out'") as caught:
         read(room, exits=[way(*segment)])
     assert words in str(caught.value)
-    assert str(caught.value).endswith("(given as building.exits.out)")
+    assert str(caught.value).endswith("building.exits.out)")
 
 
 def test_second_exit_on_the_same_edge(room, read):

@@ -6,7 +6,8 @@ import pytest
 
 
 def test_draws_picture_and_film(evac, result, tmp_path):
-    assert evac("render", result, "--out", "p.png", "f.gif", "--time", 2, "--speed", 40, "--colour-by", "speed") == 0
+    words = ["--out", "p.png", "f.gif", "--time", 2, "--speed", 40, "--colour-by", "speed", "--size", 320, 240]
+    assert evac("render", result, *words) == 0
     picture = imageio.imread(tmp_path / "p.png")
     assert picture.std() > 5.0
     frames = imageio.mimread(tmp_path / "f.gif")

@@ -50,7 +50,7 @@ def test_vtk_switches_the_animation_on(evac, tmp_path):
 
 def test_a_replay_is_made_again(evac, tmp_path, result, capsys):
     assert evac("replay", result, "--out", tmp_path / "page.html", "--every", "2") == 0
-    assert "states up to" in capsys.readouterr().out
+    assert "states" in capsys.readouterr().out
     page = (tmp_path / "page.html").read_text()
     assert len(page) < len((result / REPLAY_NAME).read_text())
 

@@ -160,7 +160,7 @@ def test_a_second_run_into_the_same_folder_is_refused(evac, tmp_path, whole, cap
     try:
         for words in (["run", "square_room", "--out", "r"], ["repeat", "square_room", "--out", "r"], ["resume", "r"]):
             assert evac(*words) == 2
-            assert f"r: is being written by process {process.pid} " in capsys.readouterr().err
+            assert f" {process.pid} " in capsys.readouterr().err
     finally:
         process.send_signal(signal.SIGCONT)
     process.communicate(timeout=240)

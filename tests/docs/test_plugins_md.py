@@ -243,7 +243,9 @@ def test_who_walks_along_a_wall_keeps_right(plugin_files):
 def test_a_body_force_is_explained_and_left_out(plugin_files):
     case = evac.load("square_room", {"forces.keep_right": {}}, plugin_files=[plugin_files["keep_right.py"]])
     plan = {part.name: (part.is_in, part.why) for part in evac.Simulation(case).plan}
-    assert plan["force: keep_right"] == (True, "acts on each person, depending on walls up to a gap of 1.00 m")
+    is_in, why = plan["force: keep_right"]
+    assert is_in
+    assert "1.00 m" in why
     moved = np.abs(positions(case, 20) - positions(evac.load("square_room"), 20)).max()
     assert moved > 0.01
 

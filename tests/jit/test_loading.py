@@ -387,7 +387,7 @@ def _is_compiling(pid):
         return False
 
 
-@pytest.mark.parametrize("level", ["0", "1"])
+@pytest.mark.parametrize("level", ["0", pytest.param("1", marks=pytest.mark.slow)])
 def test_options_of_numba_have_kernels_of_their_own_that_run(compiling, own_cache, monkeypatch, level):
     """A level of optimisation at which numba leaves functions of its own in the code, and the default after it."""
     monkeypatch.setenv("NUMBA_OPT", level)

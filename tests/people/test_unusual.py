@@ -31,7 +31,7 @@ def test_a_slip_of_the_unit_is_told(quantity, value, words):
     crowd = make_crowd([[0.0, 0.0], [5.0, 0.0]], **{"speed": 1.3, quantity: value})
     (note,) = unusual(crowd, group(crowd))
     assert note.startswith(words)
-    assert note.endswith("is the unit right?")
+    assert "unit" in note
 
 
 @pytest.mark.parametrize(("mass", "words"), [(700.0, "80 to 700 kg"), (1.0, "1 to 80 kg")])
@@ -44,7 +44,7 @@ def test_overlaps_at_the_start_are_counted_by_level():
     crowd = make_crowd([[0.0, 0.0], [0.3, 0.0], [0.3, 0.3], [0.0, 0.0]], radius=0.2, speed=1.3)
     crowd.level[3] = 1  # above the first
     assert overlapping(crowd) == (2, pytest.approx(0.1))
-    assert re.search("^2 pairs of people .* 0.10 m", unusual(crowd, group(crowd))[0])
+    assert re.search("^2 pairs .* 0.10 m", unusual(crowd, group(crowd))[0])
 
 
 def test_people_who_start_after_the_end_are_told_of():

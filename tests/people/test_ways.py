@@ -89,7 +89,7 @@ def test_directions_that_lead_to_no_exit_are_refused_with_their_end(share):
     fields = build_fields(building, (Route(),))
     wrong = replace(fields, packed=fields.packed.replace(direction=share * fields.packed.direction))
     message = refusal(building, wrong, [[0.5, 0.5]])
-    assert "fastest to any exit" in message
+    assert "fastest" in message
     x, y = (float(number) for number in message.split("they end at (")[1].split(")")[0].split(","))
     if share == 0.0:
         assert (x, y) == (0.5, 0.5)

@@ -107,7 +107,7 @@ def test_blocks_of_a_large_problem_are_solved_to_the_same_bits(name):
     places = np.stack(np.meshgrid(np.arange(0.2, 10.9, 0.2), np.arange(0.2, 9.9, 0.2)), axis=2).reshape(-1, 2)
     crowd = make_crowd(places, radius=0.103, level=(places[:, 0] > 6.0).astype(np.int32))
     found = []
-    for number in (1, 2, 5):
+    for number in (1, 5):
         walked_crowd = copy_of(crowd)
         engine = make_engine(walked_crowd, ROOMS, fields_towards((13.0, 5.0), 2), threads=number)
         engine.advance(MODELS[name], walked_crowd, 0, 3, 0.01, False, True)
@@ -165,13 +165,13 @@ def test_room_runs_out_in_the_same_steps(name):
 def test_walls_that_would_be_crossed_cut_the_same_steps():
     """Until even cut steps cannot be made: the same person, place and counts are told."""
     told = []
-    for number in (1, 2, 3):
+    for number in (1, 3):
         engines = []
         with pytest.raises(SimulationError) as caught:
             walked(Dem(stiffness=300.0, hardening=1.0), number, prepare=engines.append, speed=3.0)
         told.append((str(caught.value), engines[0].report()))
     assert told[0][1]["wall_crossings_prevented"] > 1
-    assert told[1:] == [told[0]] * 2
+    assert told[1] == told[0]
 
 
 @pytest.mark.parametrize("number", [1, 3])

@@ -49,7 +49,7 @@ def test_people_who_rush_out_have_a_warning(results, make_results, monkeypatch):
     for seconds, warned in ((0.4, False), (0.3, True)):
         rush = results.crowd.replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
         lines = make_results(crowd=rush).summary()["quality_warnings"]
-        assert any("people per second and metre left by 'door'" in line for line in lines) == warned
+        assert any("'door'" in line for line in lines) == warned
 
 
 class Gaps(Behaviour):

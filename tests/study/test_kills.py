@@ -9,9 +9,15 @@ import time
 
 import pytest
 
+import evac
+
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to kill")
 
-SCRIPT = """
+CHANGES, POINTS = {"people.people.number": 8, "output.picture": False}, {"contact.model": ["nsm2", "dem"]}
+
+SCRIPT = (
+    f"CHANGES, POINTS = {CHANGES!r}, {POINTS!r}"
+    + """
 import sys
 from contextlib import nullcontext
 
@@ -29,24 +35,17 @@ def told(progress):
 
 if __name__ == "__main__":
     folder, resume, runs, scheduler = sys.argv[1], sys.argv[2] == "resume", int(sys.argv[3]), sys.argv[4]
-    case = evac.load("square_room", {"people.people.number": 8, "output.picture": False})
+    case = evac.load("square_room", CHANGES)
     with dask_executor(scheduler) if scheduler else nullcontext() as executor:
-        points = {"contact.model": ["nsm2", "dem"]}
-        evac.sweep(
-            case, points, runs, folder=folder, workers=2, executor=executor, resume=resume, progress=told
-        )
+        evac.sweep(case, POINTS, runs, folder=folder, workers=2, executor=executor, resume=resume, progress=told)
     print("complete", flush=True)
 """
+)
 
 
 def started(script, place, runs, scheduler):
-    resume = (
-        "resume"
-        if any(
-            path.is_file() for path in (place / "study.json", place.with_name(f"{place.name}.running") / "study.json")
-        )
-        else "begin"
-    )
+    is_begun = any((folder / "study.json").is_file() for folder in (place, place.with_name(f"{place.name}.running")))
+    resume = "resume" if is_begun else "begin"
     words = [sys.executable, "-P", str(script), str(place), resume, str(runs), scheduler]
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
@@ -74,8 +73,7 @@ def kill_studies(folder, kills, runs, scheduler="", seed=1):
     script = folder / "script.py"
     script.write_text(SCRIPT)
     rng = random.Random(seed)
-    whole = started(script, folder / "whole", runs, "")
-    assert "complete" in whole.communicate()[0]
+    evac.sweep(evac.load("square_room", CHANGES), POINTS, runs, folder=folder / "whole", workers=1)
     wanted = (folder / "whole" / "runs.parquet").read_bytes()
     killed = studies = 0
     while killed < kills:
