@@ -70,7 +70,7 @@ class RouteChoice(Behaviour):
     """
 
     name = "route_choice"
-    reads = ("position", "level", "radius", "speed", "route")
+    reads = ("position", "level", "contact_radius", "speed", "route")
     writes = ("route",)
     group_keys = ("exits", "strategies", "change_at")
 
@@ -226,7 +226,7 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
     position = crowd.position[rows]
     cost = np.full((len(rows), len(routes)), math.inf)
     for column, route in enumerate(routes):
-        lengths = fields.lengths_at(level, position, route, crowd.radius[rows])
+        lengths = fields.lengths_at(level, position, route, crowd.contact_radius[rows])
         reached = np.isfinite(lengths[:, 0])
         with np.errstate(invalid="ignore"):  # 0 m at 0 m/s counts as 0 s
             own = np.where(lengths[reached] > 0.0, lengths[reached] * weight[reached], 0.0)

@@ -81,7 +81,7 @@ class TeacherFollowing(Behaviour):
     """
 
     name = "teacher_following"
-    reads = ("position", "level", "radius", "speed", "route", "start_time")
+    reads = ("position", "level", "contact_radius", "speed", "route", "start_time")
     writes = ("route", "speed_factor", "start_time")
     group_keys = ("teacher",)
 
@@ -151,7 +151,9 @@ def follow(crowd: Crowd, fields: PackedFields, classes: Classes, rules: Rules, t
             memory[g, LAST_TRAVEL_TIME] = math.inf
             memory[g, TEACHER_TRAVEL_TIME] = math.inf
         x, y = crowd.position[t, 0], crowd.position[t, 1]
-        own = sample_travel_time(fields, x, y, crowd.level[t], column_of(fields, crowd.route[t], crowd.radius[t]))
+        own = sample_travel_time(
+            fields, x, y, crowd.level[t], column_of(fields, crowd.route[t], crowd.contact_radius[t])
+        )
         behind = pace_members(crowd, fields, classes, rules, time, g, own)
         if time >= crowd.start_time[t] and math.isfinite(own):
             last = classes.behind[behind - 1] if behind > 0 else own
@@ -179,7 +181,7 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
         if time <= crowd.start_time[m] < crowd.start_time[t]:
             crowd.start_time[m] = crowd.start_time[t]
         x, y = crowd.position[m, 0], crowd.position[m, 1]
-        column = column_of(fields, crowd.route[m], crowd.radius[m])
+        column = column_of(fields, crowd.route[m], crowd.contact_radius[m])
         remaining = sample_travel_time(fields, x, y, crowd.level[m], column)
         lead = own - remaining
         if not math.isfinite(lead):

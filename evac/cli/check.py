@@ -80,7 +80,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
         building, narrow = (
             simulation.building,
-            narrow_places(simulation.building, 2.0 * simulation.population.crowd.radius),
+            narrow_places(simulation.building, 2.0 * simulation.population.crowd.contact_radius),
         )
         _draw(arguments.picture, building, (*building.findings, *narrow, *simulation.stopping), case.title)
     return 0

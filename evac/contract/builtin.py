@@ -13,7 +13,7 @@ BUILTIN_PLUGINS = (
     *(f"evac_plugins.contact_{name}" for name in ("dem", "nsm1", "nsm2")),
     *(f"evac_plugins.solver_{name}" for name in ("sweeps", "gradient", "conjugate")),
     "evac_plugins.force_social",
-    *(f"evac_plugins.behaviour_{n}" for n in ("response_time", "teacher_following", "route_choice", "headway")),
+    *(f"evac_plugins.behaviour_{name}" for name in ("response_time", "teacher_following", "route_choice", "headway")),
     *(f"evac_plugins.recorder_{name}" for name in ("trajectory", "replay")),
     *BUILTIN_IMPORTERS,
     *BUILTIN_EXPORTERS,

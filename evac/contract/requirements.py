@@ -163,7 +163,8 @@ def _check_methods(kind: str, cls: Any, plugin: str) -> None:
     base = next(one for one in cls.__mro__ if (one.__module__, one.__qualname__) == BASES[kind])
     if missing := sorted(getattr(cls, "__abstractmethods__", ())):
         raise fault(what, f"{cls.__name__} has no {missing[0]}(), which every {name} needs", "add it", cls)
-    if kind == "behaviour" and all(getattr(cls, one) is getattr(base, one) for one in ("act", "prepare", "routes")):
+    effects = ("act", "prepare", "routes", "contact_radius")
+    if kind == "behaviour" and all(getattr(cls, one) is getattr(base, one) for one in effects):
         raise fault(what, f"{cls.__name__} has no effect", "define act(self, crowd, time) or prepare(self, scene)", cls)
     for key, method in vars(base).items():
         found = getattr(cls, key)

@@ -1,12 +1,13 @@
 """Behaviours: what people decide at the tick. The base class of behaviour plugins."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
@@ -59,6 +60,26 @@ class Behaviour(Configurable):
 
     #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
     group_keys: ClassVar[tuple[str, ...]] = ()
+
+    def contact_radius(self, radius: FloatArray, settings: Mapping[str, Any]) -> FloatArray:
+        """Return the radii of the bodies that touch others and fit through gaps, for people of one group.
+
+        It is called before the people are placed, and must not decrease with the radius. If several behaviours
+        state radii, the smallest applies. `Crowd.radius` remains the radius for placing people and for pictures.
+
+        Parameters
+        ----------
+        radius : (n,) float64 [m]
+            Radii of people.
+        settings : mapping
+            The keys of the group for this behaviour, see `group_keys`.
+
+        Returns
+        -------
+        (n,) float64 [m]
+            Positive, and at most `radius`.
+        """
+        return radius
 
     def routes(self) -> tuple["Route", ...]:
         """Return the routes that it may assign in addition to those of the groups; each needs a field.
@@ -241,6 +262,38 @@ class BehaviourScene:
     def version(self) -> int:
         """Number of changes of the scene so far."""
         return self.scene.version
+
+
+def contact_radius(
+    behaviours: Iterable[Behaviour], group: str, settings: Mapping[str, Any], radius: FloatArray
+) -> FloatArray:
+    """Return the contact radii of people of a group: the smallest that a behaviour states, otherwise their radii.
+
+    Parameters
+    ----------
+    behaviours : iterable of Behaviour
+    group : str
+        Name of the group, for messages.
+    settings : mapping of str to mapping
+        For each behaviour by name, the keys of the group.
+    radius : (n,) float64 [m]
+
+    Raises
+    ------
+    PluginError
+        A behaviour returns no valid radii.
+    """
+    smallest = radius
+    for behaviour in behaviours:
+        what = f"behaviour {behaviour.name!r}: contact_radius"
+        with plugin_code(what, behaviour):
+            found = np.asarray(behaviour.contact_radius(radius.copy(), settings.get(behaviour.name, {})), np.float64)
+        is_valid = found.shape == radius.shape and bool((found > 0.0).all() and (found <= radius).all())
+        if not is_valid:
+            wrong = f"returned {found!r} for the radii {radius!r} of group {group!r}"
+            raise fault(what, wrong, "return an array of as many numbers above 0 and at most these", behaviour)
+        smallest = np.minimum(smallest, found)
+    return smallest
 
 
 def check_declared(behaviour: Behaviour) -> None:

@@ -1,13 +1,17 @@
 """Requirements of the groups of a case: areas, levels and exits, routes and reference speeds."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from evac.base.distributions import Distribution
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
 from evac.directions.routes import Route
+from evac.people.behaviour import Behaviour, contact_radius
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -24,15 +28,31 @@ def routes_of(case: "Case") -> tuple[Route, ...]:
     return tuple(dict.fromkeys(route_of(people) for people in case.people))
 
 
-def default_clearance(case: "Case") -> float:
-    """Return the default clearance of directions from walls [m]: the largest radius, at most twice the mean radius."""
-    greatest = max(people.radius.support()[1] for people in case.people)
-    return min(greatest, 2.0 * max(people.radius.mean() for people in case.people))
+def default_clearance(case: "Case", behaviours: Sequence[Behaviour] = ()) -> float:
+    """Return the default clearance of directions from walls: the largest contact radius, at most twice the mean one.
+
+    Parameters
+    ----------
+    case : Case
+    behaviours : sequence of Behaviour
+        The behaviours of the case.
+
+    Returns
+    -------
+    float [m]
+    """
+    greatest = max(_contact_radius(behaviours, people, people.radius.support()[1]) for people in case.people)
+    mean = max(_contact_radius(behaviours, people, people.radius.mean()) for people in case.people)
+    return min(greatest, 2.0 * mean)
 
 
-def narrowest_body(case: "Case") -> float:
-    """Return the smallest possible body diameter [m]."""
-    return 2.0 * min(people.radius.support()[0] for people in case.people)
+def narrowest_body(case: "Case", behaviours: Sequence[Behaviour] = ()) -> float:
+    """Return the smallest possible diameter of a body that fits through gaps [m]; arguments as `default_clearance`."""
+    return 2.0 * min(_contact_radius(behaviours, people, people.radius.support()[0]) for people in case.people)
+
+
+def _contact_radius(behaviours: Sequence[Behaviour], people: "GroupSettings", radius: float) -> float:
+    return float(contact_radius(behaviours, people.name, people.behaviours, np.array([radius]))[0])
 
 
 def reference_speeds(case: "Case") -> tuple[float, float, float]:

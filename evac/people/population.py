@@ -1,6 +1,6 @@
 """The population: arrays of all people, their groups, exit times and crossings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from evac.base.saved import FINITE, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.surface.places import HEIGHT_REACH
+from evac.people.behaviour import Behaviour, contact_radius
 from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
 from evac.physics.motion import EXIT
@@ -162,6 +163,7 @@ class Population:
         corners = building.vertices[:, :2]
         own = {name: BOUNDS[name] for name in ("radius", "height", "mass", "tau", "speed")}
         return own | {
+            "contact_radius": (0.0, BOUNDS["radius"][1]),
             "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
             "velocity": (-FINITE, FINITE),
             "level": (-1, len(building.levels) - 1),
@@ -177,7 +179,9 @@ class Population:
         }
 
 
-def build_population(case: "Case", building: Building, fields: "Fields", seed: int) -> Population:
+def build_population(
+    case: "Case", building: Building, fields: "Fields", seed: int, behaviours: Sequence[Behaviour] = ()
+) -> Population:
     """Draw the properties and start positions of all people.
 
     Each quantity of each group has its own random generator, spawned from (seed, group, quantity), so it is
@@ -192,6 +196,8 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
         Must contain every route of `evac.people.groups.routes_of`.
     seed : int
         Seed of the properties and positions, unless ``simulation.population_seed`` is given.
+    behaviours : sequence of Behaviour
+        The behaviours of the case, which may state contact radii.
 
     Raises
     ------
@@ -212,6 +218,8 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
         crowd.route[group.rows] = _route_index(case, people, fields)
         with naming(case.source):
             _draw_quantities(crowd, people, group.rows, seed if own is None else own)
+        drawn = crowd.radius[group.rows]
+        crowd.contact_radius[group.rows] = contact_radius(behaviours, people.name, people.behaviours, drawn)
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)

@@ -97,7 +97,7 @@ def check_ways(
         People cannot reach any permitted exit, or the criteria disagree; names the group, the place and what to
         change.
     """
-    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route, crowd.radius)
+    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
     is_connected = _connected(building, fields, crowd)
     for group in groups:
         rows = group.rows
@@ -147,13 +147,13 @@ def _check_walks(
     route: int,
 ) -> _Ends:
     """Check one route by walks along its directions from all start positions; return where bodies are stopped."""
-    column = columns_of(fields.packed, np.full(len(crowd.level), route), crowd.radius)
+    column = columns_of(fields.packed, np.full(len(crowd.level), route), crowd.contact_radius)
     ends = np.full((len(crowd.level), 3), -1.0)
     for one in np.unique(column):
         rows = np.flatnonzero(column == one)
         # The widest first: where it arrives, the others of its class do.
-        rows = rows[np.argsort(-crowd.radius[rows], kind="stable")]
-        ends[rows] = _walked(fields, world, crowd, rows, int(one), crowd.radius[rows])
+        rows = rows[np.argsort(-crowd.contact_radius[rows], kind="stable")]
+        ends[rows] = _walked(fields, world, crowd, rows, int(one), crowd.contact_radius[rows])
         stopped = rows[ends[rows, 2] >= 0.0]
         as_points = _walked(fields, world, crowd, stopped, int(one), np.zeros(len(stopped)))
         _refuse_lost(source, building, fields, crowd, groups, route, stopped, as_points)
@@ -166,13 +166,13 @@ def walked_lengths(fields: Fields, world: World, crowd: Crowd) -> FloatArray:
     They are longer than those of `Fields.lengths_at`, because directions keep a clearance from walls, and inf for
     people who do not arrive.
     """
-    column = columns_of(fields.packed, crowd.route, crowd.radius)
+    column = columns_of(fields.packed, crowd.route, crowd.contact_radius)
     lengths = np.zeros((len(crowd.level), 3))
     for one in np.unique(column):
         rows = np.flatnonzero(column == one)
-        rows = rows[np.argsort(-crowd.radius[rows], kind="stable")]
+        rows = rows[np.argsort(-crowd.contact_radius[rows], kind="stable")]
         walked = np.zeros((len(rows), 3))
-        ends = _walked(fields, world, crowd, rows, int(one), crowd.radius[rows], walked)
+        ends = _walked(fields, world, crowd, rows, int(one), crowd.contact_radius[rows], walked)
         walked[ends[:, 2] >= 0.0] = math.inf
         lengths[rows] = walked
     return lengths
@@ -245,7 +245,7 @@ def _stopped_places(building: Building, crowd: Crowd, group: "Group", stopped: _
         x, y, level = stopped.place[rows[0]]
         away = np.hypot(stopped.place[rows, 0] - x, stopped.place[rows, 1] - y)
         here = (away < SAME_PLACE) & (stopped.place[rows, 2] == level)
-        widths = 2.0 * crowd.radius[rows[here]]
+        widths = 2.0 * crowd.contact_radius[rows[here]]
         text = (
             f"people.{group.name}: {np.count_nonzero(here)} of {counted(len(group.rows), 'person', 'people')} "
             f"({_span(widths)} m wide) do not fit through here, and no other way to an exit is wide enough for them: "

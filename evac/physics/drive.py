@@ -25,7 +25,7 @@ def desired_speed(world, bodies, i, ex, ey):
 def desired_direction(world, people, i):
     """Return the unit desired direction of person i, (0, 0) where the destination cannot be reached."""
     x, y = people.position[i, 0], people.position[i, 1]
-    column = column_of(world.fields, people.route[i], people.radius[i])
+    column = column_of(world.fields, people.route[i], people.contact_radius[i])
     ex, ey = sample_direction(world.fields, x, y, people.level[i], column)
     return _with_extra_direction(people, i, ex, ey)
 

@@ -49,8 +49,9 @@ FASTEST = 100.0
 call_law = AddressCall([State, Struct, float], (int,))
 
 
-#: Arrays that are copied from the crowd to the bodies at the start of a tick, and back at its end.
-TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
+#: Arrays of the bodies that are copied from the crowd at the start of a tick, with their names there, and back at its
+#: end.
+TAKEN = {name: name for name in Crowd.kinds if name in Bodies.kinds} | {"radius": "contact_radius"}
 WRITTEN = ("position", "velocity", "level", "distance", "contact_force")
 
 
@@ -58,8 +59,8 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
     bodies = state.bodies
     rows = bodies.row[:inside].astype(np.intp)
-    for name in TAKEN:
-        given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
+    for name, source in TAKEN.items():
+        given, kept = getattr(crowd, source), getattr(bodies, name)[:inside]
         np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
     bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.radius[:inside])
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]

@@ -25,7 +25,7 @@ def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
     """Return the rows of the people inside, the nearest to their destination first, ties in order of rows."""
     rows = np.flatnonzero(crowd.level >= 0)
     travel_time = np.empty(len(rows))
-    column = columns_of(world.fields, crowd.route[rows], crowd.radius[rows])
+    column = columns_of(world.fields, crowd.route[rows], crowd.contact_radius[rows])
     sample_travel_times(world.fields, crowd.position[rows], crowd.level[rows], column, travel_time)
     return rows[np.argsort(travel_time, kind="stable")]
 

@@ -45,6 +45,8 @@ class Crowd(Struct):
         contact model; the velocity of the actual motion is `Simulation.displacement_velocity`.
     level : (n,) int32, -1 once out. Written by the contact model only.
     radius, height, mass, tau : (n,) [m], [m], [kg], [s]
+    contact_radius : (n,) radius of the body that touches others and fits through gaps, at most ``radius`` [m]; see
+        `Behaviour.contact_radius`
     speed : (n, 3) desired speeds on the flat, up and down stairs, along the slope [m/s]
     group : (n,) int32
     start_time : (n,) time at which a person starts to walk [s]; written by behaviours
@@ -62,6 +64,7 @@ class Crowd(Struct):
     velocity: Pairs
     level: Ints
     radius: Floats
+    contact_radius: Floats
     height: Floats
     mass: Floats
     tau: Floats
@@ -94,6 +97,7 @@ def make_crowd(
     *,
     level: ArrayLike = 0,
     radius: ArrayLike = 0.2,
+    contact_radius: ArrayLike | None = None,
     height: ArrayLike = 1.7,
     mass: ArrayLike = 80.0,
     tau: ArrayLike = 0.5,
@@ -108,6 +112,7 @@ def make_crowd(
     velocity : (n, 2), or one for all [m/s]
     level : (n,), or one for all
     radius, height, mass, tau, start_time : (n,), or one for all [m], [m], [kg], [s], [s]
+    contact_radius : (n,), or one for all [m]; equal to `radius` by default
     speed : (n, 3) for flat, up and down, or (n,) or one for all of these [m/s]
     """
     place = np.array(position, dtype=np.float64).reshape(-1, 2)
@@ -122,6 +127,7 @@ def make_crowd(
         velocity=np.array(np.broadcast_to(np.asarray(velocity, dtype=np.float64), (n, 2))),
         level=np.array(np.broadcast_to(np.asarray(level, dtype=np.int32), n)),
         radius=each(radius),
+        contact_radius=each(radius if contact_radius is None else contact_radius),
         height=each(height),
         mass=each(mass),
         tau=each(tau),

@@ -199,7 +199,7 @@ def make_shared(case: "Case") -> Ground:
 
 
 def make_population(
-    case: "Case", ground: Ground, contact: "ContactModel"
+    case: "Case", ground: Ground, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
 ) -> tuple[Population, tuple[Finding, ...], BorderScene]:
     """Draw the people of a case, and check all that depends on them before a run.
 
@@ -217,7 +217,7 @@ def make_population(
         The people do not fit, cannot reach an exit, or the contact model refuses them.
     """
     building = ground.building
-    people = build_population(case, building, ground.fields, case.simulation.seed)
+    people = build_population(case, building, ground.fields, case.simulation.seed, behaviours)
     stopping = check_ways(case.source, building, ground.fields, ground.world, people.crowd, people.groups)
     border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
     with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):

@@ -56,9 +56,9 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
     return {
         "routes": needed_routes(case, behaviours, full),
         "spacing": settings.spacing,
-        "clearance": default_clearance(case) if settings.clearance is None else settings.clearance,
-        "narrowest": narrowest_body(case),
-        "widest": 2.0 * default_clearance(case),
+        "clearance": default_clearance(case, behaviours) if settings.clearance is None else settings.clearance,
+        "narrowest": narrowest_body(case, behaviours),
+        "widest": 2.0 * default_clearance(case, behaviours),
         "speeds": reference_speeds(case),
         "comfort": settings.comfort,
         "order": settings.order,

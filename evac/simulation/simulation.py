@@ -144,7 +144,9 @@ class Simulation:
             solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, threads=self._threads)
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
-            self.population, self.stopping, border = assembly.make_population(case, self.scene.ground, self.contact)
+            self.population, self.stopping, border = assembly.make_population(
+                case, self.scene.ground, self.contact, behaviours
+            )
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
@@ -203,7 +205,7 @@ class Simulation:
             not used.
         """
         crowd = self.population.crowd
-        narrow = narrow_places(self.building, 2.0 * crowd.radius)
+        narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
         start = crowd.replace(position=self.start_position, level=self.start_level)
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
         unused = unused_threads(self._threads, len(crowd.level))

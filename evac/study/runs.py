@@ -16,7 +16,7 @@ from evac.base.errors import EvacError
 from evac.base.phases import Progress
 from evac.results.ending import EVERYBODY_OUT, FAILED
 from evac.results.results import Results
-from evac.simulation.assembly import make_contact_model, make_population
+from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
 from evac.study.points import SEEDS, Point, Seeds
 from evac.study.shared import GroundFile, shared_ground, simulation_of
 
@@ -155,7 +155,7 @@ def _refused(task: Task, base: "Case") -> list[Row]:
         try:
             case = base.change(order.seeds.changes(run))
             case.registry.call_all("evac_configure", case=case, registry=case.registry)
-            make_population(case, ground, make_contact_model(case))
+            make_population(case, ground, make_contact_model(case), make_behaviours(case))
         except EvacError as error:
             rows.append(_failed_row(order, run, error))
     return rows

@@ -36,7 +36,7 @@ def two_rooms(door=(2.0, 3.0), wall=0.2):
 
 def check(building, fields, positions, radius=0.2):
     crowd = make_crowd(positions)
-    crowd.radius[:] = radius
+    crowd.radius[:] = crowd.contact_radius[:] = radius
     group = Group("visitors", np.arange(len(positions), dtype=np.int32), {})
     return check_ways(CASE, building, fields, make_world(building, fields), crowd, (group,))
 
@@ -149,7 +149,7 @@ def test_walked_lengths_keep_the_clearance_that_a_person_alone_keeps():
     simulation = Simulation(as_case(content))
     crowd = simulation.population.crowd
     walked = walked_lengths(simulation.fields, simulation.scene.world, crowd)
-    touching = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route, crowd.radius)
+    touching = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
     assert simulation.run().exit_status == 0
     assert walked[0] == pytest.approx([crowd.distance[0], 0.0, 0.0], rel=0.02)
     assert touching[0, 0] < 0.96 * crowd.distance[0]
@@ -166,7 +166,7 @@ def test_walked_lengths_are_along_the_slope_by_use_and_infinite_for_who_is_stopp
     building = drawing.build()
     crowd = make_crowd([[1.0, 2.0], [11.0, 2.0], [2.0, 2.0], [9.0, 2.0]])
     crowd.level[:] = [0, 2, 0, 2]
-    crowd.radius[:] = [0.2, 0.2, 1.1, 0.25]
+    crowd.contact_radius[:] = [0.2, 0.2, 1.1, 0.25]
     fields = build_fields(building, (Route(),), clearance=0.25, narrowest=0.4, widest=2.2)
     lengths = walked_lengths(fields, make_world(building, fields), crowd)
     assert lengths[[0, 1, 3]] == pytest.approx(

@@ -74,7 +74,7 @@ def scene(building, behaviour, groups, routes=ANY, route=None):
     crowd = SimpleNamespace(
         position=np.column_stack((x, np.ones(len(x)))),
         level=np.zeros(len(x), dtype=np.int32),
-        radius=np.full(len(x), 0.2),
+        contact_radius=np.full(len(x), 0.2),
         speed=np.column_stack((np.ones(len(x)), up, up)),
         route=np.zeros(len(x), dtype=np.int32) if route is None else np.array(route, dtype=np.int32),
     )

@@ -91,6 +91,7 @@ def test_an_overlap_at_the_start_goes_without_touching_velocities():
 def test_an_overlap_of_many_goes():
     crowd = random_crowd(40, (0, 0), (4, 4), seed=1)
     crowd.radius[:] *= 1.1
+    crowd.contact_radius[:] = crowd.radius
     crowd.speed[:] = 0.0
     assert deepest(crowd) > 0.01
     walk(Nsm1(), crowd, 5)

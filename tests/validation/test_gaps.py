@@ -22,8 +22,8 @@ def check_plan(seed, model):
     content = gap_case(seed, model)
     told = Simulation(as_case(content), will_run=False)
     crowd = told.population.crowd
-    has_own = has_way(told.building, crowd.position, crowd.radius)
-    lengths = told.fields.lengths_at(crowd.level, crowd.position, crowd.route, crowd.radius)
+    has_own = has_way(told.building, crowd.position, crowd.contact_radius)
+    lengths = told.fields.lengths_at(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
     assert np.isfinite(lengths[has_own == 1]).all()
     assert np.isinf(lengths[has_own == 0]).all()
     stopped = sum(int(re.search(r": (\d+) of", place.text)[1]) for place in told.stopping)

@@ -81,7 +81,7 @@ class BorderScene(NamedTuple):
 def border_scene(crowd: Crowd, step: float, explicit: bool) -> BorderScene:
     """Return the `BorderScene` of a crowd at the start, for a step [s]."""
     speed = np.maximum(crowd.speed.max(axis=1), np.hypot(*crowd.velocity.T))
-    return BorderScene(step, explicit, crowd.radius, crowd.mass, crowd.tau, speed)
+    return BorderScene(step, explicit, crowd.contact_radius, crowd.mass, crowd.tau, speed)
 
 
 class ContactModel(Configurable, ABC):
