@@ -297,17 +297,7 @@ def contact_radius(
 
 
 def check_declared(behaviour: Behaviour) -> None:
-    """Check that the arrays that a behaviour declares to read and write exist, and that behaviours may write them.
-
-    Parameters
-    ----------
-    behaviour : Behaviour
-
-    Raises
-    ------
-    PluginError
-        A declaration is wrong; names behaviour and array.
-    """
+    """Check that the arrays that a behaviour declares to read and write exist, and that behaviours may write them."""
     what = f"behaviour {behaviour.name!r}"
     for word, allowed in (("reads", tuple(Crowd.kinds)), ("writes", WRITABLE)):
         with plugin_code(f"{what}: {word}", behaviour):
@@ -334,13 +324,7 @@ class DeclaredCrowd(Crowd):
 
 
 def crowd_for(behaviour: Behaviour, crowd: Crowd) -> Crowd:
-    """Return views of a crowd's arrays, restricted to those that a behaviour declares, read-only but for its writes.
-
-    Raises
-    ------
-    PluginError
-        As `check_declared`.
-    """
+    """Return views of a crowd's arrays, restricted to those that a behaviour declares, read-only but for its writes."""
     check_declared(behaviour)
     declared = DeclaredCrowd(**_views(crowd, behaviour.writes).values())
     declared.__dict__["_declared"] = frozenset((*behaviour.reads, *behaviour.writes))
@@ -368,25 +352,7 @@ def check_written(
     routes: int,
     time: float,
 ) -> None:
-    """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics.
-
-    Parameters
-    ----------
-    behaviour : Behaviour
-    fields : sequence of LevelField
-        Its fields.
-    crowd : Crowd
-    outside : Outside or None
-        The people outside, if there are behaviours that see them.
-    routes : int
-        Number of routes.
-    time : float [s]
-
-    Raises
-    ------
-    PluginError
-        A value is not valid for its array, or a route does not exist; names behaviour, time and person.
-    """
+    """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics."""
     what, cls = f"t = {time:.3f} s: behaviour {behaviour.name!r}", type(behaviour)
     method = cls.prepare if cls.act is Behaviour.act else cls.act
     checked = {name: getattr(crowd, name) for name in sorted(set(behaviour.writes) & _LEGAL.keys())}

@@ -36,26 +36,12 @@ Found = TypeVar("Found")
 
 
 def make_building(case: "Case") -> "Building":
-    """Return the building of a case, read from its file.
-
-    Raises
-    ------
-    BuildingError
-        The file cannot be read, or the building cannot be used.
-    PluginError
-        The importer fails.
-    """
+    """Return the building of a case, read from its file."""
     return build_building(make_surface(case), case.mesh or case.source, case.building)
 
 
 def make_surface(case: "Case") -> SurfaceMesh:
-    """Return the surface of a case's building: that of its file, or of its plan.
-
-    Raises
-    ------
-    BuildingError, PluginError
-        As `make_building`.
-    """
+    """Return the surface of a case's building: that of its file, or of its plan."""
     if case.building.plan is not None:
         return draw_plan(_plan_of(case), case.registry)
     assert case.mesh is not None
@@ -91,8 +77,10 @@ def read_building(
 
     Raises
     ------
-    BuildingError, PluginError
-        As `make_building`.
+    BuildingError
+        The file cannot be read, or the building cannot be used.
+    PluginError
+        The importer fails.
 
     Examples
     --------
@@ -110,11 +98,6 @@ def ground_key(case: "Case") -> str:
 
     It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
     of groups, contact models and behaviours may differ, as may the seed.
-
-    Raises
-    ------
-    BuildingError
-        A file of the building cannot be read.
     """
     importers = make_importers(case)
     parts = (
@@ -145,13 +128,7 @@ def _digest(path: Path) -> str:
 
 
 def make_importers(case: "Case") -> "list[Importer]":
-    """Return the importer of the building's file, with its parameters; none if the case holds the plan itself.
-
-    Raises
-    ------
-    BuildingError
-        No importer reads files of this name.
-    """
+    """Return the importer of the building's file, with its parameters; none if the case holds the plan itself."""
     return [] if case.mesh is None else [_importer(case, case.mesh)]
 
 
@@ -164,13 +141,7 @@ def _importer(case: "Case", path: Path) -> "Importer":
 
 
 def make_contact_model(case: "Case") -> "ContactModel":
-    """Return the contact model in use, with its parameters.
-
-    Raises
-    ------
-    ScenarioError
-        The contact model names a solver that is not registered.
-    """
+    """Return the contact model in use, with its parameters."""
     from evac.physics.contact.model import SolvedContactModel
 
     name = case.contact.model
@@ -185,13 +156,7 @@ def make_contact_model(case: "Case") -> "ContactModel":
 
 
 def make_shared(case: "Case") -> Ground:
-    """Return building and directions of a case, as its simulation computes them in one thread.
-
-    Raises
-    ------
-    EvacError
-        The building, or what the people and behaviours require of it, is not valid.
-    """
+    """Return building and directions of a case, as its simulation computes them in one thread."""
     building = make_building(case)
     check_people(case, building)
     with naming(case.source):
@@ -210,11 +175,6 @@ def make_population(
         A warning for each place that people do not fit through on their way to an exit.
     BorderScene
         The scene that the contact model has accepted.
-
-    Raises
-    ------
-    EvacError
-        The people do not fit, cannot reach an exit, or the contact model refuses them.
     """
     building = ground.building
     people = build_population(case, building, ground.fields, case.simulation.seed, behaviours)
@@ -292,13 +252,7 @@ def read_surface(importer: "Importer", path: Path, registry: Registry | None = N
 
 
 def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
-    """Return the surface of a plan; storeys that are given as files are read.
-
-    Raises
-    ------
-    BuildingError, PluginError
-        As `read_surface`.
-    """
+    """Return the surface of a plan; storeys that are given as files are read."""
     from evac.building.plan.plan import Plan
 
     for storey in [one for one in plan.storeys.values() if one.file is not None]:
@@ -321,13 +275,7 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
 
 
 def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
-    """Return what an importer reads from a file: a plan, not yet converted to a surface, or a surface.
-
-    Raises
-    ------
-    BuildingError, PluginError
-        As `read_surface`.
-    """
+    """Return what an importer reads from a file: a plan, not yet converted to a surface, or a surface."""
     from evac.building.plan.plan import Plan
 
     read = _called(importer, path, importer.read)

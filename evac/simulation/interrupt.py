@@ -66,6 +66,6 @@ class Interrupt:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.wanted = number
+        self.release(signal.SIGINT)  # before it is announced, so that a second one stops the run from then on
         if self._announce is not None:
             self._announce(number)
-        self.release(signal.SIGINT)

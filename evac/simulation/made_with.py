@@ -56,7 +56,8 @@ def differences_of(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Ma
     lines = []
     for kind, values in now.items():
         then = before.get(kind, {})
-        names = then.keys() & values if kind in ("kernel", "data") else then.keys() | values  # a case may change
+        # A changed case may have other kernels and data.
+        names = then.keys() & values if kind in ("kernel", "data") else then.keys() | values
         for name in sorted(names):
             old, new = then.get(name), values.get(name)
             if old != new:

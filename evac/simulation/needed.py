@@ -1,7 +1,7 @@
 """Which optional parts a scene needs, and why. Leaving out the others does not change results in any bit."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from evac.building.model.building import Building
     from evac.case.case import Case
     from evac.physics.contact.model import ContactModel
+    from evac.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -117,57 +118,38 @@ def run_kernels(
     return found
 
 
-def explain(
-    case: "Case",
-    building: "Building",
-    routes: Sequence[Route],
-    model: "ContactModel",
-    loop: Sequence[tuple[str, bool, str]],
-    forces: Mapping[str, str | None],
-    behaviours: Mapping[str, bool | None],
-    keepers: Sequence[str],
-) -> list[Part]:
-    """Return every optional part, whether it is used, and why.
-
-    Parameters
-    ----------
-    case : Case
-    building : Building
-    routes : sequence of Route
-        Routes that have a field.
-    model : ContactModel
-    loop : sequence of (str, bool, str)
-        Parts of the step loop, see `Engine.explain`.
-    forces : mapping of str to str or None
-        For each force in the case, how it acts, see `Engine.explain_forces`; None if it is left out.
-    behaviours : mapping of str to bool or None
-        For each behaviour in the case, whether it acts at ticks; None if it is left out.
-    keepers : sequence of str
-        The behaviours that keep distances.
-    """
+def explain(simulation: "Simulation", forces: Sequence[Force], behaviours: Sequence[Behaviour]) -> list[Part]:
+    """Return every optional part of a simulation, whether it is used, and why, with what its case names."""
+    case, building, model = simulation.case, simulation.building, simulation.contact
+    effects, acts = simulation.engine.explain_forces(), simulation.deciding.acts
+    keepers = [behaviour.name for behaviour, _ in simulation.behaviours if behaviour.keeps_distance]
     portals, flights = len(building.portals), sum(level.kind == "flight" for level in building.levels)
     parts = [
         Part("portals", portals > 0, f"{counted(portals, 'portal')}, {counted(len(building.levels), 'level')}"),
         Part("stair speeds", flights > 0, f"{flights} sloped levels"),
     ]
     for strategy in STRATEGIES:
-        ways = ", ".join(f"to {route.destination}" for route in routes if route.strategy == strategy)
+        ways = ", ".join(f"to {route.destination}" for route in simulation.fields.routes if route.strategy == strategy)
         why = f"people can go {ways}" if ways else "nobody can take such a route"
         parts.append(Part(f"fields: {strategy}", bool(ways), why))
-    for name, effect in forces.items():
-        parts.append(Part(f"force: {name}", effect is not None, effect or "it is zero everywhere"))
+    for force in forces:
+        effect = effects.get(force.name)
+        parts.append(Part(f"force: {force.name}", effect is not None, effect or "it is zero everywhere"))
     if not forces:
         parts.append(Part("forces at a distance", False, "none named in [forces]"))
-    for name, acts in behaviours.items():
-        why = "it affects nobody" if acts is None else "at every tick" if acts else "once, before the first step"
-        parts.append(Part(f"behaviour: {name}", acts is not None, why))
+    for behaviour in behaviours:
+        name, at_ticks = behaviour.name, acts.get(behaviour.name)
+        why = (
+            "it affects nobody" if at_ticks is None else "at every tick" if at_ticks else "once, before the first step"
+        )
+        parts.append(Part(f"behaviour: {name}", at_ticks is not None, why))
     if not behaviours:
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
     seen_by = f"seen by {', '.join(keepers)}" if keepers else "no behaviour keeps distances"
     parts.append(Part("people outside", bool(keepers), seen_by))
     with plugin_code(f"contact model {model.name!r}: parts", model):
         parts.extend(Part(*row) for row in model.parts())
-    parts.extend(Part(*row) for row in loop)
+    parts.extend(Part(*row) for row in simulation.engine.explain(model))
     parts.append(Part("contact solves", True, "only in steps with contacts in reach"))
     for name in ("tables", "picture", "replay", "trajectory", "animation"):
         is_wanted = getattr(case.output, name)

@@ -22,7 +22,6 @@ from evac.people.behaviour import Behaviour, BehaviourScene, crowd_for, outside_
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
 from evac.people.unusual import late_starts, unusual
-from evac.physics.force import Force
 from evac.physics.state import copy_of
 from evac.physics.threads.threads import unused_threads
 from evac.results.ending import INTERRUPTED, Ending
@@ -125,16 +124,16 @@ class Simulation:
             building = ground.building if ground else assembly.make_building(case)
             check_people(case, building)
         with self.phases.enter("kernels"):
-            kernels = (
-                needed.run_kernels(case, building, self.contact, self.forces, behaviours, full) if will_run else []
-            )
-            addresses_of([*needed.set_up_kernels(), *kernels], compiling)
+            kernels = needed.set_up_kernels()
+            if will_run:
+                kernels += needed.run_kernels(case, building, self.contact, self.forces, behaviours, full)
+            addresses_of(kernels, compiling)
         self._build(building, ground, behaviours)
         self._watch_people()
         self.deciding = Deciding(self.behaviours, self.scene, self.population.crowd, self.outside, full)
         self.deciding.prepare(case.source)
         self.loop = Loop(self)
-        self.plan = self._plan(forces, behaviours)
+        self.plan = needed.explain(self, forces, behaviours)
         self.registry.call_all("evac_prepare", simulation=self)
 
     def _build(self, building: Building, ground: Ground | None, behaviours: list[Behaviour]) -> None:
@@ -164,15 +163,6 @@ class Simulation:
         self.displacement_velocity = crowd.velocity.copy()
         self.watch = Watch(crowd.radius, settings.tick, self.case.output.every)
         self.ending = Ending(settings, len(crowd.level), len(self.fields.routes))
-
-    def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[needed.Part]:
-        """Return the plan, with the decisions on the forces and behaviours of the case."""
-        effects = self.engine.explain_forces()
-        acting = {force.name: effects.get(force.name) for force in forces}
-        acts = {behaviour.name: self.deciding.acts.get(behaviour.name) for behaviour in behaviours}
-        keepers = [behaviour.name for behaviour, _ in self.behaviours if behaviour.keeps_distance]
-        loop = self.engine.explain(self.contact)
-        return needed.explain(self.case, self.building, self.fields.routes, self.contact, loop, acting, acts, keepers)
 
     @property
     def building(self) -> Building:

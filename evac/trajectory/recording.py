@@ -157,24 +157,7 @@ class Recording:
         folder: Path,
         files: Mapping[str, tuple[int, str]],
     ) -> None:
-        """Check that the recorders can be restored, without changing anything.
-
-        Parameters
-        ----------
-        simulation : Simulation
-            A restored simulation.
-        state : mapping of str to array
-            As `state` returned it.
-        folder : Path
-            Where the files are.
-        files : mapping of str to (int, str)
-            Lengths at the checkpoint [bytes], and SHA-256 of the files up to there.
-
-        Raises
-        ------
-        ResultError
-            A file is missing, shorter, or not that of the checkpoint, or a state is not valid.
-        """
+        """Check that the recorders can be restored, without changing anything."""
         lengths = {name: length for name, (length, _) in files.items()}
         check_lengths(folder, lengths)
         for name, (length, digest) in files.items():
@@ -188,13 +171,7 @@ class Recording:
                 recorder.check_state(simulation, own, folder, lengths)
 
     def check_files(self) -> None:
-        """Check that the files of the recorders have the recorded lengths.
-
-        Raises
-        ------
-        ResultError
-            A file is missing or shorter, for example because it was removed or truncated during the run.
-        """
+        """Check that the files of the recorders have the recorded lengths."""
         if self._folder is not None:
             check_lengths(self._folder, self.files())
 
@@ -205,20 +182,7 @@ class Recording:
         files: Mapping[str, int],
         plugin_files: Iterable[str] = (),
     ) -> None:
-        """Truncate the files to their lengths at the checkpoint, and restore the recorders.
-
-        Parameters
-        ----------
-        simulation : Simulation
-            A restored simulation.
-        state, files, plugin_files
-            Results of the methods with these names.
-
-        Raises
-        ------
-        ResultError
-            A file is missing or shorter than at the checkpoint.
-        """
+        """Truncate the files to their lengths at the checkpoint, and restore the recorders."""
         restored: list[Recorder] = []
         with _truncated(self._folder, files):
             try:
@@ -266,19 +230,7 @@ def _truncated(folder: Path | None, files: Mapping[str, int]) -> Iterator[None]:
 
 @contextmanager
 def reading(simulation: "Simulation", what: str, plugin: Any) -> Iterator[None]:
-    """Run code of a plugin that only reads a simulation, whose arrays are read-only within the context.
-
-    Parameters
-    ----------
-    simulation : Simulation
-    what, plugin
-        As for `evac.base.errors.plugin_code`.
-
-    Raises
-    ------
-    PluginError
-        The plugin fails, or writes to an array.
-    """
+    """Run code of a plugin that only reads a simulation, whose arrays are read-only within the context."""
     arrays = [*simulation.population.crowd.values().values(), simulation.displacement_velocity]
     for array in arrays:
         array.flags.writeable = False
@@ -301,13 +253,7 @@ def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any
 
 
 def check_lengths(folder: Path, files: Mapping[str, int]) -> None:
-    """Check that files exist in a folder and have at least certain lengths [bytes].
-
-    Raises
-    ------
-    ResultError
-        A file is missing or shorter; names it.
-    """
+    """Check that files exist in a folder and have at least certain lengths [bytes]."""
     for name, length in files.items():
         try:
             found = (folder / name).stat().st_size
