@@ -217,10 +217,10 @@ class BehaviourScene:
         return path
 
     def level_field(self, name: str, unit: str, spacing: float = 1.0) -> LevelField:
-        """Return a new scalar field on all levels, for example the density of smoke, which only this behaviour writes.
+        """Return a scalar field on all levels, for example the density of smoke, which only this behaviour writes.
 
-        It is zero at first, recorded in the trajectory at each output time, and part of checkpoints. Others read it
-        from ``scene.scene.fields_of_behaviours``. Call this method in `Behaviour.prepare`.
+        It is made by the first call, zero at first, recorded in the trajectory at each output time, and part of
+        checkpoints. Others read it from ``scene.scene.fields_of_behaviours``. Call this method in `Behaviour.prepare`.
 
         Parameters
         ----------
@@ -235,9 +235,11 @@ class BehaviourScene:
         ValueError
             The name is in use, the run has begun, or the cells are too small.
         """
-        field = self.scene.add_field(name, unit, spacing)
-        self.level_fields.append(field)
-        return field
+        own = {field.name: field for field in self.level_fields}
+        if name not in own:
+            own[name] = self.scene.add_field(name, unit, spacing)
+            self.level_fields.append(own[name])
+        return own[name]
 
     def apply(self, change: Change) -> None:
         """Change the scene: open or close exits, portals or stairs, now or later; see `Scene.apply`."""

@@ -7,6 +7,7 @@ import pytest
 
 import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError
+from evac.conformance import check_plugin
 from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
@@ -21,7 +22,7 @@ SMOKE = """
         name = "smoke"
         reads = ("level", "position")
         writes = ("speed_factor",)
-        file = Parameter("rate.txt", "", "file with the rate of the density")
+        file = Parameter("rate.txt", doc="file with the rate of the density")
 
         def prepare(self, scene):
             self.scene = scene
@@ -122,6 +123,11 @@ def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
         scene.add_field("fog", "1/m", spacing)
     with pytest.raises(ValueError, match=r"'smoke'.* exists"):
         scene.add_field("smoke", "1/m", 1.0)
+
+
+def test_a_behaviour_that_changes_the_scene_and_owns_a_field_passes_the_checks(smoky):
+    case = smoky()
+    check_plugin(case.registry.behaviours["smoke"], case.change({"people.people.number": 4}))
 
 
 def test_files_are_read_from_the_folder_of_the_case_only(smoky, tmp_path):
