@@ -1,20 +1,22 @@
 """The behaviours of a run: which of them act at a tick, and what is checked of what they write."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.distributions import MOST_WORDS, generator_state, restore_generator
+from evac.base.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.base.errors import naming, plugin_code
 from evac.base.plugin_state import state_of
 from evac.base.saved import part_of, taken
-from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written
+from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.people.outside import PeopleOutside
-from evac.physics.state import Crowd
+from evac.people.population import Population
 from evac.simulation.scene import Scene
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
 
 
 class Deciding:
@@ -22,16 +24,19 @@ class Deciding:
 
     Parameters
     ----------
-    used : sequence of (Behaviour, BehaviourScene)
-        In the order in which they act.
+    case : Case
+    behaviours : sequence of Behaviour
+        Those of the case, in the order in which they act.
     scene : Scene
-    crowd : Crowd
+    population : Population
     outside : PeopleOutside or None
     is_full : bool
-        Whether behaviours that have nothing to do at a tick are called, too.
+        Whether behaviours that have no effect, or nothing to do at a tick, are called, too.
 
     Attributes
     ----------
+    used : list of (Behaviour, BehaviourScene)
+        The behaviours that have an effect, each with the scene that it can access.
     acts : dict of str to bool
         By name, whether each acts at every tick.
     reads_forces : bool
@@ -42,22 +47,36 @@ class Deciding:
 
     def __init__(
         self,
-        used: Sequence[tuple[Behaviour, BehaviourScene]],
+        case: "Case",
+        behaviours: Sequence[Behaviour],
         scene: Scene,
-        crowd: Crowd,
+        population: Population,
         outside: PeopleOutside | None,
         is_full: bool,
     ) -> None:
-        self._used, self._scene, self._crowd, self._is_full = used, scene, crowd, is_full
-        self._outside = None if outside is None else outside.arrays
+        self._case, self._scene, self._population, self._is_full = case, scene, population, is_full
+        self._crowd, self._outside = population.crowd, None if outside is None else outside.arrays
+        self.used: list[tuple[Behaviour, BehaviourScene]] = []
+        for behaviour in behaviours:
+            view = self._view(behaviour)
+            with naming(case.source), plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
+                if is_full or behaviour.is_needed(view):
+                    self.used.append((behaviour, view))
         self.acts: dict[str, bool] = {}
-        self.reads_forces = any("contact_force" in behaviour.reads for behaviour, _ in used)
+        self.reads_forces = any("contact_force" in behaviour.reads for behaviour, _ in self.used)
         self.version = scene.version
 
-    def prepare(self, source: Path) -> None:
-        """Call `prepare` of the behaviours of the case in a file."""
-        for behaviour, scene in self._used:
-            with naming(source), plugin_code(f"behaviour {behaviour.name!r}: prepare", behaviour, DECLARE):
+    def _view(self, behaviour: Behaviour) -> BehaviourScene:
+        """Return the scene that a behaviour can access."""
+        case, outside = self._case, None if self._outside is None else outside_for(behaviour, self._outside)
+        generator = generator_for(case.simulation.seed, "behaviour", behaviour.name)
+        crowd, groups = crowd_for(behaviour, self._crowd), self._population.groups_for(behaviour.name)
+        return BehaviourScene(crowd, self._scene, groups, generator, case.simulation.tick, outside, case.folder)
+
+    def prepare(self) -> None:
+        """Call `prepare` of the behaviours."""
+        for behaviour, scene in self.used:
+            with naming(self._case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare", behaviour, DECLARE):
                 behaviour.prepare(scene)
             self._check(behaviour, scene, 0.0)
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks", behaviour):
@@ -67,7 +86,7 @@ class Deciding:
     def act(self, time: float) -> None:
         """Reset speed factors and extra directions, then call the behaviours; after a change of the scene, all."""
         changed, self.version = self._scene.version != self.version, self._scene.version
-        acting = [one for one in self._used if self.acts[one[0].name] or changed]
+        acting = [one for one in self.used if self.acts[one[0].name] or changed]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         if "speed_factor" in renewed:
             self._crowd.speed_factor[:] = 1.0
@@ -75,7 +94,7 @@ class Deciding:
             self._crowd.extra_direction[:] = 0.0
         if self._outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):
             self._outside.speed_factor[:] = 1.0
-        for behaviour, scene in self._used if self._is_full else acting:
+        for behaviour, scene in self.used if self._is_full else acting:
             with plugin_code(f"t = {time:.3f} s: behaviour {behaviour.name!r}", behaviour, DECLARE):
                 behaviour.act(scene.crowd, time)
             self._check(behaviour, scene, time)
@@ -87,14 +106,14 @@ class Deciding:
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the private arrays of the behaviours, and the states of their generators."""
         state: dict[str, NDArray[Any]] = {}
-        for behaviour, scene in self._used:
+        for behaviour, scene in self.used:
             state |= state_of(behaviour, f"behaviour {behaviour.name!r}", f"behaviour.{behaviour.name}.")
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
         return state
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned; behaviours that a changed case has added stay as they are."""
-        for behaviour, scene in self._used:
+        for behaviour, scene in self.used:
             if f"generator.{behaviour.name}" in state:
                 what = f"behaviour {behaviour.name!r}: restore"
                 with plugin_code(what, behaviour), part_of(state, f"behaviour.{behaviour.name}.") as own:

@@ -59,19 +59,28 @@ class Loop:
         self._steps_per_record *= self._settings.steps_per_tick
         self._before = simulation.population.crowd.position.copy()
         self._end, self._is_output = 0, False
-        scene, outside = simulation.scene, simulation.outside
+        one, crowd, watch = simulation, simulation.population.crowd, simulation.watch
         self.operations = [
-            Operation("changes", "behaviours", scene.apply_waiting),
-            Operation("behaviours", "behaviours", self._decide),
+            Operation("changes", "behaviours", one.scene.apply_waiting),
+            Operation("behaviours", "behaviours", lambda: one.deciding.act(one.time)),
             Operation("physics", "physics", self._move),
             Operation("settling", "recording", self._settle),
-            Operation("people outside", "recording", self._walk_on, lambda: outside is not None),
-            Operation("velocities", "recording", self._watch_velocities),
-            Operation("forces", "recording", self._watch_forces, lambda: self._is_output),
-            Operation("recorders", "recording", self._record, lambda: self._is_output, self._start_recording),
+            Operation(
+                "velocities",
+                "recording",
+                lambda: watch.look_at_velocities(one.time, crowd, one.displacement_velocity),
+            ),
+            Operation("forces", "recording", lambda: watch.look_at_forces(one.time, crowd), self._is_at_output),
+            Operation(
+                "recorders", "recording", lambda: one.recording.record(one), self._is_at_output, self._start_recording
+            ),
             Operation("ending", "recording", self._end_run),
             Operation("progress", "output", self._show, lambda: self.progress is not None),
         ]
+        if one.outside is not None:
+            walk = one.outside.advance
+            after = Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
+            self.operations.insert(4, after)
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
@@ -93,8 +102,8 @@ class Loop:
                     phases.turn_to(operation.phase)
                     operation.act()
 
-    def _decide(self) -> None:
-        self._simulation.deciding.act(self._simulation.time)
+    def _is_at_output(self) -> bool:
+        return self._is_output
 
     def _move(self) -> None:
         simulation, settings = self._simulation, self._settings
@@ -115,19 +124,6 @@ class Loop:
         simulation.displacement_velocity /= self._span
         self._left = simulation.population.settle(self._events)
 
-    def _walk_on(self) -> None:
-        assert self._simulation.outside is not None
-        self._simulation.outside.advance(self._left, self._simulation.time, self._span)
-
-    def _watch_velocities(self) -> None:
-        simulation = self._simulation
-        simulation.watch.look_at_velocities(
-            simulation.time, simulation.population.crowd, simulation.displacement_velocity
-        )
-
-    def _watch_forces(self) -> None:
-        self._simulation.watch.look_at_forces(self._simulation.time, self._simulation.population.crowd)
-
     def _start_recording(self) -> None:
         simulation = self._simulation
         if not simulation.recording.is_started:
@@ -135,9 +131,6 @@ class Loop:
                 simulation.engine.load(simulation.contact)
             with simulation.phases.enter("recording"):
                 simulation.recording.start(simulation)
-
-    def _record(self) -> None:
-        self._simulation.recording.record(self._simulation)
 
     def _end_run(self) -> None:
         simulation = self._simulation

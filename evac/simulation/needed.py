@@ -13,7 +13,7 @@ from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
-from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.behaviour import Behaviour
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
 from evac.people.placement import add_discs
 from evac.people.ways import walk_all
@@ -80,18 +80,6 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
         with plugin_code(f"force {force.name!r}: is_needed", force):
             if full or force.is_needed():
                 needed.append(force)
-    return needed
-
-
-def needed_behaviours(
-    scenes: Sequence[tuple[Behaviour, BehaviourScene]], full: bool
-) -> list[tuple[Behaviour, BehaviourScene]]:
-    """Return the behaviours that have an effect in their scenes; with `full`, all of them."""
-    needed = []
-    for behaviour, scene in scenes:
-        with plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
-            if full or behaviour.is_needed(scene):
-                needed.append((behaviour, scene))
     return needed
 
 

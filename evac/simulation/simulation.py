@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from evac.base.distributions import generator_for
 from evac.base.errors import naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
 from evac.building.model.building import Building
@@ -18,7 +17,7 @@ from evac.contract.registry import Registry
 from evac.directions.fields import Fields
 from evac.jit.loading import addresses_of
 from evac.jit.workers import Progress as Compiling
-from evac.people.behaviour import Behaviour, BehaviourScene, crowd_for, outside_for
+from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
 from evac.people.unusual import late_starts, unusual
@@ -130,8 +129,7 @@ class Simulation:
             addresses_of(kernels, compiling)
         self._build(building, ground, behaviours)
         self._watch_people()
-        self.deciding = Deciding(self.behaviours, self.scene, self.population.crowd, self.outside, full)
-        self.deciding.prepare(case.source)
+        self.deciding.prepare()
         self.loop = Loop(self)
         self.plan = needed.explain(self, forces, behaviours)
         self.registry.call_all("evac_prepare", simulation=self)
@@ -148,9 +146,8 @@ class Simulation:
             )
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
-            scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
-            with naming(case.source):
-                self.behaviours = needed.needed_behaviours(scenes, self.full)
+            self.deciding = Deciding(case, behaviours, self.scene, self.population, self.outside, self.full)
+            self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
         n = len(self.population.crowd.level)
@@ -299,10 +296,3 @@ class Simulation:
         """Return name and version of each plugin used in this run."""
         used = [*assembly.make_importers(self.case), self.contact, *self.forces, *self.recorders]
         return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
-
-    def _scene(self, behaviour: Behaviour) -> BehaviourScene:
-        crowd, groups = crowd_for(behaviour, self.population.crowd), self.population.groups_for(behaviour.name)
-        generator = generator_for(self.seed, "behaviour", behaviour.name)
-        outside = outside_for(behaviour, self.outside.arrays) if self.outside is not None else None
-        tick, folder = self.case.simulation.tick, self.case.folder
-        return BehaviourScene(crowd, self.scene, groups, generator, tick, outside, folder)
