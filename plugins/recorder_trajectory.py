@@ -106,6 +106,7 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
         "groups": [members.name for members in population.groups],
         "group": group.tolist(),
         "radius": population.crowd.radius.tolist(),
+        "height": population.crowd.height.tolist(),
         "building": building_to_json(simulation.scene.ground.building),
     }
 

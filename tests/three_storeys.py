@@ -120,6 +120,7 @@ def descent(tmp_path):
             "groups": ["even", "odd"],
             "group": [p % 2 for p in range(people)],
             "radius": [0.2] * people,
+            "height": [1.7] * people,
             "building": building_to_json(building),
         }
         path = tmp_path / TRAJECTORY_NAME
@@ -156,6 +157,7 @@ def written(tmp_path, building):
             "groups": ["all"],
             "group": [0] * people,
             "radius": [radius] * people,
+            "height": [8.0 * radius] * people,
             "building": building_to_json(building),
         }
         velocity = np.gradient(position, interval, axis=0) if frames > 1 else np.zeros_like(position)
@@ -178,6 +180,7 @@ def first_out(tmp_path, building):
         "groups": ["a", "b", "c"],
         "group": [2, 0, 1],
         "radius": [0.2, 0.3, 0.4],
+        "height": [1.6, 1.7, 1.8],
         "building": building_to_json(building),
     }
     writer = TrajectoryWriter(tmp_path / TRAJECTORY_NAME, header, np.zeros(2))

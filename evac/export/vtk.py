@@ -94,6 +94,7 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
             "contact_force": frame["contact_force"].astype(np.float32),
             "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
             "radius": trajectory.radius[person].astype(np.float32),
+            "height": trajectory.height[person].astype(np.float32),
         },
         texts={"group_names": trajectory.groups},
         shown="speed",

@@ -1,4 +1,4 @@
-"""Figures of people: pawns with the radius of each person, drawn into pictures from any angle."""
+"""Figures of people: pawns with the radius and height of each person, drawn into pictures from any angle."""
 
 from functools import cache
 from typing import NamedTuple
@@ -8,7 +8,11 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 
-PERSON_HEIGHT, PERSON_RADIUS = 1.6, 0.22  # of the figure [m]; it is scaled to the radius of each body
+#: Figures have heights of whole steps of this share of the radius, so that people share images.
+HEIGHT_STEP = 0.5
+
+#: Least height of a figure in these steps, so that the head is above the shoulders.
+LEAST_STEPS = 6
 
 #: Opacity of people behind a floor or a wall.
 HIDDEN = 0.45
@@ -46,6 +50,7 @@ def draw_people(
     image: NDArray[np.uint8],
     places: FloatArray,
     radius: FloatArray,
+    height: FloatArray,
     colours: NDArray[np.uint8],
     elevation: float,
     nearness: FloatArray | None = None,
@@ -58,20 +63,21 @@ def draw_people(
         Modified in place.
     places : (p, 3) float64
         Column, row and nearness of each person's centre on the ground [pixels].
-    radius : (p,) float64 [pixels]
+    radius, height : (p,) float64 [pixels]
     colours : (p, 3) uint8
     elevation : float
         Angle of the view above the horizontal [rad].
     nearness : (h, w) float64, optional
         Nearness of the objects in the picture; people behind them are drawn translucent.
     """
-    height, width = image.shape[:2]
+    rows_of_image, width = image.shape[:2]
+    tall = HEIGHT_STEP * np.maximum(np.rint(height / (HEIGHT_STEP * radius)), LEAST_STEPS)
     columns, rows = np.rint(places[:, :2]).astype(np.int64).T
     for k in np.argsort(places[:, 2], kind="stable").tolist():
-        pawn = _pawn(max(2, round(4.0 * float(radius[k]))), elevation)
+        pawn = _pawn(max(2, round(4.0 * float(radius[k]))), float(tall[k]), elevation)
         left, top = int(columns[k]) - pawn.column, int(rows[k]) - pawn.row
         x1, y1 = max(left, 0), max(top, 0)
-        x2, y2 = min(left + pawn.opacity.shape[1], width), min(top + pawn.opacity.shape[0], height)
+        x2, y2 = min(left + pawn.opacity.shape[1], width), min(top + pawn.opacity.shape[0], rows_of_image)
         if x1 >= x2 or y1 >= y2:
             continue
         part = slice(y1 - top, y2 - top), slice(x1 - left, x2 - left)
@@ -85,10 +91,10 @@ def draw_people(
 
 
 @cache
-def _pawn(quarters: int, elevation: float) -> Pawn:
-    """Return the figure of a person with a radius of `quarters` quarters of a pixel."""
+def _pawn(quarters: int, tall: float, elevation: float) -> Pawn:
+    """Return the figure of a person with a radius of `quarters` quarters of a pixel and a height of `tall` radii."""
     size = FINE * 0.25 * quarters
-    right, up, toward, shade = _surface(elevation, 1 + int(size / 40.0))
+    right, up, toward, shade = _surface(tall, elevation, 1 + int(size / 40.0))
     low, high = FINE * np.floor(size * up.min() / FINE), FINE * np.ceil(size * up.max() / FINE)
     wide = FINE * int(np.ceil(size * right.max() / FINE))
     shape = int(high - low) + FINE, 2 * wide + FINE
@@ -106,10 +112,10 @@ def _pawn(quarters: int, elevation: float) -> Pawn:
 
 
 @cache
-def _surface(elevation: float, density: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _surface(tall: float, elevation: float, density: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the visible points of a pawn of radius 1: right, up, towards the camera, and shade."""
     heights, angles = 400 * density, 240 * density
-    tall, head = PERSON_HEIGHT / PERSON_RADIUS, 0.6
+    head = 0.6
     turn = np.linspace(-0.4 * np.pi, 0.5 * np.pi, 12)
     radius = np.concatenate([[0.55, 0.97, 1.0, 0.85, 0.3], head * np.cos(turn)])
     height = np.concatenate([np.array([0.0, 0.66, 0.72, 0.77, 0.79]) * tall, tall - head + head * np.sin(turn)])

@@ -102,9 +102,10 @@ class Renderer:
         image = ground.copy()
         places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
         shown = np.isfinite(places[:, 0])
-        radius = view.scale * trajectory.radius[frame["person"]]
+        person = frame["person"][shown]
+        radius, height = view.scale * trajectory.radius[person], view.scale * trajectory.height[person]
         colours = self._colouring.of(frame)
-        draw_people(image, places[shown], radius[shown], colours[shown], view.elevation, view.nearness)
+        draw_people(image, places[shown], radius, height, colours[shown], view.elevation, view.nearness)
         out = trajectory.number_of_people - len(frame["person"])
         picture = Image.fromarray(image)
         picture.paste(names, (0, 0), names)

@@ -15,7 +15,6 @@ from evac.building.model.elevation import elevation
 from evac.export.vtk import segments_in_space
 from evac.pictures import palette
 from evac.pictures.camera import Camera, aim
-from evac.pictures.pawns import PERSON_HEIGHT
 from evac.pictures.view import Label, View
 
 FURNITURE = 4.0  # greatest area of holes drawn as furniture [m2]
@@ -23,6 +22,7 @@ WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
 FLOOR_OPACITY = 0.8  # of floors with storeys below
 MARGIN = {"left": 0.08, "right": 0.03, "top": 0.12, "bottom": 0.08}  # for text, as shares of the picture
 LEGEND_WIDTH = 0.16
+ROOM_FOR_PEOPLE = 1.9  # above the floors, within the picture [m]
 
 
 def view_of(
@@ -91,7 +91,7 @@ class _Scene:
         right_side = MARGIN["right"] + LEGEND_WIDTH if has_legend else MARGIN["left"]
         flat = _InSpace(self.rows, aimed.axes, zero, aimed.stretch, 1.0, np.zeros(2))
         placed = flat.place(corners)
-        placed = np.concatenate([placed, placed + np.array([0.0, 0.0, PERSON_HEIGHT])])
+        placed = np.concatenate([placed, placed + np.array([0.0, 0.0, ROOM_FOR_PEOPLE])])
         across, along, _ = aimed.axes @ placed.T
         width, height = size
         free = width * (1.0 - MARGIN["left"] - right_side), height * (1.0 - MARGIN["top"] - MARGIN["bottom"])

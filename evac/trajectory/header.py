@@ -33,13 +33,14 @@ class People:
 
     Attributes
     ----------
-    radius : (n,) float64 [m]
+    radius, height : (n,) float64 [m]
     group : (n,) int32
         Index in ``groups`` of each person, -1 for none.
     groups : tuple of str
     """
 
     radius: FloatArray
+    height: FloatArray
     group: IntArray
     groups: tuple[str, ...]
 
@@ -123,14 +124,16 @@ def people_from_json(data: Any) -> People:
     HeaderError
         A key is missing, of the wrong kind, or out of range; names it.
     """
-    radius = _numbers(data, "", "radius", (), COORDINATE_MAX)
-    if not (radius > 0.0).all():
-        raise HeaderError("radius must be positive")
+    radius, height = (_numbers(data, "", name, (), COORDINATE_MAX) for name in ("radius", "height"))
     groups = _words(data, "", "groups")
     group = _rows(data, "", "group", len(groups), least=-1)
-    if len(group) != len(radius):
-        raise HeaderError(f"group has {len(group)} numbers for {len(radius)} people")
-    return People(radius, group, groups)
+    for name, lengths in (("radius", radius), ("height", height)):
+        if not (lengths > 0.0).all():
+            raise HeaderError(f"{name} must be positive")
+    for name, numbers in (("height", height), ("group", group)):
+        if len(numbers) != len(radius):
+            raise HeaderError(f"{name} has {len(numbers)} numbers for {len(radius)} people")
+    return People(radius, height, group, groups)
 
 
 def fields_to_json(fields: Iterable[LevelField]) -> list[dict[str, Any]]:

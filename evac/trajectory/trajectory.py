@@ -87,7 +87,7 @@ class Trajectory:
     group : (n,) int32
         Index in ``groups`` of each person, -1 for none.
     groups : tuple of str
-    radius : (n,) float64 [m]
+    radius, height : (n,) float64 [m]
     time : (f,) float64 [s]
     rows : tuple of Rows
         What is recorded at each time, as views of the file.
@@ -105,6 +105,7 @@ class Trajectory:
     group: IntArray
     groups: tuple[str, ...]
     radius: FloatArray
+    height: FloatArray
     time: FloatArray
     rows: tuple[Rows, ...] = field(repr=False)
     level_fields: tuple[LevelField, ...]
@@ -312,7 +313,7 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     reader = FrameReader(path, data, schema, len(people.radius), building, origin)
     reader.read(start)
     time = np.array([rows.time for rows in reader.frames], np.float64)
-    for array in (people.group, people.radius, time):
+    for array in (people.group, people.radius, people.height, time):
         array.flags.writeable = False
     return Trajectory(
         path,
@@ -321,6 +322,7 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
         people.group,
         people.groups,
         people.radius,
+        people.height,
         time,
         tuple(reader.frames),
         fields,

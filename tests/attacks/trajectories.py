@@ -62,6 +62,7 @@ def written(path: Path) -> bytes:
         "groups": ["even", "odd"],
         "group": [0, 1, 0, 1, 0],
         "radius": [0.2] * 5,
+        "height": [1.7] * 5,
         "building": building_to_json(three_storeys()),
     }
     writer = TrajectoryWriter(path, header, np.zeros(2))

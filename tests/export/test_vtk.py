@@ -54,6 +54,7 @@ def test_arrays_of_a_frame_are_those_of_the_people_in_it(first_out, tmp_path):
     assert people["person"].tolist() == [1, 2]
     assert people["group"].tolist() == [0, 1]
     np.testing.assert_allclose(people["radius"], [0.3, 0.4], rtol=1e-6)
+    np.testing.assert_allclose(people["height"], [1.7, 1.8], rtol=1e-6)
 
 
 def test_people_stand_on_three_storeys(exported):
@@ -112,7 +113,7 @@ def test_frame_without_people_can_be_read(descent, tmp_path):
 
 
 def test_trajectory_without_frames_is_refused(tmp_path, building):
-    header = {"groups": [], "group": [], "radius": [], "building": building_to_json(building)}
+    header = {"groups": [], "group": [], "radius": [], "height": [], "building": building_to_json(building)}
     TrajectoryWriter(tmp_path / "empty.evac", header, np.zeros(2)).close()
     with pytest.raises(ResultError, match="frame"):
         export_vtk(read_trajectory(tmp_path / "empty.evac"), tmp_path)

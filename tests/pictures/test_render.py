@@ -108,10 +108,21 @@ def test_people_behind_a_floor_show_through():
     pictures = []
     for wall in (-np.inf, np.inf):
         image = np.full((60, 60, 3), 255, np.uint8)
-        place, radius = np.array([[30.0, 50.0, 0.0]]), np.array([8.0])
-        draw_people(image, place, radius, np.array([[0, 0, 200]], np.uint8), 0.6, np.full((60, 60), wall))
+        place, radius, height = np.array([[30.0, 50.0, 0.0]]), np.array([8.0]), np.array([58.0])
+        draw_people(image, place, radius, height, np.array([[0, 0, 200]], np.uint8), 0.6, np.full((60, 60), wall))
         pictures.append(255.0 - image[35, 30, 0])
     assert pictures[1] == pytest.approx(HIDDEN * pictures[0], rel=0.05)
+
+
+def test_figures_are_as_tall_as_people():
+    """Seen from the side; from above, all discs are the same."""
+    height = np.array([48.0, 72.0])
+    for elevation, wanted in ((0.0, height), (0.5 * np.pi, np.array([16.0, 16.0]))):
+        image = np.full((100, 100, 3), 255, np.uint8)
+        places = np.array([[25.0, 85.0, 0.0], [75.0, 85.0, 1.0]])
+        draw_people(image, places, np.full(2, 8.0), height, np.full((2, 3), 90, np.uint8), elevation)
+        drawn = (image[:, :50] < 200).any(axis=(1, 2)), (image[:, 50:] < 200).any(axis=(1, 2))
+        assert [np.count_nonzero(rows) for rows in drawn] == pytest.approx(wanted, abs=3.0)
 
 
 def test_storeys_are_pulled_apart_and_looked_at_from_where_stairs_and_exits_are_seen(trajectory):
@@ -191,7 +202,14 @@ def test_cameras_that_are_none_are_refused(options):
 def closed(path, *names):
     """A trajectory of nobody, with links of the building closed."""
     building = close_links(read_trajectory(path).building, names)
-    header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
+    header = {
+        "title": "",
+        "groups": [],
+        "group": [],
+        "radius": [],
+        "height": [],
+        "building": building_to_json(building),
+    }
     writer = TrajectoryWriter(path.with_name("closed.evac"), header, np.zeros(2))
     writer.append(0.0, crowd_at(np.zeros((0, 2)), []), np.zeros((0, 2)))
     writer.close()
@@ -222,7 +240,14 @@ def test_unwritable_places_are_named(trajectory, tmp_path):
 
 
 def test_trajectory_without_frames_is_refused(tmp_path, building):
-    header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
+    header = {
+        "title": "",
+        "groups": [],
+        "group": [],
+        "radius": [],
+        "height": [],
+        "building": building_to_json(building),
+    }
     TrajectoryWriter(tmp_path / "none.evac", header, np.zeros(2)).close()
     with pytest.raises(ResultError, match=r"none.evac"):
         Renderer(read_trajectory(tmp_path / "none.evac"))

@@ -158,6 +158,8 @@ ENORMOUS = 10**30
         ("radius", [0.2, -1.0]),
         ("radius", [True, True]),
         ("radius", "ab"),
+        ("height", [1.7, 0.0]),
+        ("height", [1.7]),
         ("group", [0, 2]),
         ("group", [0, -2]),
         ("group", [0, 0.5]),
