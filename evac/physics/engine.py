@@ -189,13 +189,7 @@ class CompiledEngine(Engine):
     def advance(
         self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
     ) -> Events:
-        """Make `steps` steps from step `first` on and return the crossings of the tick.
-
-        Raises
-        ------
-        SimulationError
-            A step failed; names the time, the person and the place.
-        """
+        """Make the steps of a tick and return its crossings, see `Engine.advance`."""
         self.load(model)
         state, clock = self.state, self.state.clock
         if self._gather(model, crowd):
@@ -356,10 +350,8 @@ class CompiledEngine(Engine):
         state, bodies = self.state, self.state.bodies
         if np.isfinite(bodies.push[: bodies.inside]).all():
             return None
-        for name, forces, kernel in (
-            ("pair", self._pair_forces, add_forces),
-            ("body", self._body_forces, add_body_forces),
-        ):
+        kinds = (("pair", self._pair_forces, add_forces), ("body", self._body_forces, add_body_forces))
+        for name, forces, kernel in kinds:
             for force in forces:
                 alone = pack_forces([force])
                 alone.address[0] = getattr(force, name).address
@@ -369,11 +361,10 @@ class CompiledEngine(Engine):
                 lost = np.flatnonzero(~np.isfinite(bodies.push[: bodies.inside]).all(axis=1))
                 if len(lost):
                     x, y = bodies.push[lost[0]]
-                    wrong = (
-                        f"{getattr(force, name).title} adds a force of ({x:g}, {y:g}) N to person {bodies.row[lost[0]]}"
-                    )
+                    function = getattr(force, name)
+                    wrong = f"{function.title} adds a force of ({x:g}, {y:g}) N to person {bodies.row[lost[0]]}"
                     remedy = "return finite numbers at every gap, also where bodies overlap"
-                    return fault(f"t = {time:.3f} s: force {force.name!r}", wrong, remedy, getattr(force, name))
+                    return fault(f"t = {time:.3f} s: force {force.name!r}", wrong, remedy, function)
         return None
 
     def own_arrays(self) -> list[str]:
@@ -399,13 +390,7 @@ class CompiledEngine(Engine):
         return f"memory.{model.name}.pairs", f"memory.{model.name}.numbers"
 
     def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore a state returned by `snapshot`, including array sizes, which affect warm starts.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `snapshot` returns.
-        """
+        """Restore what `snapshot` returned, including array sizes, which affect warm starts."""
         state, n = self.state, len(self.state.bodies.row)
         own = self.snapshot()
         most = np.full(len(at.NAMES), FINITE)

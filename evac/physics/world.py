@@ -104,6 +104,11 @@ def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray
     )
 
 
+def has_seams(building: Building) -> bool:
+    """Return whether bodies can touch across portals, or there are walls behind an exit."""
+    return len(building.levels) > 1 or bool(_backed(building).any())
+
+
 def _backed(building: Building) -> np.ndarray:
     """Mark the levels with walls within `BUCKET_REACH` behind one of their exits, such as those of a balcony."""
     backed = np.zeros(len(building.levels), np.uint8)

@@ -19,6 +19,7 @@ from evac.people.placement import add_discs
 from evac.people.ways import walk_all
 from evac.physics.force import Force
 from evac.physics.parts import entries_of_loop
+from evac.physics.world import has_seams
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building
@@ -97,8 +98,7 @@ def run_kernels(
     full: bool,
 ) -> list[Entry]:
     """Return the kernels of the step loop and of behaviours that are known to be needed at the start of a run."""
-    has_seams = full or len(building.levels) > 1
-    found = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
+    found = entries_of_loop(model, forces, case.registry.solvers, full or has_seams(building), full)
     for behaviour in behaviours:
         found += entries_of(sys.modules[type(behaviour).__module__])
     if len(needed_routes(case, behaviours, full)) > len(routes_of(case)):  # they are compared by their lengths
