@@ -3,55 +3,26 @@
 from collections.abc import Callable
 from typing import Any
 
-from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel, inlined, inner, kernel
-from evac.jit.layout import (
-    ByteGrid,
-    Bytes,
-    FloatGrid,
-    Floats,
-    Indices,
-    IntGrid,
-    IntPairs,
-    Ints,
-    Longs,
-    Pairs,
-    Quads,
-    Struct,
-    Triples,
-)
-
-__all__ = [
-    "AddressCall",
-    "ByteGrid",
-    "Bytes",
-    "Entry",
-    "FloatGrid",
-    "Floats",
-    "Indices",
-    "IntGrid",
-    "IntPairs",
-    "Intrinsic",
-    "Ints",
-    "Kernel",
-    "Longs",
-    "Pairs",
-    "Quads",
-    "Struct",
-    "Triples",
-    "body_force",
-    "call_body_force",
-    "call_pair_contact",
-    "call_pair_force",
-    "call_pair_friction",
-    "fused",
-    "inlined",
-    "inner",
-    "kernel",
-    "pair_contact",
-    "pair_force",
-    "pair_friction",
-    "row",
-]
+from evac.jit.kernels import AddressCall as AddressCall
+from evac.jit.kernels import Entry as Entry
+from evac.jit.kernels import Intrinsic as Intrinsic
+from evac.jit.kernels import Kernel as Kernel
+from evac.jit.kernels import inlined as inlined
+from evac.jit.kernels import inner as inner
+from evac.jit.kernels import kernel as kernel
+from evac.jit.layout import ByteGrid as ByteGrid
+from evac.jit.layout import Bytes as Bytes
+from evac.jit.layout import FloatGrid as FloatGrid
+from evac.jit.layout import Floats as Floats
+from evac.jit.layout import Indices as Indices
+from evac.jit.layout import IntGrid as IntGrid
+from evac.jit.layout import IntPairs as IntPairs
+from evac.jit.layout import Ints as Ints
+from evac.jit.layout import Longs as Longs
+from evac.jit.layout import Pairs as Pairs
+from evac.jit.layout import Quads as Quads
+from evac.jit.layout import Struct as Struct
+from evac.jit.layout import Triples as Triples
 
 #: Return a b + c, rounded once (fused multiply-add): identical on all processors, with half the latency.
 fused = Intrinsic("fused", lambda a, b, c: a * b + c)

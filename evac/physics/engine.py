@@ -21,18 +21,15 @@ from evac.physics.allocation import (
     make_state,
     no_solver,
 )
-from evac.physics.contact.blocks import make_on_blocks
-from evac.physics.contact.memory import memory_by_person, recall, remember_by_person, retain
+from evac.physics.contact.memory import memory_by_person, remember_by_person
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
 from evac.physics.contact.packing import pack_forces
 from evac.physics.contact.solver import Solver
 from evac.physics.force import Force, add_body_forces, add_forces
 from evac.physics.order import rows_by_place, rows_by_travel_time
-from evac.physics.parts import drive_of, entries_of_loop, load_solver, solver_of
-from evac.physics.phases import make_alone
-from evac.physics.seams import reaches
-from evac.physics.state import Crowd, Events, State, World
+from evac.physics.parts import entries_of_loop, entries_of_parts, load_solver, solver_of
+from evac.physics.state import Crowd, Events, Parts, State, World
 from evac.physics.threads.threads import Threads
 
 #: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
@@ -238,19 +235,10 @@ class CompiledEngine(Engine):
         state.contacts.memory, state.memory = np.zeros((room, width)), make_kept(room if width else 0, width)
         if isinstance(model, SolvedContactModel):
             state.problem = make_problem(len(state.bodies.row), room)
-        parts = state.parts
-        parts.parameters = self._own
-        parts.law = model.law.address if model.law else 0
-        parts.phase = make_alone.address
-        parts.solver = parts.stronger = no_solver()
-        if isinstance(model, SolvedContactModel):
-            parts.solver, parts.on_blocks = load_solver(self._solver(model)), make_on_blocks.address
-        parts.separation = 0
-        parts.seams = reaches.address if self.has_seams else 0
-        parts.recall, parts.retain = (recall.address, retain.address) if model.memory else (0, 0)
-        parts.drive = drive_of(model).address
-        parts.forces = add_forces.address if self._pair_forces else 0
-        parts.body_forces = add_body_forces.address if self._body_forces else 0
+        loaded = entries_of_parts(model, self._forces, self.has_seams)
+        addresses = {name: entry.address for name, entry in loaded.items()}
+        solver = load_solver(self._solver(model)) if isinstance(model, SolvedContactModel) else no_solver()
+        state.parts = allocate(Parts, 0, **addresses, parameters=self._own, solver=solver, stronger=no_solver())
         for k, force in enumerate(self._pair_forces):
             state.forces.address[k] = force.pair.address
         for k, force in enumerate(self._body_forces):

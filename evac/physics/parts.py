@@ -26,7 +26,7 @@ def entries_of_loop(
     model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
-    found = [drive_of(model), make_alone]
+    found = list(entries_of_parts(model, forces, has_seams).values())
     if isinstance(model, PairContact):
         model.check_pair()
     if model.along_the_way:
@@ -34,24 +34,38 @@ def entries_of_loop(
     if model.law is None:
         found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
     else:
-        found += [driver.advance, model.law]
+        found.append(driver.advance)
     if isinstance(model, SolvedContactModel):
-        found += [make_on_blocks, *entries_of_solver(solver_of(model, solvers))]
+        found += entries_of_solver(solver_of(model, solvers))
         if full:
             found += entries_of_solver(solver_of(model, solvers, stronger=True))
         if full and model.separates:
             found.append(separate)
-    if has_seams:
-        found.append(reaches)
-    if model.memory:
-        found += [recall, retain]
     for force in forces:
         found += functions_of(force)
     return list(dict.fromkeys(found))
 
 
+def entries_of_parts(model: ContactModel, forces: Sequence[Force], has_seams: bool) -> dict[str, Entry]:
+    """Return the kernels whose addresses `Parts` has in a run, by name, except those of solvers and `separation`."""
+    found = {"phase": make_alone, "drive": drive_overdamped if model.overdamped else drive}
+    if model.law is not None:
+        found["law"] = model.law
+    if isinstance(model, SolvedContactModel):
+        found["on_blocks"] = make_on_blocks
+    if model.memory:
+        found |= {"recall": recall, "retain": retain}
+    if has_seams:
+        found["seams"] = reaches
+    if any(force.pair is not None for force in forces):
+        found["forces"] = add_forces
+    if any(force.body is not None for force in forces):
+        found["body_forces"] = add_body_forces
+    return found
+
+
 def functions_of(force: Force) -> list[Entry]:
-    """Return the compiled functions of a force and the kernels that call them.
+    """Return the compiled functions of a force.
 
     Raises
     ------
@@ -61,12 +75,12 @@ def functions_of(force: Force) -> list[Entry]:
     """
     found: list[Entry] = []
     what = f"force {force.name!r}"
-    for name, call, caller in (("pair", call_pair_force, add_forces), ("body", call_body_force, add_body_forces)):
+    for name, call in (("pair", call_pair_force), ("body", call_body_force)):
         function = getattr(force, name)
         if function is not None:
             call.check(function, f"{what}: {name}", type(force))
             check_indices(function, len(packed_row(force, what)), what)
-            found += [caller, function]
+            found.append(function)
     if not found:
         remedy = "define `pair`, decorated with evac.jit.pair_force, or `body`, decorated with evac.jit.body_force"
         raise fault(what, "names no function", remedy, force)
@@ -83,12 +97,6 @@ def load_solver(solver: type[Solver]) -> LoadedSolver:
     """Return a solver as kernels call it."""
     make_phase = solver.make_phase.address if solver.make_phase else 0
     return LoadedSolver(solve=solver.solve.address, make_phase=make_phase, is_checked=int(is_foreign(solver)))
-
-
-def drive_of(model: ContactModel) -> Entry:
-    """Return the drive kernel for a contact model."""
-    chosen: Entry = drive_overdamped if model.overdamped else drive
-    return chosen
 
 
 def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
