@@ -31,12 +31,8 @@ ASSUMED = ("assumed", "repaired", "left out")
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_case(parser, "CASE|BUILDING")
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        metavar="FILE",
-        help="draw every level with all names and with warnings marked at their places (.png, .svg, .pdf)",
-    )
+    what = "draw every level with all names and with warnings marked at their places (.png, .svg, .pdf)"
+    parser.add_argument("--picture", type=Path, metavar="FILE", help=what)
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -15,15 +15,10 @@ from evac.cli.inputs import declare_plugin, declare_result, declare_set, traject
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_result(parser)
-    parser.add_argument(
-        "--to", default="vtk", metavar="FORMAT", help="vtk (default), jupedsim, csv, parquet, geojson, or from a plugin"
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="PATH",
-        help="file, or folder for formats with several files (default: RESULT/export/..., for vtk RESULT)",
-    )
+    what = "vtk (default), jupedsim, csv, parquet, geojson, or from a plugin"
+    parser.add_argument("--to", default="vtk", metavar="FORMAT", help=what)
+    what = "file, or folder for formats with several files (default: RESULT/export/..., for vtk RESULT)"
+    parser.add_argument("--out", type=Path, metavar="PATH", help=what)
     declare_set(parser, "parameters of the exporter", "NAME=VALUE")
     declare_plugin(parser)
 

@@ -23,9 +23,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help="file of the building, or of each storey")
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="new folder for the case")
-    parser.add_argument(
-        "--exit", dest="exits", default="", metavar="N,N", help="numbers of the openings that become exits"
-    )
+    what = "numbers of the openings that become exits"
+    parser.add_argument("--exit", dest="exits", default="", metavar="N,N", help=what)
     many = parser.add_mutually_exclusive_group()
     many.add_argument("--people", type=int, metavar="N", help="number of people, divided among the rooms by area")
     many.add_argument("--density", type=float, metavar="D", help="people per square metre of every room (0.1)")

@@ -26,26 +26,12 @@ from evac.cli.streams import guard_streams, warn_lost_output
 BAD_INPUT = 2
 INTERRUPTED_STATUS = 130
 
-#: Commands in the order of the help, and the module that declares and executes each.
-COMMANDS = {
-    "run": "evac.cli.run",
-    "resume": "evac.cli.resume",
-    "repeat": "evac.cli.repeat",
-    "sweep": "evac.cli.sweep",
-    "list": "evac.cli.catalogue",
-    "check": "evac.cli.check",
-    "import": "evac.cli.importing",
-    "new": "evac.cli.new",
-    "explain": "evac.cli.explain",
-    "plugins": "evac.cli.plugins",
-    "cache": "evac.cli.cache",
-    "replay": "evac.cli.replay",
-    "export": "evac.cli.export",
-    "render": "evac.cli.render",
-    "map": "evac.cli.map",
-    "report": "evac.cli.write_report",
-    "evidence": "evac.cli.evidence",
-}
+#: Commands in the order of the help, and the modules whose names differ from those of their commands.
+COMMANDS = (
+    *("run", "resume", "repeat", "sweep", "list", "check", "import", "new", "explain", "plugins", "cache"),
+    *("replay", "export", "render", "map", "report", "evidence"),
+)
+MODULES = {"list": "catalogue", "import": "importing", "report": "write_report"}
 
 EPILOG = """\
 Exit status:
@@ -74,13 +60,7 @@ def program() -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Execute one command and return its exit status, see `EPILOG`.
-
-    Raises
-    ------
-    SystemExit
-        After --help, and for a wrong command line.
-    """
+    """Execute one command and return its exit status, see `EPILOG`."""
     start_fast()
     os.environ["MPLBACKEND"] = "agg"  # pictures are drawn to files; that of a notebook need not be installed here
     arguments: argparse.Namespace | None = None
@@ -139,8 +119,8 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, home in COMMANDS.items():
-        module = importlib.import_module(home)
+    for name in COMMANDS:
+        module = importlib.import_module(f"evac.cli.{MODULES.get(name, name)}")
         summary = (module.__doc__ or "").partition(": ")[2].partition("\n")[0]
         sub = commands.add_parser(name, help=summary, description=module.__doc__)
         sub.formatter_class = argparse.RawDescriptionHelpFormatter

@@ -17,16 +17,10 @@ PICTURE_SIZE, FILM_SIZE = (1600, 1200), (960, 720)
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_result(parser)
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        nargs="+",
-        help="file to write: picture (.png, .jpg) or film (.gif, .mp4) (default: picture.png and film.gif in RESULT)",
-    )
-    parser.add_argument(
-        "--view", choices=("3d", "plan"), default="3d", help="oblique view, or straight from above (3d)"
-    )
+    what = "file to write: picture (.png, .jpg) or film (.gif, .mp4) (default: picture.png and film.gif in RESULT)"
+    parser.add_argument("--out", type=Path, metavar="FILE", nargs="+", help=what)
+    what = "oblique view, or straight from above (3d)"
+    parser.add_argument("--view", choices=("3d", "plan"), default="3d", help=what)
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
     parser.add_argument(
         "--colour-by",
@@ -37,9 +31,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
     parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="simulated seconds per second (5)")
-    parser.add_argument(
-        "--size", type=int, nargs=2, metavar=("W", "H"), help="pixels (picture 1600 1200, film 960 720)"
-    )
+    what = "pixels (picture 1600 1200, film 960 720)"
+    parser.add_argument("--size", type=int, nargs=2, metavar=("W", "H"), help=what)
     camera = parser.add_argument_group("camera of the 3d view")
     camera.add_argument("--azimuth", type=float, metavar="DEG", help="direction of the camera, counterclockwise from x")
     camera.add_argument("--elevation", type=float, metavar="DEG", help="angle of the view above the horizontal")

@@ -15,9 +15,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_result(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: replay.html in RESULT)")
-    parser.add_argument(
-        "--every", type=float, metavar="S", help="time between two states [s] (default: all that were recorded)"
-    )
+    what = "time between two states [s] (default: all that were recorded)"
+    parser.add_argument("--every", type=float, metavar="S", help=what)
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -17,9 +17,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_case(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-result)")
-    parser.add_argument(
-        "--full", action="store_true", help="include parts that the scene does not need: same trajectories, slower"
-    )
+    what = "include parts that the scene does not need: same trajectories, slower"
+    parser.add_argument("--full", action="store_true", help=what)
     parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
     parser.add_argument("--tolerance", action=Removed, nargs="?", help=argparse.SUPPRESS)
     declare_checkpoint(parser, "none")
@@ -39,12 +38,8 @@ class Removed(argparse.Action):
 
 def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
     """Add --checkpoint to a command."""
-    parser.add_argument(
-        "--checkpoint",
-        type=_seconds,
-        metavar="S",
-        help=f"save a checkpoint every S seconds of wall time, for `evac resume` (default: {default})",
-    )
+    what = f"save a checkpoint every S seconds of wall time, for `evac resume` (default: {default})"
+    parser.add_argument("--checkpoint", type=_seconds, metavar="S", help=what)
 
 
 def declare_threads(parser: argparse.ArgumentParser) -> None:

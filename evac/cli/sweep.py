@@ -52,13 +52,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
-    """Return the keys with several values, and the overrides with a single value.
-
-    Raises
-    ------
-    ScenarioError
-        A value is empty or is not valid TOML.
-    """
+    """Return the keys with several values, and the overrides with a single value."""
     from evac.base.errors import ScenarioError
     from evac.case.overrides import split_values, value_of
 
@@ -78,13 +72,7 @@ def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
 
 
 def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
-    """Return the case of the sweep; None if the table names all cases.
-
-    Raises
-    ------
-    ScenarioError
-        There is neither a case nor a table, or no key has several values.
-    """
+    """Return the case of the sweep; None if the table names all cases."""
     from evac.base.errors import ScenarioError
     from evac.case.loading import load_case
 
@@ -98,13 +86,7 @@ def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
 
 
 def _with_files_beside(folder: Path, case: "Case") -> "Case":
-    """Execute the plugin files of a case that a table in a folder names, which must lie there, and print their paths.
-
-    Raises
-    ------
-    ScenarioError
-        The case has plugin files and lies elsewhere: a table, which may be a stranger's, chooses no other code.
-    """
+    """Execute the plugin files of a case that a table in a folder names; both must lie there."""
     from evac.base.errors import ScenarioError
     from evac.case.trust import is_inside
 

@@ -22,30 +22,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "date": "date of the report",
     }.items():
         parser.add_argument(f"--{name}", metavar="TEXT", help=what)
-    parser.add_argument(
-        "--congestion-density",
-        type=float,
-        metavar="N",
-        help="density above which a place counts as congested [1/m2] (4)",
-    )
-    parser.add_argument(
-        "--congestion-time",
-        type=float,
-        metavar="S",
-        help="total duration above which a place counts as congested [s] (a tenth of the evacuation time)",
-    )
-    parser.add_argument(
-        "--maps", metavar="MAP,...", help="maps to draw, as for evac map; all or none (six of them by default)"
-    )
-    parser.add_argument(
-        "--run",
-        dest="runs",
-        type=Path,
-        metavar="RESULT",
-        action="append",
-        default=[],
-        help="result folder of a run of the study whose plans, congestion and maps are shown (may be repeated)",
-    )
+    what = "density above which a place counts as congested [1/m2] (4)"
+    parser.add_argument("--congestion-density", type=float, metavar="N", help=what)
+    what = "total duration above which a place counts as congested [s] (a tenth of the evacuation time)"
+    parser.add_argument("--congestion-time", type=float, metavar="S", help=what)
+    what = "maps to draw, as for evac map; all or none (six of them by default)"
+    parser.add_argument("--maps", metavar="MAP,...", help=what)
+    what = "result folder of a run of the study whose plans, congestion and maps are shown (may be repeated)"
+    parser.add_argument("--run", dest="runs", type=Path, metavar="RESULT", action="append", default=[], help=what)
 
 
 def execute(arguments: argparse.Namespace) -> int:

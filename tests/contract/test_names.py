@@ -11,8 +11,8 @@ from evac.contract.registry import Registry
 
 ROOT = Path(evac.__file__).parent
 
-#: Where names are allowed: the list of built-in modules, the cases that `evac new` and `evac import` write, evidence.
-MAY_NAME = ("contract/builtin.py", "cli/new.py", "importing/casefile.py", "evidence/")
+#: Where names are allowed: the list of built-in modules, the case that `evac import` writes, evidence.
+MAY_NAME = ("contract/builtin.py", "importing/casefile.py", "evidence/")
 
 #: Registered names that are columns of people.csv, too.
 COLUMNS = {"response_time"}
