@@ -1,14 +1,5 @@
 """Conformance checks for plugins, which plugin authors call in their own tests.
 
-::
-
-    from evac.conformance import check_plugin
-
-    def test_my_model():
-        check_plugin(MyModel)                       # contact model, solver, force, recorder, exporter
-        check_plugin(MyBehaviour, case)             # a behaviour, with a case in which it has an effect
-        check_plugin(MyImporter, case)              # an importer, with a case whose building it reads
-
 A failed check raises `PluginError`, which names the plugin, the check and the scene, and says what is wrong, by how
 much, and what to change. The same checks are applied to all built-in plugins.
 """
@@ -94,6 +85,5 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
         if cls.keeps_distance:
             run(behaviours.check_distance, case, cls.name)
     if issubclass(cls, Recorder):
-        run(cases.check_read_only, cls(**values), case, ticks)
-        run(cases.check_resume, cls(**values), case, ticks)
+        run(cases.check_recorder, cls(**values), case)
     run(cases.check_same_bits, case, ticks)

@@ -25,12 +25,13 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
     for _ in range(ticks):
         if not simulation.ended:
             with scene(f"t = {simulation.time:.1f} s of {case.title}"):
-                _act(behaviour, view, simulation, simulation.time)
+                with _declared_only(behaviour, simulation):
+                    behaviour.act(view.crowd, simulation.time)
                 simulation.advance_tick()
     simulation, behaviour, view = _prepared(case, name)
     for title, time in _made_scenes(simulation):
-        with scene(f"{title} in {case.title}"):
-            _act(behaviour, view, simulation, time)
+        with scene(f"{title} in {case.title}"), _declared_only(behaviour, simulation):
+            behaviour.act(view.crowd, time)
 
 
 def check_distance(case: Case, name: str) -> None:
@@ -72,11 +73,6 @@ def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourSc
         with _declared_only(behaviour, simulation):
             behaviour.prepare(view)
         return simulation, behaviour, view
-
-
-def _act(behaviour: Behaviour, view: BehaviourScene, simulation: Simulation, time: float) -> None:
-    with _declared_only(behaviour, simulation):
-        behaviour.act(view.crowd, time)
 
 
 @contextmanager

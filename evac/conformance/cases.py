@@ -47,41 +47,34 @@ def check_same_bits(case: Case, ticks: int = 20) -> None:
         require(not different, f"omitting parts that are not needed changes {different}", "correct is_needed()")
 
 
-def check_read_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
-    """Check that a recorder does not change a run, works without a result folder, and can finish without a start."""
-    title, plain = f"{counted(ticks, 'tick')} of {case.title}", Simulation(case)
+def check_recorder(recorder: Recorder, case: Case, ticks: int = 10) -> None:
+    """Check that a recorder changes nothing, also without a result folder, and that its files survive a resumed run.
+
+    It can finish without a start. Its files are identical if a run is stopped and resumed.
+    """
+    title, plain = f"{counted(2 * ticks, 'tick')} of {case.title}", Simulation(case)
     plain.recording.recorders = []
-    state = _advance(plain, ticks)
-    with tempfile.TemporaryDirectory() as place:
-        for folder, what in ((None, "without a result folder"), (Path(place), "with a result folder")):
+    state = _advance(plain, 2 * ticks)
+    with tempfile.TemporaryDirectory() as whole, tempfile.TemporaryDirectory() as halved:
+        for folder, what in ((None, "without a result folder"), (Path(whole), "with a result folder")):
             with scene(f"{title}, {what}, finished before its start"):
                 simulation, made = _recorded(case, folder, recorder)
                 made.finish(simulation, None)
             with scene(f"{title}, {what}"), _files_exist():
                 simulation, made = _recorded(case, folder, recorder)
-                different = _difference(state, _advance(simulation, ticks))
+                different = _difference(state, _advance(simulation, 2 * ticks))
                 require(not different, f"changes {different}", "only read the simulation, and copy arrays")
                 with reading(simulation, "finish()", recorder):
                     made.finish(simulation, simulation.results())
-
-
-def check_resume(recorder: Recorder, case: Case, ticks: int = 10) -> None:
-    """Check that the files of a recorder are identical if a run is stopped and resumed."""
-    title = f"{counted(2 * ticks, 'tick')} of {case.title}"
-    with tempfile.TemporaryDirectory() as whole, tempfile.TemporaryDirectory() as halved:
-        with scene(title), _files_exist():
-            simulation, made = _recorded(case, Path(whole), recorder)
-            _advance(simulation, 2 * ticks)
-            made.finish(simulation, simulation.results())
         with scene(f"{title}, resumed in the middle"), _files_exist():
             simulation, made = _recorded(case, Path(halved), recorder)
-            _advance(simulation, ticks)
-            state, kept, files = simulation.state(), simulation.recording.state(), simulation.recording.files()
+            middle = _advance(simulation, ticks)
+            kept, files = simulation.recording.state(), simulation.recording.files()
             _check_state(simulation)
             _advance(simulation, ticks)  # data written after the checkpoint must be truncated on resume
             made.finish(simulation, None)
             simulation, made = _recorded(case, Path(halved), recorder)
-            simulation.restore(state)
+            simulation.restore(middle)
             simulation.recording.restore(simulation, kept, files)
             _advance(simulation, ticks)
             made.finish(simulation, simulation.results())

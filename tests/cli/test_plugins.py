@@ -44,7 +44,7 @@ def test_a_failure_does_not_hide_other_plugins(evac, capsys):
     assert evac("plugins", "--check", "two.py") == 2
     said = capsys.readouterr()
     assert said.out.startswith("force tried: ")
-    assert said.err.startswith("evac: tried: check_read_only, ")
+    assert said.err.startswith("evac: tried: check_recorder, ")
 
 
 def test_a_path_that_is_too_long_is_one_line(evac, capsys):

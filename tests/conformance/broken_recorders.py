@@ -72,27 +72,27 @@ def names_no_file(self):
 
 
 WITHOUT, WITH = (f"scene '20 ticks of .*, {what} a result folder" for what in ("without", "with"))
-BEFORE, HALVED = "scene '20 ticks of .*, finished before its start", "scene '40 ticks of .*, resumed in the middle"
+BEFORE, HALVED = "scene '20 ticks of .*, finished before its start", "scene '20 ticks of .*, resumed in the middle"
 
 BROKEN = [
-    Broken(Meddles, "check_read_only", WITHOUT, "read-only; only read the simulation", ValueError),
-    Broken(Counts, "check_resume", HALVED, r"recorder 'counts' has the attributes calls .* state\(\)"),
-    Broken(CountsAnew, "check_resume", HALVED, r"calls\.txt differs .*; state\(\) must"),
-    Broken(Appends, "check_resume", HALVED, r"appends\.txt differs"),
-    Broken(Impatient, "check_read_only", BEFORE, "has no attribute 'calls'", AttributeError),
-    Broken(NeedsFolder, "check_read_only", WITHOUT, "'NoneType' and 'str'", TypeError),
-    Broken(odd(CountsAnew, start=raising), "check_read_only", WITHOUT, "partner", KeyError),
-    Broken(odd(CountsAnew, record=raising), "check_read_only", WITHOUT, "partner", KeyError),
-    Broken(odd(CountsAnew, finish=raising), "check_read_only", BEFORE, "partner", KeyError),
-    Broken(odd(CountsAnew, state=raising), "check_resume", HALVED, "state: .*partner", KeyError),
-    Broken(odd(CountsAnew, state=lambda self: {"a": [1]}), "check_resume", HALVED, r"\[1\] for 'a'; return arrays"),
-    Broken(odd(CountsAnew, restore=raising), "check_resume", HALVED, "restore: .*partner", KeyError),
+    Broken(Meddles, "check_recorder", WITHOUT, "read-only; only read the simulation", ValueError),
+    Broken(Counts, "check_recorder", HALVED, r"recorder 'counts' has the attributes calls .* state\(\)"),
+    Broken(CountsAnew, "check_recorder", HALVED, r"calls\.txt differs .*; state\(\) must"),
+    Broken(Appends, "check_recorder", HALVED, r"appends\.txt differs"),
+    Broken(Impatient, "check_recorder", BEFORE, "has no attribute 'calls'", AttributeError),
+    Broken(NeedsFolder, "check_recorder", WITHOUT, "'NoneType' and 'str'", TypeError),
+    Broken(odd(CountsAnew, start=raising), "check_recorder", WITHOUT, "partner", KeyError),
+    Broken(odd(CountsAnew, record=raising), "check_recorder", WITHOUT, "partner", KeyError),
+    Broken(odd(CountsAnew, finish=raising), "check_recorder", BEFORE, "partner", KeyError),
+    Broken(odd(CountsAnew, state=raising), "check_recorder", HALVED, "state: .*partner", KeyError),
+    Broken(odd(CountsAnew, state=lambda self: {"a": [1]}), "check_recorder", HALVED, r"\[1\] for 'a'; return arrays"),
+    Broken(odd(CountsAnew, restore=raising), "check_recorder", HALVED, "restore: .*partner", KeyError),
     Broken(
         odd(CountsAnew, restore=lambda self: 0),
         "check_contract",
         "the class",
         r"restore\(self\); define",
     ),
-    Broken(odd(CountsAnew, files=raising), "check_read_only", WITH, "files: .*partner", KeyError),
-    Broken(odd(CountsAnew, files=names_no_file), "check_read_only", WITH, r"nothing\.txt.*; files\(\) must"),
+    Broken(odd(CountsAnew, files=raising), "check_recorder", WITH, "files: .*partner", KeyError),
+    Broken(odd(CountsAnew, files=names_no_file), "check_recorder", WITH, r"nothing\.txt.*; files\(\) must"),
 ]
