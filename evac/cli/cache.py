@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from evac.jit import Entry
-    from evac.jit.store import Store
 
 ACTIONS = {
     "show": "show the folder and its content (the default)",
@@ -40,7 +39,11 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.action == "compile":
         _compile(arguments.plugins)
     elif arguments.action == "clear":
-        _clear()
+        from evac.jit.store import user_store
+
+        store = user_store()
+        if store:
+            store.clear()
     _show()
     return 0
 
@@ -56,28 +59,21 @@ def _compile(plugins: list[str]) -> None:
         addresses_of(all_entries(), display.compiling)
 
 
-def _clear() -> None:
-    from evac.jit.store import user_store
-
-    store = user_store()
-    if store:
-        store.clear()
-
-
 def _show() -> None:
     """Print the folder, the number and size of kernels, and the versions and processor they are compiled for."""
     from evac.cli.screen import show_facts
     from evac.jit.digest import versions
     from evac.jit.processor import host
-    from evac.jit.store import user_store
+    from evac.jit.store import exposure, user_store
 
     store = user_store()
     files = store.entries() if store else []
     sizes = [path.stat().st_size for path in files if path.exists()]
+    problem = exposure(store.folder) if store and store.folder.is_dir() else ""
     show_facts(
         {
             "folder": store.folder if store else "none: there is no home folder, and EVAC_CACHE_DIR is not set",
-            **_exposed(store),
+            **({"not used": f"the folder {problem}"} if problem else {}),
             "compiled kernels": len(files),
             "size": f"{sum(sizes) / 1e6:.2f} MB",
             "compiled by": versions().rpartition(",")[0],
@@ -85,14 +81,6 @@ def _show() -> None:
             "kernels in the wheel": _shipped(),
         }
     )
-
-
-def _exposed(store: "Store | None") -> dict[str, str]:
-    """Return why the folder is not used; empty if it is used."""
-    from evac.jit.store import exposure
-
-    problem = exposure(store.folder) if store and store.folder.is_dir() else ""
-    return {"not used": f"the folder {problem}"} if problem else {}
 
 
 def _shipped() -> str:

@@ -3,8 +3,8 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,8 +14,6 @@ from evac.cli.inputs import positive
 from evac.cli.screen import show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from evac.case.case import Case
     from evac.study.points import Point
     from evac.study.statistics import Estimate
@@ -78,13 +76,15 @@ def run_study(
 ) -> int:
     """Run and show the study of some points; return 2 if runs failed, else 3 if people are left in any run, else 0."""
     from evac.study.asking import conducted
+    from evac.study.executors import dask_executor
 
     first = points[0].case
     prepare(first)
     of_each = f"points: {len(points)}, runs of each" if arguments.command == "sweep" else "runs"
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
     print(f"{of_each}: {number}, seeds from {first.simulation.seed} on", file=sys.stderr, flush=True)
-    with executor_of(arguments.dask) as executor, Display() as display:
+    connected = nullcontext() if arguments.dask is None else dask_executor(arguments.dask)
+    with connected as executor, Display() as display:
         display.phase("checking points and seeds")
         study = conducted(
             points,
@@ -94,22 +94,10 @@ def run_study(
             arguments.jobs,
             executor,
             arguments.resume,
-            Rows(display),
+            shown_progress(display),
             replay,
         )
     return show_study(study)
-
-
-@contextmanager
-def executor_of(address: str | None) -> Iterator["Executor | None"]:
-    """Connect to the Dask scheduler at an address, if there is one."""
-    if address is None:
-        yield None
-        return
-    from evac.study.executors import dask_executor
-
-    with dask_executor(address) as executor:
-        yield executor
 
 
 def prepare(case: "Case") -> None:
@@ -127,28 +115,22 @@ def prepare(case: "Case") -> None:
     show_warnings(warnings)
 
 
-class Rows:
-    """Shows the progress of a study, the first run that fails, and how many runs of a resumed study exist.
+def shown_progress(display: Display) -> "Callable[[Progress], None]":
+    """Return what shows the progress of a study, its first run that fails, and how many runs a resumed study has."""
+    failed: list[str] = []
 
-    Parameters
-    ----------
-    display : Display
-    """
+    def show(progress: "Progress") -> None:
+        if progress.row is None:
+            if progress.done:
+                done = f"resuming: {progress.done} of {progress.wanted} runs are done"
+                print(done, file=sys.stderr, flush=True)
+            return
+        if (error := progress.row.error) is not None and not failed:
+            failed.append(f"failed, while others go on: {text_of(error)}, {error.__notes__[-1]}")
+            show_warnings(failed)
+        display.runs(progress.done, progress.wanted)
 
-    def __init__(self, display: Display) -> None:
-        self._display = display
-        self._has_told = False
-
-    def __call__(self, progress: "Progress") -> None:
-        """Show the number of finished runs."""
-        if progress.row is not None:
-            if progress.row.error is not None and not self._has_told:
-                self._has_told = True
-                place = progress.row.error.__notes__[-1]
-                show_warnings([f"failed, while others go on: {text_of(progress.row.error)}, {place}"])
-            self._display.runs(progress.done, progress.wanted)
-        elif progress.done:
-            print(f"resuming: {progress.done} of {progress.wanted} runs are done", file=sys.stderr, flush=True)
+    return show
 
 
 def show_study(study: "Study") -> int:
