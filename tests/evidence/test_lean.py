@@ -66,6 +66,7 @@ def test_an_unused_strategy_costs_its_field_and_nothing_else():
     assert len(forced.behaviours) == len(plain.behaviours) == 0
 
 
+@pytest.mark.slow
 def test_rows_name_every_part_and_model():
     rows = scene_rows("square_room", 0.5, NAMED[:1], rounds=2)
     assert [(row["model"], row["part forced in"]) for row in rows] == [
@@ -118,6 +119,7 @@ def test_every_command_is_timed(tmp_path):
     assert timed >= set(COMMANDS)
 
 
+@pytest.mark.slow
 def test_output_of_a_fresh_process_counts_the_imports():
     switches = {"output.picture": True, "output.animation": False}
     commands._again(switches)

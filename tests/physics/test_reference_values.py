@@ -88,8 +88,9 @@ def test_explicit_drive_alone(tau):
     crowd = make_crowd([(0, 0)], tau=tau, speed=1.4)
     engine = make_engine(crowd)
     speeds = []
+    model = Dem()
     for step in range(50):
-        engine.advance(Dem(), crowd, step, 1, 0.01, True, False)
+        engine.advance(model, crowd, step, 1, 0.01, True, False)
         speeds.append(crowd.velocity[0, 0])
     np.testing.assert_allclose(speeds, 1.4 * (1 - (1 - 0.01 / tau) ** np.arange(1, 51)), **EXACT)
 

@@ -134,8 +134,9 @@ def test_crossing_times_are_interpolated_and_the_position_is_continuous():
     crowd = make_crowd([(4.0, 2.0)], [(1.5, 0.0)], tau=1e30, radius=0.2)
     engine = make_engine(crowd, cut_floor(0.0), uniform_fields(2))
     seen = []
+    model = Nsm1()
     for step in range(400):
-        events = engine.advance(Nsm1(), crowd, step, 1, 0.01, True, False)
+        events = engine.advance(model, crowd, step, 1, 0.01, True, False)
         if crowd.level[0] >= 0:
             assert crowd.position[0, 0] == pytest.approx(4.0 + 0.015 * (step + 1), abs=1e-10)
         seen += [(int(events.kind[k]), int(events.link[k]), events.time[k]) for k in range(events.number)]
@@ -147,10 +148,11 @@ def test_pushed_back_over_a_portal_and_over_it_again():
     crowd = make_crowd([(4.9, 2.0)], [(1.5, 0.0)], tau=1e30, radius=0.2)
     engine = make_engine(crowd, cut_floor(0.0), uniform_fields(2))
     links = []
+    model = Nsm1()
     for step in range(60):
         if step % 20 == 0 and step:
             crowd.velocity[0, 0] *= -1.0
-        events = engine.advance(Nsm1(), crowd, step, 1, 0.01, True, False)
+        events = engine.advance(model, crowd, step, 1, 0.01, True, False)
         links += list(events.link[: events.number])
         assert crowd.level[0] == (crowd.position[0, 0] > 5.0)
     assert links == [0, 0, 0]

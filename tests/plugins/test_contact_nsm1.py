@@ -37,8 +37,9 @@ def deepest(crowd, walls=()):
 def test_a_crowd_pressed_to_a_door_does_not_overlap(variant, step):
     crowd = random_crowd(60, (0, 0), (5, 5), seed=8)
     engine = make_engine(crowd, make_building(walls=ROOM), fields_towards((6, 2.5)))
+    model = Nsm1(variant=variant)
     for first in range(round(6.0 / step)):
-        engine.advance(Nsm1(variant=variant), crowd, first, 1, step, False, False)
+        engine.advance(model, crowd, first, 1, step, False, False)
         assert deepest(crowd, ROOM) <= 1e-4
     report = engine.report()
     assert report["unconverged_steps"] == 0
@@ -68,8 +69,9 @@ def test_very_different_sizes_and_masses_do_not_overlap(variant):
     crowd.velocity[0] = (3.0, 0.5)
     crowd.speed[0] = 3.0
     engine = make_engine(crowd)
+    model = Nsm1(variant=variant)
     for first in range(100):
-        engine.advance(Nsm1(variant=variant), crowd, first, 1, 0.05, False, False)
+        engine.advance(model, crowd, first, 1, 0.05, False, False)
         assert deepest(crowd) <= 1e-4
     if variant == "inertial":
         assert engine.report()["repeated_searches"] > 0
@@ -151,8 +153,9 @@ def test_bodies_stay_apart_where_the_solve_does_not_converge():
     crowd = make_crowd(places, radius=0.2, mass=mass, tau=0.2, speed=1.5)
     wall = (0, -9, 0, 9)
     engine = make_engine(crowd, make_building(walls=[wall]), fields_towards((0.0, 0.9)))
+    model = Nsm1(iterations=4, solver="uzawa")
     for first in range(10):
-        engine.advance(Nsm1(iterations=4, solver="uzawa"), crowd, first, 1, 0.05, False, False)
+        engine.advance(model, crowd, first, 1, 0.05, False, False)
         assert deepest(crowd, [wall]) <= 1e-4
     assert engine.report()["unconverged_steps"] == 10
     assert np.abs(crowd.velocity).max() > 0.1  # they still move

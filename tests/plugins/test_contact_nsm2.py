@@ -152,8 +152,9 @@ def test_a_report_of_forces_changes_nothing():
         crowd = random_crowd(12, (0, 0), (3, 3), seed=3, speed=1.5)
         engine = make_engine(crowd, make_building(walls=ROOM), uniform_fields(1, (0.6, -0.8)))
         felt = 0.0
+        model = Nsm2(tangential_dissipation=40.0)
         for first in range(150):
-            engine.advance(Nsm2(tangential_dissipation=40.0), crowd, first, 1, 0.01, True, report)
+            engine.advance(model, crowd, first, 1, 0.01, True, report)
             felt += crowd.contact_force.sum()
         assert (felt > 0.0) == report
         found.append((crowd.position.tolist(), engine.report()))
