@@ -1,6 +1,7 @@
 """Scenes for contact models: a flat level, with or without the walls of a room, and one direction for all people."""
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,6 +48,12 @@ class Pace(NamedTuple):
 PLAIN = Pace()
 
 
+@cache
+def registered() -> Registry:
+    """Return the registered plugins, read once; the plugin that is checked is not among them."""
+    return Registry()
+
+
 def walk(
     model: ContactModel,
     pace: Pace,
@@ -62,7 +69,7 @@ def walk(
     The engine goes on from the snapshot of another one, if it is given.
     """
     world = make_world(_flat(walls), _fields(ahead))
-    engine = CompiledEngine(world, len(crowd.level), [], solvers=Registry().solvers)
+    engine = CompiledEngine(world, len(crowd.level), [], solvers=registered().solvers)
     crowd = crowd.replace(velocity=crowd.velocity / pace.slow, speed=crowd.speed / pace.slow, tau=crowd.tau * pace.slow)
     model.check_scene(border_scene(crowd, pace.step, True))
     if saved is not None:
@@ -106,7 +113,7 @@ def greatest_overlap(crowd: Crowd) -> float:
 
 def solved_model() -> type[ContactModel]:
     """Return a registered contact model that solves contact problems."""
-    return next(model for model in Registry().contact_models.values() if issubclass(model, SolvedContactModel))
+    return next(model for model in registered().contact_models.values() if issubclass(model, SolvedContactModel))
 
 
 def _flat(walls: FloatArray) -> Building:

@@ -8,9 +8,9 @@ import inspect
 import sys
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, MethodType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 import pluggy
@@ -58,6 +58,14 @@ class Provenance:
     version: str
 
 
+class _Manager(pluggy.PluginManager):
+    """Looks for hooks among the functions of a module, since pluggy inspects every name at length."""
+
+    def parse_hookimpl_opts(self, plugin: Any, name: str) -> Any:
+        is_function = isinstance(vars(plugin).get(name), (FunctionType, MethodType))
+        return super().parse_hookimpl_opts(plugin, name) if is_function else None
+
+
 class Registry:
     """All registered contact models, solvers, forces, behaviours, recorders, importers, exporters and shipped cases.
 
@@ -86,7 +94,7 @@ class Registry:
     """
 
     def __init__(self, plugin_files: Iterable[str | Path] = (), *, builtins: Sequence[str] = BUILTIN_PLUGINS) -> None:
-        self._manager = pluggy.PluginManager("evac")
+        self._manager = _Manager("evac")
         self._manager.add_hookspecs(hooks)
         self.hook = self._manager.hook
         self.provenance: list[Provenance] = []
@@ -105,7 +113,7 @@ class Registry:
             with plugin_code(f"built-in plugin {name} cannot be loaded", None):
                 module = importlib.import_module(name)
             self._register(module, Provenance(name, "built-in", "evac", version))
-        for entry in sorted(importlib.metadata.entry_points(group="evac"), key=lambda entry: entry.name):
+        for entry in _installed(tuple(sys.path)):
             origin = entry.dist.name if entry.dist else "unknown"
             with plugin_code(f"plugin {entry.value} of distribution {origin} cannot be loaded", None):
                 module = entry.load()
@@ -310,6 +318,12 @@ class Registry:
             raise fault(f"plugin {plugin}", taken, "choose another name, or remove one of the plugins", origin)
         self._owners[kind, name] = plugin
         self._tables[kind][name] = item
+
+
+@cache
+def _installed(path: tuple[str, ...]) -> list[importlib.metadata.EntryPoint]:
+    """Return the entry points of installed plugins, which are read again if the search path has changed."""
+    return sorted(importlib.metadata.entry_points(group="evac"), key=lambda entry: entry.name)
 
 
 def _module_of(path: Path, text: bytes) -> ModuleType:

@@ -94,7 +94,9 @@ def classes_in(module: ModuleType) -> list[type[Any]]:
 
     A class without a name of its own is regarded as a base of the others if one of them derives from it.
     """
-    found = {one: None for one in vars(module).values() if kind_of(one) and _is_in(module, one)}
+    found = {
+        one: None for one in vars(module).values() if isinstance(one, type) and _is_in(module, one) and kind_of(one)
+    }
     return [
         one
         for one in found

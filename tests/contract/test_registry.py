@@ -290,11 +290,15 @@ def test_an_unknown_built_in_is_named():
 
 def test_an_installed_plugin_is_registered_with_its_distribution(tmp_path, monkeypatch):
     written(tmp_path, "installed_spring.py", SPRING)
-    info = tmp_path / "evac_spring-2.5.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evac-spring\nVersion: 2.5\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text("[evac]\nspring = installed_spring\n", encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
+
+    def install(folder, module):
+        info = folder / "evac_spring-2.5.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evac-spring\nVersion: 2.5\n", encoding="utf-8")
+        (info / "entry_points.txt").write_text(f"[evac]\nspring = {module}\n", encoding="utf-8")
+        monkeypatch.syspath_prepend(folder)
+
+    install(tmp_path, "installed_spring")
     registry = bare()
     (row,) = registry.provenance
     assert (row.plugin, row.source, row.origin, row.version) == (
@@ -304,7 +308,7 @@ def test_an_installed_plugin_is_registered_with_its_distribution(tmp_path, monke
         "2.5",
     )
     assert "spring" in registry.contact_models
-    (info / "entry_points.txt").write_text("[evac]\nspring = no_such_module\n", encoding="utf-8")
+    install(tmp_path / "later", "no_such_module")
     with pytest.raises(PluginError, match=r"no_such_module .* evac-spring"):
         bare()
 
