@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from evac.analysis.frame_rate import regular_frames
+from evac.analysis.tables import regular_frames
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
 from evac.export.exporter import Exporter, file_stems

@@ -146,7 +146,7 @@ class _Exceeding:
     def add(self, position: FloatArray, time: float, span: float) -> None:
         """Add the people of the level at a recorded time, which represent the time `span` after it."""
         if len(position):
-            density = self.grid.smoothed(self.grid.gathered(position))
+            density = self.grid.density(position)
             np.maximum(self.greatest, density, out=self.greatest)
             exceeded: NDArray[np.bool_] = density > self._density
         else:

@@ -61,6 +61,10 @@ class Grid(Cells):
         """Return sum_i values_i K(x - x_i) / k_i in every cell, (ny, nx) [unit of the values / m2]; 0 off the floor."""
         return np.where(self.on_floor, self._smooth(gathered) / self.spacing**2, 0.0)
 
+    def density(self, position: FloatArray) -> FloatArray:
+        """Return the density of people at points (s, 2) in every cell, (ny, nx) [1/m2]."""
+        return self.smoothed(self.gathered(position))
+
     def covered(self, position: FloatArray, radius: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return pairs of bodies and covered cells of the floor: rows of `position`, and numbers of cells.
 

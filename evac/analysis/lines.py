@@ -115,16 +115,12 @@ class _Ways:
     def between(self, source: int, target: int) -> list[int]:
         """Return the levels after `source` on the path over the fewest levels to `target`; empty if there is none."""
         if (source, target) not in self._known:
-            before = {source: source}
-            queue = deque([source])
-            while queue and target not in before:
-                here = queue.popleft()
+            paths, seen = deque([[source]]), {source}
+            while paths and target not in seen:
+                path = paths.popleft()
                 for first, second in self._rows:
-                    if first == here and second not in before and here >= 0:
-                        before[second] = here
-                        queue.append(second)
-            way = [target] if target in before else []
-            while way and before[way[0]] != source:
-                way.insert(0, before[way[0]])
-            self._known[source, target] = way
+                    if first == path[-1] and second not in seen:
+                        seen.add(second)
+                        paths.append([*path, second])
+            self._known[source, target] = next((path[1:] for path in paths if path[-1] == target), [])
         return self._known[source, target]

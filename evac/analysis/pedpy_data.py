@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from evac.analysis.frame_rate import regular_frames
+from evac.analysis.tables import regular_frames
 from evac.base.errors import ResultError
 from evac.building.model.storeys import level_of
 from evac.trajectory.trajectory import Trajectory

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,20 +15,17 @@ from evac.base.parameters import did_you_mean
 from evac.pictures import palette
 from evac.trajectory.trajectory import Frame, Trajectory
 
-#: Quantities by which people can be coloured, and the labels of their scales.
+#: Quantities by which people can be coloured: labels of their scales, and names of their colours in the palette.
 COLOURINGS = {
-    "group": "group",
-    "speed": "speed\n[m/s]",
-    "density": "density\n[1/m²]",
-    "contact_force": "contact force\n[kN]",
-    "waiting": "waited so far\n[s]",
+    "group": ("group", ""),
+    "speed": ("speed\n[m/s]", "speed"),
+    "density": ("density\n[1/m²]", "density"),
+    "contact_force": ("contact force\n[kN]", "contact force"),
+    "waiting": ("waited so far\n[s]", "waiting time"),
 }
 
 #: Maximum number of groups in a legend.
 LEGEND_GROUPS = 24
-
-#: Scale of colours of quantities.
-SCALE = "plasma"
 
 #: Maximum number of frames that determine the top of a scale.
 SAMPLES = 40
@@ -48,6 +44,8 @@ class Colouring:
     top : float or None
         Upper end of the colour scale, which begins at 0; None for groups.
     label : str
+    scale : (256, 3) uint8
+        Colours of the scale; none for groups.
     """
 
     of: Callable[[Frame], NDArray[np.uint8]]
@@ -55,17 +53,12 @@ class Colouring:
     colours: tuple[str, ...]
     top: float | None
     label: str
+    scale: NDArray[np.uint8]
 
     @property
     def has_legend(self) -> bool:
         """Whether there are entries for a legend."""
         return self.top is not None or len(self.names) > 0
-
-    @staticmethod
-    def scale() -> NDArray[np.uint8]:
-        """Return the colour scale of quantities, (256, 3)."""
-        table = matplotlib.colormaps[SCALE](np.linspace(0.0, 0.95, 256))[:, :3]
-        return np.asarray((255.0 * table).round(), np.uint8)
 
 
 def colouring(trajectory: Trajectory, colour_by: str) -> Colouring:
@@ -85,25 +78,24 @@ def colouring(trajectory: Trajectory, colour_by: str) -> Colouring:
     """
     if colour_by not in COLOURINGS:
         raise ResultError(f"unknown colouring {colour_by!r}; {did_you_mean(colour_by, list(COLOURINGS))}")
-    label = COLOURINGS[colour_by]
+    label, colours = COLOURINGS[colour_by]
     if colour_by == "group":
         shades = palette.group_colours(len(trajectory.groups))
         table = np.array(palette.rgb(shades), np.uint8)
         is_told = 1 < len(trajectory.groups) <= LEGEND_GROUPS
         names = trajectory.groups if is_told else ()
-        return Colouring(
-            lambda frame: table[trajectory.group[frame["person"]]], names, tuple(shades[: len(names)]), None, label
-        )
+        of_group = lambda frame: table[trajectory.group[frame["person"]]]  # noqa: E731
+        return Colouring(of_group, names, tuple(shades[: len(names)]), None, label, table[:0])
     quantity = QUANTITIES[colour_by](trajectory)
     chosen = np.unique(np.linspace(0, len(trajectory) - 1, SAMPLES).astype(int))
     values = np.concatenate([quantity(trajectory[k]) for k in chosen.tolist()])
     top = _round_up(float(np.percentile(values, 99.0)) if values.size else 0.0)
-    scale = Colouring.scale()
+    scale = (255.0 * palette.scale(colours)).round().astype(np.uint8)
 
     def of(frame: Frame) -> NDArray[np.uint8]:
         return scale[np.clip(255.0 * quantity(frame) / top, 0.0, 255.0).astype(np.int64)]
 
-    return Colouring(of, (), (), top, label)
+    return Colouring(of, (), (), top, label, scale)
 
 
 def _speed(trajectory: Trajectory) -> Callable[[Frame], FloatArray]:
@@ -124,8 +116,7 @@ def _density(trajectory: Trajectory) -> Callable[[Frame], FloatArray]:
                 grids[index] = Grid(trajectory.building.levels[index], SPACING, KERNEL_RADIUS)
             here = frame["level"] == index
             position = frame["position"][here]
-            field = grids[index].smoothed(grids[index].gathered(position))
-            values[here] = field.ravel()[grids[index].cell(position)]
+            values[here] = grids[index].density(position).ravel()[grids[index].cell(position)]
         return values
 
     return of

@@ -5,10 +5,9 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.ticker import MaxNLocator
@@ -21,16 +20,16 @@ from evac.pictures import palette
 from evac.pictures.floorplan import Plans, draw_plans, outline
 from evac.trajectory.trajectory import Trajectory
 
-#: Colour map of each quantity; low values are light for quantities that are zero in most places.
-SCALES = {
-    "density": "YlOrRd",
-    "max_density": "YlOrRd",
-    "speed": "viridis",
-    "flow": "YlGnBu",
-    "waiting": "YlOrRd",
-    "time_to_clear": "viridis",
-    "contact_pressure": "YlOrRd",
-    "usage": "YlGnBu",
+#: Name of the colours of each map in the palette, and whether the floor shows through low values; as in the replay.
+COLOURS = {
+    "density": ("density", True),
+    "max_density": ("density", True),
+    "speed": ("speed", False),
+    "flow": ("density", True),
+    "waiting": ("waiting time", True),
+    "time_to_clear": ("waiting time", False),
+    "contact_pressure": ("contact force", False),
+    "usage": ("density", False),
 }
 
 #: Colours of floors where a map has no value, and of cells that are never cleared.
@@ -95,7 +94,7 @@ def draw_map(
     title += textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
     plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False)
     norm = Normalize(0.0, _top(grids.values()))
-    colours = matplotlib.colormaps[SCALES[quantity]].with_extremes(bad=(0, 0, 0, 0), over=NEVER)
+    colours = _colours(quantity)
     for axes, shown in zip(plans.axes, plans.levels, strict=True):
         for level in shown:
             axes.add_patch(PathPatch(outline(level), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
@@ -156,6 +155,15 @@ def write_maps(
             figure.savefig(new)
         written.append(place)
     return written
+
+
+def _colours(quantity: str) -> Colormap:
+    """Return the colours of a map; where there is nothing, or little of some quantities, the floor shows through."""
+    name, is_veiled = COLOURS[quantity]
+    share = np.linspace(0.0, 1.0, 256)
+    opacity = np.minimum(share / 0.4, 1.0) ** 0.8 if is_veiled else (share > 0.0).astype(float)
+    colours = ListedColormap(np.column_stack([palette.scale(name), 0.92 * opacity]))
+    return colours.with_extremes(bad=(0, 0, 0, 0), over=NEVER)
 
 
 def _top(grids: Iterable[np.ndarray]) -> float:

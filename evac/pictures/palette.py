@@ -1,6 +1,10 @@
-"""Colours of all pictures, so that groups, exits and walls have the same colours in each of them."""
+"""Colours of all pictures and of the replay: groups, exits, walls and quantities have the same ones in each of them."""
 
 from collections.abc import Sequence
+
+import numpy as np
+
+from evac.base.arrays import FloatArray
 
 #: Colours of groups in their order: those of Okabe and Ito (2008, https://jfly.uni-koeln.de/color), distinguished with
 #: any kind of colour vision, without yellow and black, which have too little contrast to floors and walls;
@@ -26,6 +30,13 @@ STOPS = {
     "cividis": ["#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838"],
     "plasma": ["#0d0887", "#4c02a1", "#7e03a8", "#aa2395", "#cc4778", "#e66c5c", "#f89540", "#fdc527", "#f0f921"],
 }
+
+
+def scale(quantity: str) -> FloatArray:
+    """Return the colour map of one of `MAPS`, (256, 3) with numbers from 0 to 1."""
+    stops = np.array(rgb(STOPS[MAPS[quantity]])) / 255.0
+    at = np.linspace(0.0, len(stops) - 1.0, 256)
+    return np.column_stack([np.interp(at, np.arange(len(stops)), channel) for channel in stops.T])
 
 
 def group_colours(count: int) -> list[str]:

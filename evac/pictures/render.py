@@ -15,7 +15,7 @@ from evac.building.model.building import Building
 from evac.building.model.storeys import level_of
 from evac.folder.files import replacing
 from evac.pictures.camera import Camera
-from evac.pictures.colouring import Colouring, colouring
+from evac.pictures.colouring import colouring
 from evac.pictures.pawns import draw_people
 from evac.pictures.view import View
 from evac.pictures.writing import Pen
@@ -131,7 +131,7 @@ class Renderer:
         pen.title(str(self.trajectory.header.get("title", "")))
         colours = self._colouring
         if colours.top is not None:
-            pen.colour_bar(view.side, Colouring.scale(), colours.top, colours.label)
+            pen.colour_bar(view.side, colours.scale, colours.top, colours.label)
         elif colours.has_legend:
             pen.legend(view.side, colours.names, colours.colours)
         pen.scale_bar(view.scale)

@@ -1,7 +1,7 @@
 """The header of a trajectory file: conversion of building and people to and from plain JSON, with checks on reading."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -47,34 +47,32 @@ class People:
 
 def building_to_json(building: Building) -> dict[str, Any]:
     """Return the building as lists, numbers and strings; floats are exact."""
+    parts = {"levels": building.levels, "portals": building.portals, "exits": building.exits}
+    parts |= {"areas": building.areas, "doors": building.doors}
     return {
         "source": building.source.name,
         "vertices": building.vertices.tolist(),
-        "levels": [_level_to_json(level) for level in building.levels],
-        "portals": [
-            {"name": p.name, "levels": list(p.levels), "segments": p.segments.tolist(), "width": p.width}
-            for p in building.portals
-        ],
-        "exits": [
-            {"name": e.name, "level": e.level, "segments": e.segments.tolist(), "width": e.width}
-            for e in building.exits
-        ],
-        "areas": [{"name": a.name, "level": a.level, "polygon": mapping(a.polygon)} for a in building.areas],
+        **{key: [_row_of(part) for part in rows] for key, rows in parts.items()},
         "walls": building.walls.tolist(),
         "wall_level": building.wall_level.tolist(),
         "stairs": {name: list(levels) for name, levels in building.stairs.items()},
         "warnings": list(building.warnings),
         "closed": sorted(building.closed),
-        "doors": [
-            {"name": d.name, "level": d.level, "segment": d.segment.tolist(), "width": d.width} for d in building.doors
-        ],
     }
+
+
+def _row_of(part: Any) -> dict[str, Any]:
+    """Return the attributes of a level, portal, exit, area or door, without its index."""
+    row: dict[str, Any] = {}
+    for key in (field.name for field in fields(part) if field.name != "index"):
+        value = getattr(part, key)
+        is_shape = isinstance(value, BaseGeometry)
+        row[key] = mapping(value) if is_shape else value.tolist() if isinstance(value, np.ndarray) else value
+    return row
 
 
 def building_from_json(data: Any) -> Building:
     """Return the building from the output of `building_to_json`.
-
-    In files of earlier versions every link is open, and there are no doors.
 
     Raises
     ------
@@ -98,8 +96,7 @@ def building_from_json(data: Any) -> Building:
     if len(wall_level) != len(walls):
         raise HeaderError(f"building.wall_level has {len(wall_level)} numbers for {len(walls)} walls")
     stairs = _get(data, "building", "stairs", dict)
-    closed = _rows(data, "building", "closed", len(portals) + len(exits)) if "closed" in data else ()
-    doors = _list(data, "building", "doors") if "doors" in data else ()
+    closed = _rows(data, "building", "closed", len(portals) + len(exits))
     return Building(
         source=Path(_get(data, "building", "source", str)),
         vertices=vertices,
@@ -112,7 +109,7 @@ def building_from_json(data: Any) -> Building:
         stairs={name: tuple(_rows(stairs, "building.stairs", name, n).tolist()) for name in stairs},
         findings=as_findings(_words(data, "building", "warnings")),
         closed=frozenset(int(link) for link in closed),
-        doors=tuple(_door(index, d, n) for index, d in enumerate(doors)),
+        doors=tuple(_door(index, d, n) for index, d in enumerate(_list(data, "building", "doors"))),
     )
 
 
@@ -136,9 +133,9 @@ def people_from_json(data: Any) -> People:
     return People(radius, height, group, groups)
 
 
-def fields_to_json(fields: Iterable[LevelField]) -> list[dict[str, Any]]:
+def fields_to_json(given: Iterable[LevelField]) -> list[dict[str, Any]]:
     """Return names, units and cells of fields of behaviours as JSON data."""
-    return [{"name": field.name, "unit": field.unit, "spacing": field.spacing} for field in fields]
+    return [{"name": field.name, "unit": field.unit, "spacing": field.spacing} for field in given]
 
 
 def fields_from_json(data: Any, building: Building) -> tuple[LevelField, ...]:
@@ -152,17 +149,17 @@ def fields_from_json(data: Any, building: Building) -> tuple[LevelField, ...]:
     rows = _list(data, "", "level_fields")
     if len(rows) > MOST_FIELDS:
         raise HeaderError(f"level_fields has {len(rows)} rows, more than {MOST_FIELDS}")
-    fields: dict[str, LevelField] = {}
+    found: dict[str, LevelField] = {}
     for index, row in enumerate(rows):
         key = f"level_fields.{index}"
         name, unit = _get(row, key, "name", str), _get(row, key, "unit", str)
-        if name in fields:
+        if name in found:
             raise HeaderError(f"{key}.name is that of another field")
         try:
-            fields[name] = LevelField(building, name, unit, _number(row, key, "spacing", 0.0, COORDINATE_MAX))
+            found[name] = LevelField(building, name, unit, _number(row, key, "spacing", 0.0, COORDINATE_MAX))
         except ValueError as error:
             raise HeaderError(f"{key}.spacing: {error}") from error
-    return tuple(fields.values())
+    return tuple(found.values())
 
 
 def origin_from_json(data: Any) -> FloatArray:
@@ -177,20 +174,6 @@ def origin_from_json(data: Any) -> FloatArray:
     if origin.shape != (2,):
         raise HeaderError(f"origin has {len(origin)} numbers instead of 2")
     return origin
-
-
-def _level_to_json(level: Level) -> dict[str, Any]:
-    return {
-        "name": level.name,
-        "kind": level.kind,
-        "stair": level.stair,
-        "triangles": level.triangles.tolist(),
-        "polygon": mapping(level.polygon),
-        "uphill": level.uphill.tolist(),
-        "slope": level.slope,
-        "z_min": level.z_min,
-        "z_max": level.z_max,
-    }
 
 
 def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> Level:

@@ -1,5 +1,7 @@
 """Pictures of maps, looked at by their pixels."""
 
+import re
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -7,8 +9,10 @@ from PIL import Image
 from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
+from evac.pictures.colouring import COLOURINGS
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import NEVER, draw_map, write_maps
+from evac.pictures.map_pictures import COLOURS, NEVER, draw_map, write_maps
+from evac.replay.writer import PAGE
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -74,3 +78,10 @@ def test_ticks_of_people_are_whole_numbers(written):
     ticks = figure.axes[-1].get_yticks()
     assert len(ticks) > 1
     assert (ticks == np.round(ticks)).all()
+
+
+def test_maps_have_the_colours_of_the_replay():
+    script = (PAGE / "maps.js").read_text(encoding="utf-8")
+    table = re.findall(r'colours: "([^"]+)"(, isVeiled: true)?', script)
+    assert [(name, bool(veiled)) for name, veiled in table] == [COLOURS[quantity] for quantity in QUANTITIES]
+    assert {name for _, name in COLOURINGS.values() if name} <= {*palette.MAPS}

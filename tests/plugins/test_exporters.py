@@ -75,7 +75,7 @@ def test_pedpy_takes_a_level_in_one_call(trajectory):
 
 
 def test_a_last_frame_between_two_output_times_is_left_out(trajectory, tmp_path):
-    from evac.analysis.frame_rate import regular_frames
+    from evac.analysis.tables import regular_frames
 
     class Fewer:
         path = trajectory.path
