@@ -3,6 +3,7 @@
 import mmap
 import os
 import stat
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
@@ -175,12 +176,16 @@ class Trajectory:
 
     def building_at(self, time: float) -> Building:
         """Return the building with the exits and portals that are closed at `time` [s]."""
-        building = building_at(self.building, self.changes, time)
-        return self._buildings.setdefault(building.closed, building)
+        return self._buildings[bisect_right(self.changes, time, key=lambda change: change.time)]
 
     @cached_property
-    def _buildings(self) -> dict[frozenset[int], Building]:
-        return {}
+    def _buildings(self) -> list[Building]:
+        """The building before all changes and after each of them; the same one whenever the same links are closed."""
+        buildings, known = [self.building], {self.building.closed: self.building}
+        for change in self.changes:
+            after = building_at(buildings[-1], [change], change.time)
+            buildings.append(known.setdefault(after.closed, after))
+        return buildings
 
     @cached_property
     def origin(self) -> FloatArray:
