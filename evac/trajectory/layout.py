@@ -62,7 +62,7 @@ def pack_start(path: Path, header: Mapping[str, Any], schema: pa.Schema) -> byte
     ResultError
         The header is longer than `HEADER_BYTES_MAX`.
     """
-    text = json.dumps(header, allow_nan=False).encode()
+    text = json.dumps(header, allow_nan=False, separators=(",", ":")).encode()
     if len(text) > HEADER_BYTES_MAX:
         raise ResultError(
             f"{path}: the building is too large for a trajectory: its header would have {len(text)} bytes, "
