@@ -35,7 +35,9 @@ class Parts:
 
     def records(self) -> list[bytes]:
         """Return the file in records."""
-        text = self.header if isinstance(self.header, bytes) else json.dumps(self.header, separators=(",", ":")).encode()
+        text = (
+            self.header if isinstance(self.header, bytes) else json.dumps(self.header, separators=(",", ":")).encode()
+        )
         messages = [self.schema.with_metadata({b"evac.trajectory": text}).serialize()]
         messages += [self._batch(frame).serialize() for frame in self.frames]
         records, place = [], 0
