@@ -69,10 +69,7 @@ def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourSc
         found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
         if found is None:
             raise CheckError(f"the case does not use behaviour {name!r}", "give a case that does")
-        behaviour, view = found
-        with _declared_only(behaviour, simulation):
-            behaviour.prepare(view)
-        return simulation, behaviour, view
+        return simulation, *found
 
 
 @contextmanager

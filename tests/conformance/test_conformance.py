@@ -6,6 +6,7 @@ from evac.case.loading import load_case
 from evac.conformance import check_plugin
 from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.contract.registry import Registry
+from evac.people.behaviour import Behaviour
 
 REGISTRY = Registry()
 
@@ -82,6 +83,27 @@ def test_an_importer_conforms(name):
 @pytest.mark.parametrize("name", list(REGISTRY.exporters))
 def test_an_exporter_conforms(name):
     check_plugin(REGISTRY.exporters[name])
+
+
+class Owner(Behaviour):
+    """Owns a field, as smoke."""
+
+    name = "owner"
+    reads = writes = ("speed_factor",)
+
+    def prepare(self, scene):
+        self.field = scene.level_field("smoke", "1/m")
+
+    def act(self, crowd, time):
+        self.field.values += 0.1
+        crowd.speed_factor[:] *= 0.9
+
+    def state(self):
+        return {}
+
+
+def test_a_behaviour_with_a_field_of_its_own_conforms():
+    check_plugin(Owner)
 
 
 def test_built_ins_are_named_after_what_they_are():
