@@ -7,7 +7,7 @@
         conclude           contact forces, energy, motion, crossings of portals and exits
         cut                undo the step; return the number of parts to try next
 
-Contact models written in NumPy make the same calls from Python, see `ContactModel.advance`.
+Contact models written in NumPy are called at an address, too.
 """
 
 import math
@@ -154,8 +154,8 @@ def _separate(state):
     return OK
 
 
-@kernel
-def set_clock(state: State, part: int, parts: int) -> None:
+@inner
+def set_clock(state, part, parts):
     """Set the time and length of a sub-step, and whether contact forces are reported after it."""
     clock = state.clock
     clock.h = clock.length / parts
@@ -163,8 +163,8 @@ def set_clock(state: State, part: int, parts: int) -> None:
     clock.reports = 1 if clock.report_force and clock.now == clock.last - 1 and part == parts - 1 else 0
 
 
-@kernel
-def approach(state: State) -> int:
+@inner
+def approach(state):
     """Set the free velocities and find the contacts in reach; return a status."""
     bodies, traits, h, phase = state.bodies, state.traits, state.clock.h, state.parts.phase
     call_phase(phase, state, LOOK)
@@ -277,8 +277,8 @@ def _tally_contacts(state):
     tally[at.OVERLAP_SUM] = total
 
 
-@kernel
-def conclude(state: State) -> int:
+@inner
+def conclude(state):
     """Report contact forces if requested, sum the work, keep percussions and memory, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if clock.reports and traits.reports_percussions:
@@ -298,8 +298,8 @@ def conclude(state: State) -> int:
     return status
 
 
-@kernel
-def open_step(state: State) -> None:
+@inner
+def open_step(state):
     """Save bodies, sums, events, percussions and memory at the start of a step."""
     contacts = state.contacts
     call_phase(state.parts.phase, state, OPEN)
@@ -312,8 +312,8 @@ def open_step(state: State) -> None:
     contacts.failed_before = contacts.separation_failed
 
 
-@kernel
-def cut(state: State, status: int, parts: int) -> int:
+@inner
+def cut(state, status, parts):
     """Undo the step; return the number of parts to try next, 0 if further subdivision does not help.
 
     The memory of contacts is again that of the start of the step. The sub-steps start without warm start percussions,

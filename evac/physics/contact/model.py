@@ -3,7 +3,7 @@
 import math
 from abc import ABC
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,7 @@ from evac.base.errors import PluginError, ScenarioError, fault, is_foreign
 from evac.base.parameters import Configurable, Parameter
 from evac.contract.builtin import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
-from evac.physics import driver
 from evac.physics.state import Crowd, State, Traits, World
-from evac.physics.status import OK
-
-if TYPE_CHECKING:
-    from evac.physics.engine import CompiledEngine
 
 
 class StepContacts(NamedTuple):
@@ -240,54 +235,17 @@ class ContactModel(Configurable, ABC):
     def _what(self) -> str:
         return f"contact model {self.name!r}"
 
-    def advance(self, engine: "CompiledEngine") -> int:
-        """Make all steps of the clock; return a status, OK if all were made."""
-        state = engine.state
-        if self.law is not None:
-            return int(driver.advance(state))
-        clock = state.clock
-        while clock.now < clock.last:
-            driver.open_step(state)
-            parts = clock.parts
-            while (status := self._make_step(engine, parts)) != OK:
-                parts = driver.cut(state, status, parts)
-                if not parts:
-                    return status
-            clock.now += 1
-            clock.parts = 1
-        return OK
-
-    def _make_step(self, engine: "CompiledEngine", parts: int) -> int:
-        """Make one step in `parts` sub-steps, calling `step` from Python between the kernels of the step loop."""
-        for part in range(parts):
-            driver.set_clock(engine.state, part, parts)
-            status = driver.approach(engine.state)
-            if status == OK:
-                self._call_step(engine)
-                status = driver.conclude(engine.state)
-            if status != OK:
-                return int(status)
-        return OK
-
-    def _call_step(self, engine: "CompiledEngine") -> None:
-        bodies, contacts = engine.state.bodies, engine.state.contacts
+    def obey(self, state: State) -> None:
+        """Call `step` in the place of a law."""
+        bodies, contacts = state.bodies, state.contacts
         n, c = bodies.inside, contacts.number
         contacts.percussion[:c] = 0.0
-        seen = StepContacts(
-            contacts.body[:c],
-            contacts.other[:c],
-            contacts.normal[:c],
-            contacts.gap[:c],
-            bodies.velocity[:n],
-            bodies.free[:n],
-            bodies.mass[:n],
-            bodies.radius[:n],
-            contacts.percussion[:c],
-            contacts.memory[:c],
-        )
+        given = {name: getattr(contacts, name, None) for name in StepContacts._fields}
+        arrays = [getattr(bodies, name)[:n] if array is None else array[:c] for name, array in given.items()]
+        seen = StepContacts(*arrays)
         for name, array in seen._asdict().items():
             array.flags.writeable = name in ("percussion", "memory")
-        found = self.step(seen, engine.state.clock.h)
+        found = self.step(seen, state.clock.h)
         if np.shape(found) != (n, 2):
             wrong = f"step returns velocities of shape {np.shape(found)}, not {(n, 2)}"
             raise fault(self._what, wrong, "return one velocity for each body", type(self).step)
