@@ -1,14 +1,49 @@
-"""Running digests of the files that recorders append to."""
+"""Digests of files and data, by which runs, studies and imports are told from others; what differs between two."""
 
 import hashlib
+import json
 import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
-from evac.base.errors import ResultError
+from evac.base.errors import EvacError, ResultError
 from evac.folder.files import writing
 
 #: Bytes that are read at once.
 CHUNK = 1 << 20
+
+
+def digest_of_file(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal text.
+
+    Raises
+    ------
+    EvacError
+        It cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise EvacError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+
+
+def digest_of_data(content: Any) -> str:
+    """Return the SHA-256 of plain data, whatever the order of the keys, as hexadecimal text."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def differences(before: Any, now: Any, *key: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Yield the keys, and the two values, of everything in which plain data differ; None stands for a missing value."""
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for name in dict.fromkeys([*before, *now]):
+            yield from differences(before.get(name), now.get(name), *key, name)
+    elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        for index, values in enumerate(zip(before, now, strict=True)):
+            yield from differences(*values, *key, str(index))
+    elif before != now:
+        yield key, before, now
 
 
 class RunningDigest:

@@ -1,13 +1,13 @@
 """The case.toml that an import writes, and the folder that it is written to."""
 
-import hashlib
 import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.errors import ScenarioError, usable_path
+from evac.base.errors import EvacError, ScenarioError, usable_path
 from evac.building.model.names import repaired
+from evac.folder.digests import digest_of_file
 
 if TYPE_CHECKING:
     from evac.importing.importer import Imported
@@ -99,18 +99,13 @@ def check_folder(folder: Path, case: str, report: str) -> None:
         return
     try:
         written = DIGEST.search((folder / report).read_text(encoding="utf-8"))
-        current = digest(folder / case)
-    except OSError:
+        current = digest_of_file(folder / case)[:16]
+    except (OSError, EvacError):
         written, current = None, ""
     if written is None:
         raise ScenarioError(f"{folder}: contains files other than an import; choose a new or empty folder (--out)")
     if written[1] != current:
         raise ScenarioError(f"{folder / case}: has been changed since it was imported; choose another folder (--out)")
-
-
-def digest(path: Path) -> str:
-    """Return the digest of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def write_text(path: Path, text: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.building.model.findings import KINDS
-from evac.importing.casefile import digest
+from evac.folder.digests import digest_of_file
 from evac.importing.openings import height_of
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def report_text(made: "Imported", case: Path) -> str:
             listed = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
             text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), listed)]
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
-    return "\n".join([*text, f"case.toml as written: {digest(case)}", ""])
+    return "\n".join([*text, f"case.toml as written: {digest_of_file(case)[:16]}", ""])
 
 
 def opening_row(made: "Imported", row: int) -> tuple[object, ...]:

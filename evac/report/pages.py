@@ -1,6 +1,5 @@
 """The page of a report: its head, its numbered sections, and the file it is written to."""
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -8,6 +7,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from evac.folder.digests import digest_of_file
 from evac.folder.files import replacing, writing
 from evac.report.checklist import checklist_section
 from evac.report.templates import APPENDIX, Section, section, shown, templates
@@ -109,7 +109,6 @@ def files_section(folder: Path, names: Iterable[str]) -> Section:
     rows = []
     for path in (folder / name for name in names):
         if path.is_file():
-            with path.open("rb") as file:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()
-            rows.append((path.name, f"{path.stat().st_size}", Markup("<code>{}</code>").format(shown(digest))))
+            digest = Markup("<code>{}</code>").format(shown(digest_of_file(path)))
+            rows.append((path.name, f"{path.stat().st_size}", digest))
     return section("files", f"{APPENDIX}files", rows=rows)

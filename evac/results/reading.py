@@ -9,7 +9,7 @@ import numpy as np
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS
-from evac.base.errors import BuildingError, ResultError
+from evac.base.errors import BuildingError, ResultError, usable_path
 from evac.base.saved import FINITE
 from evac.building.model.building import Building
 from evac.building.model.links import building_at
@@ -54,7 +54,7 @@ def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) ->
     >>> results = read_results("classroom-result")  # doctest: +SKIP
     >>> results.last_out, results.exits["door"]["people"]  # doctest: +SKIP
     """
-    place = find_result(Path(folder))
+    place = find_result(usable_path(folder, ResultError))
     recorded = place / TRAJECTORY_NAME
     trajectory = read_trajectory(recorded) if recorded.is_file() else None
     return results_beside(trajectory, place, tuple(Path(path).resolve() for path in plugin_files))

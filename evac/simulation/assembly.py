@@ -1,6 +1,5 @@
 """Assembly: read the building of a case and create its plugins."""
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -18,7 +17,7 @@ from evac.people.ways import check_ways
 from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import CompiledEngine, Engine
 from evac.physics.threads.threads import PEOPLE_PER_THREAD, number_of_threads
-from evac.simulation.needed import field_settings, solve_fields
+from evac.simulation.needed import solve_fields
 from evac.simulation.scene import Ground, Scene, make_ground
 
 if TYPE_CHECKING:
@@ -93,38 +92,12 @@ def read_building(
     return build_building(read_surface(importer, path, registry), path, own, need_exit=need_exit)
 
 
-def ground_key(case: "Case") -> str:
-    """Return a digest that is equal for two cases only if their building and directions are the same.
-
-    It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
-    of groups, contact models and behaviours may differ, as may the seed.
-    """
-    importers = make_importers(case)
-    parts = (
-        str(case.mesh or case.source),
-        [(str(path), _digest(path)) for path in _files(case, importers)],
-        case.registry.providers(importers),
-        [importer.values() for importer in importers],
-        case.building.model_dump(),
-        field_settings(case, make_behaviours(case), full=False),
-    )
-    return hashlib.sha256(repr(parts).encode()).hexdigest()
-
-
-def _files(case: "Case", importers: "Sequence[Importer]") -> Sequence[Path]:
+def files_of_building(case: "Case", importers: "Sequence[Importer]") -> Sequence[Path]:
     """Return the files that the building is read from."""
     if case.building.plan is not None:
         return _plan_of(case).files
     assert case.mesh is not None
     return _called(importers[0], case.mesh, importers[0].files)
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise BuildingError(f"{path}: cannot be read: {error.strerror}; check the path") from error
 
 
 def make_importers(case: "Case") -> "list[Importer]":

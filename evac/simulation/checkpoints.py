@@ -26,8 +26,8 @@ from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.results.ending import INTERRUPTED
 from evac.results.results import plain
+from evac.simulation.identity import inputs_of, made_of
 from evac.simulation.loop import Operation
-from evac.simulation.made_with import inputs_of, made_of
 from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder

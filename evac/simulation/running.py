@@ -27,9 +27,9 @@ from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.results.ending import FAILED, INTERRUPTED
 from evac.results.results import Results
 from evac.simulation.checkpoints import Checkpoints, find_checkpoint
+from evac.simulation.identity import differences_of, inputs_of, made_of
 from evac.simulation.interrupt import Interrupt
 from evac.simulation.loop import Operation
-from evac.simulation.made_with import differences_of, inputs_of, made_of
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recording import check_lengths
 from evac.trajectory.trajectory import read_trajectory

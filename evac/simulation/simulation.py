@@ -50,7 +50,7 @@ class Simulation:
     full : bool
         Include the parts that the scene does not need: identical results, slower.
     ground : Ground, optional
-        Ground of a simulation whose case has the same `evac.simulation.assembly.ground_key`; computed if not given.
+        Ground of a simulation whose case has the same `evac.simulation.identity.ground_key`; computed if not given.
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
     threads : int, optional

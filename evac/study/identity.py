@@ -3,17 +3,18 @@
 Only a study of the same identity can be resumed there; with the definition a study can be opened again.
 """
 
-import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ResultError, in_one_line, naming, usable_path
+from evac.folder.digests import differences, digest_of_data
 from evac.folder.files import STUDY_NAME, replacing
 from evac.results.results import plain, versions
-from evac.simulation.assembly import ground_key, providers
+from evac.simulation.assembly import providers
+from evac.simulation.identity import ground_key
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
 
@@ -31,7 +32,7 @@ def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -
         "case": plain(_settings(case)),
         "parameters": [plain(point.parameters) for point in points],
         "points": list(digests),
-        "plugins": sorted({name for point in points for name in _plugins(point.case)}),
+        "plugins": sorted({name for point in points for name in providers(point.case)}),
         "first_seed": seeds.first,
         "repetitions": seeds.repetitions,
         "versions": plain(versions()),
@@ -40,8 +41,7 @@ def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -
 
 def digest_of(case: "Case", key: str) -> str:
     """Return a digest of everything that the runs of a point depend on except the seeds; includes the building."""
-    parts = [_settings(case), _plugins(case), key]
-    return hashlib.sha256(json.dumps(plain(parts), sort_keys=True).encode()).hexdigest()
+    return digest_of_data(plain([_settings(case), providers(case), key]))
 
 
 def key_of(case: "Case") -> str:
@@ -70,7 +70,7 @@ def _files(case: "Case") -> list[str]:
 def write_identity(folder: Path, identity: Mapping[str, Any], definition: Mapping[str, Any]) -> None:
     """Write study.json, with a digest of its content."""
     content = json.loads(json.dumps({**identity, "definition": definition}, default=plain))
-    text = json.dumps({**content, "digest": _digest(content)}, indent=2)
+    text = json.dumps({**content, "digest": digest_of_data(content)}, indent=2)
     with replacing(folder / STUDY_NAME, "the study") as new:
         new.write_text(text + "\n", encoding="utf-8")
 
@@ -89,14 +89,10 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         digest, definition = found.pop("digest"), found["definition"]
     except (OSError, ValueError, AttributeError, LookupError, TypeError, RecursionError) as error:
         raise ResultError(f"{path}: cannot be read: {in_one_line(error)}; start the study again") from error
-    if digest != _digest(found):
+    if digest != digest_of_data(found):
         raise ResultError(f"{path}: damaged, its digest differs; start the study again")
     del found["definition"]
     return found, definition
-
-
-def _digest(content: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
@@ -108,11 +104,12 @@ def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
         The folder contains no study or another one; names what has changed.
     """
     found, _ = read_identity(folder)
-    changes = list(_changes(found, json.loads(json.dumps(identity))))
+    changes = list(differences(found, json.loads(json.dumps(identity))))
     if not changes:
         return
-    of_points = [change for change in changes if change.startswith("points.")]
-    listed = [change for change in changes if change not in of_points] or ["the file of the building has changed"]
+    listed = [
+        f"{'.'.join(key)} was {_short(old)} and is {_short(new)}" for key, old, new in changes if key[0] != "points"
+    ] or ["the file of the building has changed"]
     shown = "\n".join(f"  {line}" for line in listed[:10])
     more = f"\n  and {len(listed) - 10} more" if len(listed) > 10 else ""
     raise ResultError(
@@ -127,22 +124,6 @@ def _settings(case: "Case") -> dict[str, Any]:
     for name in ("seed", "population_seed"):
         table["simulation"].pop(name, None)
     return table
-
-
-def _plugins(case: "Case") -> list[str]:
-    return providers(case)
-
-
-def _changes(found: Any, wanted: Any, key: str = "") -> Iterator[str]:
-    """Yield a line for each value that differs, by its dotted key."""
-    if isinstance(found, dict) and isinstance(wanted, dict):
-        for name in dict.fromkeys([*found, *wanted]):
-            yield from _changes(found.get(name), wanted.get(name), f"{key}.{name}" if key else name)
-    elif isinstance(found, list) and isinstance(wanted, list) and len(found) == len(wanted):
-        for k, (one, other) in enumerate(zip(found, wanted, strict=True)):
-            yield from _changes(one, other, f"{key}.{k}")
-    elif found != wanted:
-        yield f"{key} was {_short(found)} and is {_short(wanted)}"
 
 
 def _short(value: Any) -> str:

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.processes import packed
-from evac.simulation.assembly import ground_key, make_shared
+from evac.simulation.assembly import make_shared
+from evac.simulation.identity import ground_key
 from evac.simulation.scene import Ground
 from evac.simulation.simulation import Simulation
 
@@ -146,7 +147,7 @@ def simulation_of(
     ----------
     case : Case
     key : str
-        The case's key from `evac.simulation.assembly.ground_key`.
+        The case's key from `evac.simulation.identity.ground_key`.
     file : GroundFile, optional
     compiling : callable, optional
         As for `Simulation`.

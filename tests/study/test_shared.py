@@ -8,7 +8,7 @@ import pytest
 
 import evac
 from evac.case.loading import case_from
-from evac.simulation.assembly import ground_key
+from evac.simulation.identity import ground_key
 from evac.simulation.simulation import Simulation
 from evac.study.shared import read_ground, write_ground
 

@@ -1,17 +1,19 @@
-"""What the results of a run depend on besides its case: versions, processor, files, building and kernels."""
+"""What the results of a run depend on besides its case, by which it is told from others.
+
+These are versions, processor, files, building and kernels; and for runs that share a building, its ground.
+"""
 
 import hashlib
-import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evac.base.errors import EvacError
+from evac.folder.digests import differences, digest_of_data, digest_of_file
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED
 from evac.jit.processor import host
 from evac.results.results import versions
 from evac.simulation import needed
+from evac.simulation.assembly import files_of_building, make_behaviours, make_importers
 from evac.simulation.simulation import Simulation
 from evac.trajectory.header import building_to_json
 
@@ -28,7 +30,7 @@ def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
     return {
         "version": {**versions(), **{one.plugin: one.version for one in packages}},
         "processor": {"": f"{host()}"},
-        "file": {name: _digest(path) for name, path in files.items()},
+        "file": {name: digest_of_file(path)[:16] for name, path in files.items()},
     }
 
 
@@ -36,9 +38,8 @@ def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
     """Return digests of the building, independent of its files, of the data files of behaviours, and of the kernels."""
     folder = simulation.case.folder.resolve()
     files = [path for _, scene in simulation.behaviours for path in scene.files]
-    data = {path.relative_to(folder).as_posix(): _digest(path) for path in files}
-    text = json.dumps({**building_to_json(simulation.building), "closed": []}, sort_keys=True)
-    building = hashlib.sha256(text.encode()).hexdigest()
+    data = {path.relative_to(folder).as_posix(): digest_of_file(path)[:16] for path in files}
+    building = digest_of_data({**building_to_json(simulation.building), "closed": []})
     return {"building": {"": building}, "data": data, "kernel": kernels_of(simulation)}
 
 
@@ -52,22 +53,33 @@ def kernels_of(simulation: Simulation) -> dict[str, str]:
 
 
 def differences_of(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Return a line for each difference."""
-    lines = []
-    for kind, values in now.items():
-        then = before.get(kind, {})
-        # A changed case may have other kernels and data.
-        names = then.keys() & values if kind in ("kernel", "data") else then.keys() | values
-        for name in sorted(names):
-            old, new = then.get(name), values.get(name)
-            if old != new:
-                what = f"{kind} {name}".strip()
-                lines.append(f"{what}: {old or 'missing'} when the checkpoint was written, {new or 'missing'} now")
-    return lines
+    """Return a line for each difference; of kernels and data only where both have them, since a case may change."""
+    return [
+        f"{f'{kind} {name}'.strip()}: {old or 'missing'} when the checkpoint was written, {new or 'missing'} now"
+        for kind, values in now.items()
+        for (name,), old, new in sorted(differences(before.get(kind, {}), values))
+        if kind not in ("kernel", "data") or None not in (old, new)
+    ]
 
 
-def _digest(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise EvacError(f"{path}: cannot be read: {error}; check the path") from error
+def ground_key(case: "Case") -> str:
+    """Return a digest that is equal for two cases only if their building and directions are the same.
+
+    It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
+    of groups, contact models and behaviours may differ, as may the seed.
+
+    Raises
+    ------
+    EvacError
+        A file of the building cannot be read.
+    """
+    importers = make_importers(case)
+    parts = (
+        str(case.mesh or case.source),
+        [(str(path), digest_of_file(path)) for path in files_of_building(case, importers)],
+        case.registry.providers(importers),
+        [importer.values() for importer in importers],
+        case.building.model_dump(),
+        needed.field_settings(case, make_behaviours(case), full=False),
+    )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
