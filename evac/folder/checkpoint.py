@@ -1,19 +1,13 @@
-"""The file of a checkpoint: a JSON header and arrays with one checksum. Reading it executes no code.
+"""The file of a checkpoint: arrays in the format npz of numpy, with one checksum. Reading it executes no code.
 
-::
-
-    EVACCHK1                     8 bytes
-    length of the header         unsigned 64-bit, little-endian
-    header                       JSON in UTF-8: "format", the given header, and "arrays": name, type, shape
-    arrays                       one after the other, in the order of the header
-    SHA-256 of all before        32 bytes
+One of the arrays, ``header``, is JSON in UTF-8. The archive is not compressed; the 32 bytes after it are its SHA-256.
 """
 
 import hashlib
+import io
 import json
-import math
-import struct
-from collections.abc import Iterable, Mapping
+import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,12 +18,18 @@ from pydantic import BaseModel, ConfigDict, Field
 from evac.base.errors import ResultError
 from evac.folder.files import replacing
 
-MAGIC = b"EVACCHK1"
-FORMAT = 2
-_LENGTH = struct.Struct("<Q")
-_DIGEST_BYTES = hashlib.sha256().digest_size
-#: Kinds of numpy arrays that can be saved: booleans, integers and floats.
+#: First bytes of an archive, and the number of the format of its header and arrays.
+ARCHIVE = b"PK"
+FORMAT = 3
+
+#: Name of the array that is the header, and kinds of the others: booleans, integers and floats.
+HEADER = "header"
 _KINDS = "biuf"
+#: Errors of numpy, zipfile and json about content that no checkpoint has.
+INVALID: tuple[type[Exception], ...] = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+INVALID += (RuntimeError, MemoryError, EOFError, zipfile.BadZipFile)
+
+_DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 #: A path; no system has one with this character.
@@ -90,25 +90,15 @@ def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
     ResultError
         The file cannot be written, in which case the previous one is kept, or an array has another type.
     """
-    contiguous = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
-    for name, array in contiguous.items():
+    for name, array in arrays.items():
         if array.dtype.kind not in _KINDS:
             raise ResultError(f"{path}: array {name!r} has type {array.dtype}; use booleans, integers or floats")
-    little = {name: array.astype(array.dtype.newbyteorder("<"), copy=False) for name, array in contiguous.items()}
-    listed = [[name, array.dtype.str, list(np.shape(arrays[name]))] for name, array in little.items()]
-    text = json.dumps({**header, "format": FORMAT, "arrays": listed}, default=_plain).encode()
-    parts: list[Any] = [
-        MAGIC,
-        _LENGTH.pack(len(text)),
-        text,
-        *(array.data.cast("B") for array in little.values() if array.size),
-    ]
-    digest = hashlib.sha256()
-    for part in parts:
-        digest.update(part)
+    text = json.dumps({**header, "format": FORMAT}, default=_plain)
+    archive = io.BytesIO()
+    np.savez(archive, **{**arrays, HEADER: np.frombuffer(text.encode(), np.uint8)})  # type: ignore[arg-type]
     with replacing(path, "the checkpoint") as new, new.open("wb") as file:
-        for part in (*parts, digest.digest()):
-            file.write(part)
+        file.write(archive.getbuffer())
+        file.write(hashlib.sha256(archive.getbuffer()).digest())
 
 
 def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -123,39 +113,34 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
         data = path.read_bytes()
     except OSError as error:
         raise ResultError(f"{path}: cannot read the checkpoint: {error}") from error
-    if not data.startswith(MAGIC):
-        raise ResultError(f"{path}: not a checkpoint of this evac (it does not start with {MAGIC.decode()})")
-    start, end = len(MAGIC) + _LENGTH.size, len(data) - _DIGEST_BYTES
-    if end < start or hashlib.sha256(memoryview(data)[:end]).digest() != data[end:]:
+    if not data.startswith(ARCHIVE):
+        raise ResultError(f"{path}: not a checkpoint of this evac (it does not start with {ARCHIVE.decode()})")
+    archive = memoryview(data)[:-_DIGEST_BYTES]
+    if hashlib.sha256(archive).digest() != data[-_DIGEST_BYTES:]:
         raise ResultError(f"{path}: the checkpoint is damaged (its checksum does not match); run the case again")
     try:
-        length = _LENGTH.unpack_from(data, len(MAGIC))[0]
-        header = json.loads(data[start : start + length])
+        arrays = _arrays(archive)
+        header = json.loads(arrays.pop(HEADER).tobytes())
         if (found := header.pop("format")) != FORMAT:
             raise ResultError(
                 f"{path}: unknown checkpoint format {found!r:.40}, this version reads format {FORMAT}; "
                 "resume with the version of evac that wrote it, or run the case again"
             )
-        return header, _arrays(memoryview(data)[start + length : end], header.pop("arrays"))
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        return header, arrays
+    except INVALID as error:
         raise ResultError(f"{path}: the checkpoint is not valid: {error}; run the case again") from error
 
 
-def _arrays(data: memoryview, listed: Iterable[tuple[str, str, list[int]]]) -> dict[str, NDArray[Any]]:
-    """Return writable copies of the arrays."""
-    found: dict[str, NDArray[Any]] = {}
-    start = 0
-    for name, kind, shape in listed:
-        dtype = np.dtype(kind)
-        if not isinstance(name, str) or dtype.kind not in _KINDS or any(length < 0 for length in shape):
-            raise ValueError(f"array {name!r} is of type {kind} and shape {shape}")
-        end = start + math.prod(shape) * dtype.itemsize
-        array = np.frombuffer(data[start:end], dtype).reshape(shape)
-        found[name] = array.astype(dtype.newbyteorder("="))
-        start = end
-    if start != len(data):
-        raise ValueError(f"its arrays have {start} bytes, but the file contains {len(data)}")
-    return found
+def _arrays(archive: memoryview) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an archive, which are not larger than it."""
+    with np.load(io.BytesIO(archive), allow_pickle=False) as file:
+        if sum(one.file_size for one in file.zip.infolist()) > len(archive):
+            raise ValueError("its arrays are larger than the file")
+        arrays = {name: file[name] for name in file.files}
+    for name, array in arrays.items():
+        if array.dtype.kind not in _KINDS:
+            raise ValueError(f"array {name!r} is of type {array.dtype}")
+    return arrays
 
 
 def _plain(value: Any) -> Any:
