@@ -94,6 +94,28 @@ def curves_figure(
     return figure
 
 
+def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> Figure:
+    """Return mean, median and range of percentiles over runs of the number of people out, over time.
+
+    Parameters
+    ----------
+    title : str
+    people : int
+    columns : mapping of str to (k,) float64
+        ``time`` [s], ``mean_over_runs``, and three ``percentile_P_over_runs`` in ascending order.
+    """
+    figure, axes = new_axes(title, people)
+    time, (low, median, high) = columns["time"], [name for name in columns if name.startswith("percentile_")]
+    words = [name.split("_")[1] for name in (low, high)]
+    label = f"percentiles {' to '.join(words)} over runs"
+    axes.fill_between(time, columns[low], columns[high], color="#9fb3c8", label=label)
+    axes.plot(time, columns[median], color="#486581", linewidth=1.2, linestyle="--", label="median over runs")
+    axes.plot(time, columns["mean_over_runs"], color=TEXT, linewidth=2.0, label="mean over runs")
+    axes.set_xlim(0.0, max(float(time[-1]), 1e-9))
+    axes.legend(frameon=False, loc="lower right")
+    return figure
+
+
 def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
     """Return a figure and axes for people out over time, up to `people`."""
     figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)))

@@ -17,7 +17,7 @@ from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.map_pictures import draw_map
-from evac.pictures.pictures import Curve, curves_figure, new_axes
+from evac.pictures.pictures import Curve, curves_figure, runs_figure
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
@@ -97,30 +97,13 @@ def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve
     return drawing(figure, caption, "egress curve")
 
 
-def egress_over_runs(people: int, columns: Mapping[str, FloatArray], caption: str) -> Picture:
-    """Return mean and percentiles over runs of the number of people out.
-
-    Parameters
-    ----------
-    people : int
-    columns : mapping of str to (k,) float64
-        ``time`` [s], ``mean_over_runs``, and ``percentile_P_over_runs`` in ascending order.
-    caption : str
-    """
-    figure, axes = new_axes("", people)
-    time = columns["time"]
-    bands = {name: column for name, column in columns.items() if name.startswith("percentile_")}
-    names = list(bands)
-    words = [name.removeprefix("percentile_").removesuffix("_over_runs").replace("_", ".") for name in names]
-    label = f"percentiles {words[0]} to {words[-1]} over runs"
-    axes.fill_between(time, bands[names[0]], bands[names[-1]], color="#9fb3c8", label=label)
-    for name, word in list(zip(names, words, strict=True))[1:-1]:
-        label = "median over runs" if word == "50" else f"percentile {word} over runs"
-        axes.plot(time, bands[name], color="#486581", linewidth=1.2, linestyle="--", label=label)
-    axes.plot(time, columns["mean_over_runs"], color=palette.TEXT, linewidth=2.0, label="mean over runs")
-    axes.set_xlim(0.0, max(float(time[-1]), 1e-9))
-    axes.legend(frameon=False, loc="lower right")
-    return drawing(figure, caption, "egress curves over runs")
+def egress_over_runs(people: int, columns: Mapping[str, FloatArray]) -> Picture:
+    """Return mean and percentiles over runs of the number of people out; see `runs_figure`."""
+    caption = (
+        "Number of people out over time: mean, median and percentiles over runs at each time. The dotted line is the"
+        " total number of people."
+    )
+    return drawing(runs_figure("", people, columns), caption, "egress curves over runs")
 
 
 def map_picture(

@@ -321,12 +321,7 @@ def _egress_picture(study: Study, egress: Mapping[str, FloatArray], point: int) 
     if "point" in columns:
         here = columns.pop("point") == point
         columns = {name: column[here] for name, column in columns.items()}
-    people = max(row["people"] for row in study.rows(point, ["people"]))
-    caption = (
-        "Number of people out over time: mean, median and percentiles over runs at each time. The dotted line is the"
-        " total number of people."
-    )
-    return figures.egress_over_runs(people, columns, caption)
+    return figures.egress_over_runs(max(row["people"] for row in study.rows(point, ["people"])), columns)
 
 
 def _exits(study: Study) -> Section:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evac.base.errors import counted
-from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Finding
+from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Observation
 
 #: Greatest specific flow measured in bottleneck experiments: Daamen and Hoogendoorn (2010) [1/s/m].
 MEASURED = 2.8
@@ -68,45 +68,45 @@ def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[s
     return tuple(found)
 
 
-def chatter_warning(finding: Finding, levels: Sequence[str], rigid: Sequence[str]) -> str:
+def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[str]) -> str:
     """Return the quality warning on chattering contacts.
 
     Parameters
     ----------
-    finding : Finding
+    seen : Observation
         From `evac.results.watch.Watch.chatter`.
     levels : sequence of str
         Names of the levels.
     rigid : sequence of str
         As for `contact_warnings`.
     """
-    velocity, displacement = finding.values
+    velocity, displacement = seen.values
     return (
         "chattering contacts: evacuation times may be too short, because rebounding bodies loosen a jam; compare with a"
-        f" contact model without rebounds{_models(rigid)}. {_who(finding, 'rebounded')}, most"
-        f" {_where(finding, levels)}: displaced at {displacement:.2f} m/s, with contact velocities of"
+        f" contact model without rebounds{_models(rigid)}. {_who(seen, 'rebounded')}, most"
+        f" {_where(seen, levels)}: displaced at {displacement:.2f} m/s, with contact velocities of"
         f" {velocity:.2f} m/s (docs/results.md)"
     )
 
 
-def crushing_warning(finding: Finding, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
+def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
     """Return the quality warning on lethal contact forces.
 
     Parameters
     ----------
-    finding : Finding
+    seen : Observation
         From `evac.results.watch.Watch.crushing`.
     levels : sequence of str
         Names of the levels.
     keepers : sequence of str, optional
         Names of the registered behaviours that keep distances; None if one of them is in use.
     """
-    force, load = finding.values
+    force, load = seen.values
     advice = "" if keepers is None else f", or use a behaviour with which people keep their distance{_sets(keepers)}"
     return (
         "lethal contact forces: such a crowd would be crushed, and injuries are not modelled; widen the passage or "
-        f"reduce the number of people{advice}. {_who(finding, 'exceeded')} {CRUSHING_LOAD / 1000:g} kN per metre of "
-        f"body width or {CRUSHING_FORCE / 1000:g} kN, most {_where(finding, levels)}: {load / 1000:.1f} kN/m, "
+        f"reduce the number of people{advice}. {_who(seen, 'exceeded')} {CRUSHING_LOAD / 1000:g} kN per metre of "
+        f"body width or {CRUSHING_FORCE / 1000:g} kN, most {_where(seen, levels)}: {load / 1000:.1f} kN/m, "
         f"{force / 1000:.1f} kN (docs/results.md)"
     )
 
@@ -153,13 +153,13 @@ def _length(metres: float) -> str:
     return f"{1000.0 * metres:.3g} mm"
 
 
-def _who(finding: Finding, did: str) -> str:
-    people = counted(finding.people, "person", "people")
-    return f"Between t = {finding.since:.1f} and {finding.until:.1f} s {people} {did}"
+def _who(seen: Observation, did: str) -> str:
+    people = counted(seen.people, "person", "people")
+    return f"Between t = {seen.since:.1f} and {seen.until:.1f} s {people} {did}"
 
 
-def _where(finding: Finding, levels: Sequence[str]) -> str:
+def _where(seen: Observation, levels: Sequence[str]) -> str:
     return (
-        f"from {finding.begin:.1f} to {finding.end:.1f} s, person {finding.person} at ({finding.x:.2f}, "
-        f"{finding.y:.2f}) on level {levels[finding.level]!r}"
+        f"from {seen.begin:.1f} to {seen.end:.1f} s, person {seen.person} at ({seen.x:.2f}, "
+        f"{seen.y:.2f}) on level {levels[seen.level]!r}"
     )

@@ -35,16 +35,16 @@ from evac.folder.files import (
 from evac.people.population import Group
 from evac.physics.state import Crowd
 from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
-from evac.results.record import Summary
 from evac.results.remarks import remarks_of
-from evac.results.watch import Finding
-from evac.trajectory.trajectory import Trajectory, read_trajectory
+from evac.results.watch import Observation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
     from evac.case.case import Case
+    from evac.results.record import Summary
+    from evac.trajectory.trajectory import Trajectory
 
 
 #: Packages whose version can affect results.
@@ -216,8 +216,10 @@ class Results:
         return self.building_or_none
 
     @cached_property
-    def trajectory(self) -> Trajectory | None:
+    def trajectory(self) -> "Trajectory | None":
         """The recorded motion in the result folder; None if there is none."""
+        from evac.trajectory.trajectory import read_trajectory
+
         path = None if self.folder is None else self.folder / TRAJECTORY_NAME
         return read_trajectory(path) if path is not None and path.is_file() else None
 
@@ -379,8 +381,10 @@ class Results:
         return {key: plain(value) for key, value in summary.items()}
 
     @cached_property
-    def record(self) -> Summary:
+    def record(self) -> "Summary":
         """The content of ``summary.json`` with its types."""
+        from evac.results.record import Summary
+
         return Summary.model_validate(self.summary())
 
     def write(self, folder: Path) -> None:
@@ -446,8 +450,8 @@ def results_of(
     start_level: IntArray,
     crossings: tuple[IntArray, IntArray, FloatArray],
     report: Mapping[str, Any],
-    chatter: Finding | None = None,
-    crushing: Finding | None = None,
+    chatter: Observation | None = None,
+    crushing: Observation | None = None,
     **others: Any,
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data.
@@ -456,8 +460,8 @@ def results_of(
     ----------
     case, building, crowd, start_level, crossings, report
         As the attributes of `Results`.
-    chatter, crushing : Finding, optional
-        Findings during the run, see `evac.results.watch.Watch`.
+    chatter, crushing : Observation, optional
+        Observations during the run, see `evac.results.watch.Watch`.
     **others
         Other attributes of `Results`.
     """

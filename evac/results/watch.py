@@ -30,7 +30,7 @@ CRUSHING_LOAD = 4500.0
 
 
 @dataclass(frozen=True)
-class Finding:
+class Observation:
     """People for whom a quantity exceeded its limit, with the time and place of its greatest value.
 
     Attributes
@@ -109,16 +109,16 @@ class Watch:
             noticed = inside & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
             self._crushing.note(noticed, load, (force, load), begin, time, crowd)
 
-    def chatter(self) -> Finding | None:
+    def chatter(self) -> Observation | None:
         """Return people who moved much more slowly than with the contact model's velocities, or None."""
-        return self._chatter.finding()
+        return self._chatter.observation()
 
-    def crushing(self) -> Finding | None:
+    def crushing(self) -> Observation | None:
         """Return people with lethal contact forces, or None."""
-        return self._crushing.finding()
+        return self._crushing.observation()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all arrays on which the findings depend."""
+        """Return copies of all arrays on which the observations depend."""
         return {
             f"{name}.{key}": array.copy() for name, part in self._parts().items() for key, array in vars(part).items()
         }
@@ -180,7 +180,7 @@ class _Means:
 
 
 class _Notes:
-    """Accumulated findings of all intervals; its attributes are arrays."""
+    """Accumulated observations of all intervals; its attributes are arrays."""
 
     def __init__(self, people: int) -> None:
         self.concerned = np.zeros(people, np.uint8)
@@ -216,11 +216,11 @@ class _Notes:
             self.of_whom[:] = p, crowd.level[p]
             self.values[:] = begin, end, *crowd.position[p], means[0][p], means[1][p]
 
-    def finding(self) -> Finding | None:
-        """Return the finding, or None if there is none."""
+    def observation(self) -> Observation | None:
+        """Return the observation, or None if there is none."""
         people = int(self.concerned.sum())
         if not people:
             return None
         (since, until), (person, level) = self.between.tolist(), self.of_whom.tolist()
         begin, end, x, y, first, second = self.values.tolist()
-        return Finding(people, since, until, begin, end, person, level, x, y, (first, second))
+        return Observation(people, since, until, begin, end, person, level, x, y, (first, second))

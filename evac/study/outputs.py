@@ -200,22 +200,11 @@ def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], pa
 
 
 def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) -> None:
-    from evac.pictures.pictures import new_axes, save
+    from evac.pictures.pictures import runs_figure, save
 
-    low, median, high = (columns[f"percentile_{of:g}_over_runs"] for of in PERCENTILES)
-    time, mean = columns["time"], columns["mean_over_runs"]
-    one = study.statistics[0]
-    case = study.points[0].case
-    note = f"{one.runs} runs, everybody out in {one.runs - one.blocked}"
-    people = sum(group.count for group in case.people)
-    figure, axes = new_axes(f"{textwrap.fill(case.title, 90)}\n{note}", people)
-    label = f"percentiles {PERCENTILES[0]:g} to {PERCENTILES[-1]:g} over runs"
-    axes.fill_between(time, low, high, color="#9fb3c8", label=label)
-    axes.plot(time, median, color="#486581", linewidth=1.2, linestyle="--", label="median over runs")
-    axes.plot(time, mean, color="#1f2933", linewidth=2.0, label="mean over runs")
-    axes.set_xlim(0.0, float(time[-1]))
-    axes.legend(frameon=False, loc="lower right")
-    save(figure, path)
+    one, case = study.statistics[0], study.points[0].case
+    title = f"{textwrap.fill(case.title, 90)}\n{one.runs} runs, everybody out in {one.runs - one.blocked}"
+    save(runs_figure(title, sum(group.count for group in case.people), columns), path)
 
 
 def _draw_statistics(study: "Study", path: Path) -> None:

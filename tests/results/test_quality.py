@@ -5,7 +5,7 @@ import re
 import pytest
 
 from evac.results.quality import MEASURED, chatter_warning, contact_warnings, crushing_warning, flow_warnings
-from evac.results.watch import Finding
+from evac.results.watch import Observation
 
 ALL_RIGHT = {
     "model": "dem",
@@ -56,12 +56,12 @@ def test_driving_that_brakes_more_than_it_works_is_no_work_of_contacts():
 
 @pytest.mark.parametrize(("people", "who"), [(1, "1 person "), (12, "12 people ")])
 def test_what_was_noticed_of_people_is_one_line_with_time_and_place(people, who):
-    seen = Finding(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (0.92, 0.19))
+    seen = Observation(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (0.92, 0.19))
     line = chatter_warning(seen, ["cellar", "hall"], ["stiff"])
     assert re.search(f"t = 2\\.0 and 8\\.0 s {who}.*from 4\\.0 to 6\\.0 s, {PLACE}: .*0\\.19 m/s.*0\\.92 m/s", line)
     assert line.startswith("chattering contacts: ")
     assert "--set contact.model=stiff" in line
-    pressed = Finding(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (3140.0, 7850.0))
+    pressed = Observation(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (3140.0, 7850.0))
     line = crushing_warning(pressed, ["cellar", "hall"], ["gaps", "file"])
     assert re.search(f"t = 2\\.0 and 8\\.0 s {who}.*from 4\\.0 to 6\\.0 s, {PLACE}: 7\\.8 kN/m, 3\\.1 kN", line)
     assert "--set behaviours.gaps={} or behaviours.file={}" in line

@@ -13,7 +13,7 @@ from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.results.results import plain, versions
-from evac.results.watch import Finding
+from evac.results.watch import Observation
 
 
 def test_counts_and_exit_status(results):
@@ -69,7 +69,7 @@ def test_behaviours_that_keep_distances_are_recommended_where_none_is_in_use(mak
     registry.add_class(Gaps)
     registry.add_class(type("Stiff", (ContactModel,), {"name": "stiff", "rigid": True, "step": lambda *_: None}))
     case = load_case("square_room", {f"behaviours.{name}": values, "contact.model": "nsm1"}, registry=registry)
-    pressed = Finding(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
+    pressed = Observation(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
     loose = make_results(case=case, crushing=pressed, chatter=pressed)
     chatter, crushing = loose.quality_warnings
     assert "(--set contact.model=stiff)" in chatter  # the model in use is not recommended
@@ -86,7 +86,7 @@ def test_egress_counts_exit_times_in_order(results):
 
 def test_quality_warnings_are_in_the_summary(results, make_results, tmp_path):
     assert results.quality_warnings == ()
-    noticed = Finding(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
+    noticed = Observation(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
     deep = results.report | {"greatest_overlap": 0.15}
     warned = make_results(report=deep, chatter=noticed, crushing=noticed)
     warned.write(tmp_path / "r")
