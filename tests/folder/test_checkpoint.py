@@ -100,7 +100,7 @@ def test_an_archive_of_other_programs_is_read(path):
         b"",
     ],
 )
-def test_a_file_with_a_right_checksum_and_wrong_content_is_refused(path, data):
+def test_a_file_with_a_right_checksum_and_a_wrong_header_is_refused(path, data):
     path.write_bytes(data)
     with pytest.raises(ResultError, match=r"checkpoint\.evac") as error:
         read_checkpoint(path)
