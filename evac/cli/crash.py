@@ -150,7 +150,7 @@ def _versions() -> str:
 
 
 def _settings(case: "Case") -> str:
-    from evac.results.results import plain
+    from evac.folder.jsonfile import plain
 
     return f"{case.source}\n{json.dumps(plain(case.to_dict()), indent=2)}"
 

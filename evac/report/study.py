@@ -16,7 +16,8 @@ from pydantic import Field
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
-from evac.folder.reading import checked, read_columns, read_json
+from evac.folder.jsonfile import checked, read_json
+from evac.folder.tables import read_columns
 from evac.report import figures
 from evac.report.building import building_section
 from evac.report.congestion import MAPS, congestion_sections

@@ -1,11 +1,15 @@
-"""Quality warnings: numerical or physical problems of a run, one line each, with how to fix them."""
+"""Quality warnings: numerical or physical problems of a run, and how to fix them; remarks on its people."""
 
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import counted
 from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Observation
+
+if TYPE_CHECKING:
+    from evac.results.results import Results
 
 #: Greatest specific flow measured in bottleneck experiments: Daamen and Hoogendoorn (2010) [1/s/m].
 MEASURED = 2.8
@@ -163,3 +167,30 @@ def _where(seen: Observation, levels: Sequence[str]) -> str:
         f"from {seen.begin:.1f} to {seen.end:.1f} s, person {seen.person} at ({seen.x:.2f}, "
         f"{seen.y:.2f}) on level {levels[seen.level]!r}"
     )
+
+
+def remarks_of(results: "Results") -> tuple[str, ...]:
+    """Return one line for each kind of people who did not leave as their route says; see `Results.remarks`."""
+    people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
+    lines = []
+    if left := people - results.evacuated:
+        number = Counter(level[level >= 0].tolist())
+        where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))
+        waiting = results.not_started
+        late = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
+        lines.append(f"{left} of {_number(people)} still inside ({results.ended}): {where}{late}")
+    if pushed := len(results.left_by_other_exits):
+        lines.append(f"{_number(pushed)} left by an exit that is not on the route, for example pushed through it")
+    if results.stuck:
+        first = results.stuck[0]
+        x, y = results.crowd.position[first]
+        lines.append(
+            f"{_number(len(results.stuck))} without progress at the end, the first at ({x:.2f}, {y:.2f}) on "
+            f"{names[level[first]]!r}: bodies in contact can block a narrow passage permanently, because people "
+            "do not turn or give way; compare several seeds, or a wider passage"
+        )
+    return tuple(lines)
+
+
+def _number(number: int) -> str:
+    return counted(number, "person", "people")

@@ -15,8 +15,8 @@ from evac.building.model.building import Building
 from evac.building.model.links import building_at
 from evac.directions.routes import Route
 from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
-from evac.folder.reading import read_columns
 from evac.folder.resultfolder import find_result
+from evac.folder.tables import read_columns
 from evac.people.population import Group
 from evac.physics.state import Crowd
 from evac.results.record import Summary, read_summary

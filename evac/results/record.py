@@ -8,7 +8,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from evac.base.change import Change
 from evac.directions.routes import Strategy
 from evac.folder.files import SUMMARY_NAME
-from evac.folder.reading import checked, read_json
+from evac.folder.jsonfile import checked, read_json
 
 Count = Annotated[int, Field(ge=0)]
 Amount = Annotated[float, Field(ge=0.0)]

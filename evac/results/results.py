@@ -1,8 +1,6 @@
 """Results of a run: the egress curve, a row per person, a summary, and their files."""
 
-import csv
 import importlib.metadata
-import json
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -21,7 +19,6 @@ from evac.base.change import Change
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
 from evac.directions.routes import Route
-from evac.folder.cells import cell_of
 from evac.folder.files import (
     CROSSINGS_NAME,
     EGRESS_NAME,
@@ -29,13 +26,13 @@ from evac.folder.files import (
     PLUGIN_FILES,
     SUMMARY_NAME,
     TRAJECTORY_NAME,
-    replacing,
     writing,
 )
+from evac.folder.jsonfile import plain, write_json
+from evac.folder.tables import write_csv
 from evac.people.population import Group
 from evac.physics.state import Crowd
-from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
-from evac.results.remarks import remarks_of
+from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings, remarks_of
 from evac.results.watch import Observation
 
 if TYPE_CHECKING:
@@ -425,9 +422,7 @@ class Results:
         ResultError
             The file cannot be written.
         """
-        text = json.dumps(self.summary(), indent=2, allow_nan=False, ensure_ascii=False)
-        with replacing(folder / SUMMARY_NAME, "the results") as new:
-            new.write_text(text + "\n", encoding="utf-8")
+        write_json(folder / SUMMARY_NAME, self.summary(), "the results")
 
     def _stuck_places(self) -> list[dict[str, Any]]:
         names = list(self.levels)
@@ -501,26 +496,3 @@ def results_of(
         keeps_distance=case.keeps_distance,
         **others,
     )
-
-
-def plain(value: Any) -> Any:
-    """Convert a value for JSON: arrays and scalars of numpy to plain data, NaN and infinity to None, others to text."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value if value is None or isinstance(value, (str, bool, int, float)) else repr(value)
-
-
-def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a CSV file with a header; texts are quoted as by `cell_of`."""
-    with replacing(path, "the results") as new, new.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(map(cell_of, columns))
-        writer.writerows(map(cell_of, row) for row in rows)

@@ -20,12 +20,11 @@ from evac.case.loading import case_from
 from evac.case.trust import named_files, run_plugin_files
 from evac.folder.checkpoint import Header, read_checkpoint, write_checkpoint
 from evac.folder.files import CHECKPOINT_NAME
-from evac.folder.reading import checked
+from evac.folder.jsonfile import checked, plain
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.results.ending import INTERRUPTED
-from evac.results.results import plain
 from evac.simulation.identity import inputs_of, made_of
 from evac.simulation.loop import Operation
 from evac.simulation.scene import Scene

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from evac.base.errors import ResultError, in_one_line, naming, usable_path
 from evac.folder.digests import differences, digest_of_data
 from evac.folder.files import STUDY_NAME, replacing
-from evac.results.results import plain, versions
+from evac.folder.jsonfile import plain
+from evac.results.results import versions
 from evac.simulation.assembly import providers
 from evac.simulation.identity import ground_key
 from evac.study.points import Point, Seeds

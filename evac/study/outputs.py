@@ -1,6 +1,5 @@
 """Outputs of a study in addition to its rows: CSV tables, a summary and pictures."""
 
-import json
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,11 +22,12 @@ from evac.folder.files import (
     SUMMARY_NAME,
     SWEEP_PICTURE_NAME,
     WORST_REPLAY_NAME,
-    replacing,
     writing,
 )
+from evac.folder.jsonfile import plain, write_json
 from evac.folder.manifest import note_written
-from evac.results.results import plain, versions, write_csv
+from evac.folder.tables import write_csv
+from evac.results.results import versions
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.convergence import convergence, settled
@@ -62,9 +62,7 @@ def write_outputs(study: "Study") -> None:
                 _draw_egress(study, egress_curves[0], folder / EGRESS_PICTURE_NAME)
             else:
                 _draw_statistics(study, folder / SWEEP_PICTURE_NAME)
-        text = json.dumps(plain(summary(study, measures)), indent=2, ensure_ascii=False)
-        with replacing(folder / SUMMARY_NAME, "the results") as new:
-            new.write_text(text + "\n", encoding="utf-8")
+        write_json(folder / SUMMARY_NAME, plain(summary(study, measures)), "the results")
 
 
 def write_replays(study: "Study") -> None:

@@ -10,9 +10,10 @@ from evac.building.model.building import Door
 from evac.case.loading import load_case
 from evac.contract.registry import Registry
 from evac.directions.routes import Route
+from evac.folder.jsonfile import plain
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
-from evac.results.results import plain, versions
+from evac.results.results import versions
 from evac.results.watch import Observation
 
 

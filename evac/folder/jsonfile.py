@@ -1,19 +1,48 @@
-"""Files of a result folder that are read back: their content is checked once."""
+"""JSON files of result folders: written as a whole, and checked once when they are read back."""
 
-import csv
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from evac.base.errors import ResultError
-from evac.folder.cells import text_of_cell
+from evac.folder.files import replacing
 
 #: Greatest depth of tables and lists in each other, so that code that follows them does not end in an error.
 MOST_NESTED = 60
 
 Read = TypeVar("Read", bound=BaseModel)
+
+
+def plain(value: Any) -> Any:
+    """Convert a value for JSON: arrays and scalars of numpy to plain data, NaN and infinity to None, others to text."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value if value is None or isinstance(value, (str, bool, int, float)) else repr(value)
+
+
+def write_json(path: Path, data: Mapping[str, Any], what: str) -> None:
+    """Write plain data as a JSON file.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written; names it, and what it contains.
+    """
+    text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
+    with replacing(path, what) as new:
+        new.write_text(text + "\n", encoding="utf-8")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -61,26 +90,3 @@ def checked(kind: type[Read], data: dict[str, Any], path: Path) -> Read:
         raise ResultError(
             f"{path}: {key}: {first['msg']}; the file is damaged or of another version of evac: run the case again"
         ) from error
-
-
-def read_columns(path: Path, wanted: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return the columns of a CSV file as text.
-
-    Raises
-    ------
-    ResultError
-        The file is not there, a column is missing, or a row is cut short.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            head, *rows = list(csv.reader(file)) or [[]]
-    except (OSError, ValueError, csv.Error) as error:
-        why = getattr(error, "strerror", None) or error
-        raise ResultError(f"{path}: cannot be read: {why}; run the case again") from error
-    missing = [name for name in wanted if name not in head]
-    if missing:
-        raise ResultError(f"{path}: column {missing[0]!r} is missing; run the case again")
-    for number, row in enumerate(rows, 2):
-        if len(row) != len(head):
-            raise ResultError(f"{path}: row {number} has {len(row)} fields instead of {len(head)}; run the case again")
-    return {name: [text_of_cell(row[index]) for row in rows] for index, name in enumerate(head)}

@@ -5,8 +5,7 @@ import csv
 import pytest
 
 import evac
-from evac.folder.cells import cell_of, text_of_cell
-from evac.folder.reading import read_columns
+from evac.folder.tables import cell_of, read_columns, text_of_cell
 
 
 @pytest.mark.parametrize(
