@@ -1,12 +1,12 @@
 """The case.toml that an import writes, and the folder that it is written to."""
 
-import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import EvacError, ScenarioError, usable_path
 from evac.building.model.names import repaired
+from evac.case.toml import toml_lines, toml_value
 from evac.folder.digests import digest_of_file
 
 if TYPE_CHECKING:
@@ -55,11 +55,11 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
     """
     names = _one_line(", ".join(file.name for file in made.files))
     lines = [
-        f"title = {quoted(repaired(made.files[0].stem))}",
+        f"title = {toml_value(repaired(made.files[0].stem))}",
         "",
         f"# Written by evac import from {names}, with these options:",
     ]
-    lines += [f"#   {key} = {_value(value)}" for key, value in made.options.items() if value is not None]
+    lines += [f"#   {key} = {toml_value(value)}" for key, value in made.options.items() if value is not None]
     assumed = [one for one in made.findings if one.kind == "assumed"]
     if assumed:
         lines += ["# and with these assumptions:", *(f"#   {_one_line(str(one))}" for one in assumed)]
@@ -67,19 +67,19 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
         "",
         "[building]",
         'mesh = "building.msh"',
-        *(f"{key} = {_value(value)}" for key, value in building.items()),
+        *toml_lines(building),
     ]
     for exit_ in exits:
-        lines += ["", "[[building.exits]]", *(f"{key} = {_value(value)}" for key, value in exit_.items())]
+        lines += ["", "[[building.exits]]", *toml_lines(exit_)]
     if not made.building.exits and made.openings:
         lines += ["", "# There is no exit yet. The widest opening:"]
         first = made.openings[0].exit(made.building)
-        lines += ["# [[building.exits]]", *(f"# {key} = {_value(value)}" for key, value in first.items())]
+        lines += ["# [[building.exits]]", *(f"# {line}" for line in toml_lines(first))]
     lines += PEOPLE.rstrip().splitlines()
     for room in made.rooms:
         comment = "" if room.number else "# "
         ground = f"  # {room.ground:.1f} m2, {room.number / max(room.ground, 1e-9):.2f} people per square metre"
-        group = ["[[people]]", f"name = {quoted(room.name)}", 'preset = "person"', f"{room.key} = {quoted(room.name)}"]
+        group = ["[[people]]", *toml_lines({"name": room.name, "preset": "person", room.key: room.name})]
         lines += ["", *(f"{comment}{line}" for line in [*group, f"number = {max(room.number, 1)}{ground}"])]
     return "\n".join(lines) + "\n" + REST
 
@@ -120,23 +120,6 @@ def write_text(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8", errors="replace")  # names of files need not be UTF-8
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be written: {error.strerror}; choose another folder (--out)") from error
-
-
-def quoted(text: str) -> str:
-    """Return a text as a quoted TOML string."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return quoted(value)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{quoted(str(key))} = {_value(one)}" for key, one in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(one) for one in value) + "]"
-    return repr(value)
 
 
 def _one_line(text: str) -> str:

@@ -1,11 +1,9 @@
 """The model: what computed the results, with which parameters, and how to repeat it."""
 
-import json
-import math
-import re
 from collections.abc import Mapping
 from typing import Any
 
+from evac.case.toml import case_text
 from evac.report.templates import APPENDIX, Section, section, told
 from evac.results.record import CaseTable
 
@@ -23,9 +21,6 @@ WORDS = {
     "comfort": "weight of stairs on comfortable routes",
     "order": "order of fast marching",
 }
-
-#: Names of keys that TOML lets stand without quotation marks.
-BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[str], seed: str, command: str) -> Section:
@@ -64,40 +59,3 @@ def _named(key: str) -> str:
 def case_section(case: Mapping[str, Any]) -> Section:
     """Return the appendix with the whole case."""
     return section("case", f"{APPENDIX}the case", text=case_text(case))
-
-
-def case_text(case: Mapping[str, Any]) -> str:
-    """Return a case, as a summary has it, as the content of a case.toml.
-
-    JSON has no infinity: what is null in a summary was infinite.
-    """
-    plain = {key: value for key, value in case.items() if not _is_table(value)}
-    lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
-    for key, value in case.items():
-        if isinstance(value, Mapping):
-            lines += ["", f"[{_key(key)}]", *(f"{_key(name)} = {_value(one)}" for name, one in value.items())]
-        elif _is_table(value):
-            for row in value:
-                lines += ["", f"[[{_key(key)}]]", *(f"{_key(name)} = {_value(one)}" for name, one in row.items())]
-    return "\n".join(lines) + "\n"
-
-
-def _is_table(value: Any) -> bool:
-    """Return whether a value has a head of its own in TOML: a table, or a list of tables."""
-    is_list = isinstance(value, list) and bool(value) and all(isinstance(one, Mapping) for one in value)
-    return isinstance(value, Mapping) or is_list
-
-
-def _key(name: str) -> str:
-    return name if BARE.fullmatch(name) else _value(name)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(name)} = {_value(one)}" for name, one in value.items()) + " }"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    if value is None or (isinstance(value, float) and math.isinf(value)):
-        return "inf"
-    # Strings of JSON are those of TOML, but for one character.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
