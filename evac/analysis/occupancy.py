@@ -1,6 +1,6 @@
 """Occupancy: people on each level and stair over the run, from the log of crossings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,13 +109,3 @@ def moves_of(
     target = np.concatenate([target, np.full(out.size, -1, np.int32)])
     order = np.argsort(time, kind="stable")
     return Moves(np.asarray(start_level, np.int32), row[order], source[order], target[order], time[order])
-
-
-def level_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
-    """Return the occupancy of each level, by name."""
-    return {level.name: moves.occupancy([level.index]) for level in building.levels}
-
-
-def stair_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
-    """Return the occupancy of each stair with all its flights and landings, by name."""
-    return {name: moves.occupancy(levels) for name, levels in building.stairs.items()}

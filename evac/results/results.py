@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.analysis.flows import exit_table
-from evac.analysis.occupancy import Moves, level_table, moves_of, stair_table
+from evac.analysis.occupancy import Moves, moves_of
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError
@@ -489,8 +489,8 @@ def results_of(
             portal.name: {"levels": [names[k] for k in portal.levels], "width": portal.width, "passages": passages[k]}
             for k, portal in enumerate(building.portals)
         },
-        levels={name: asdict(use) for name, use in level_table(building, moves).items()},
-        stairs={name: asdict(use) for name, use in stair_table(building, moves).items()},
+        levels={level.name: asdict(moves.occupancy([level.index])) for level in building.levels},
+        stairs={name: asdict(moves.occupancy(levels)) for name, levels in building.stairs.items()},
         doors=[{"name": door.name, "level": names[door.level], "width": door.width} for door in building.doors],
         quality_warnings=tuple(quality),
         keeps_distance=case.keeps_distance,
