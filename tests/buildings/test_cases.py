@@ -158,38 +158,6 @@ def test_everybody_leaves_the_square_room(model):
     assert 3.0 < exit_time.max() < 20.0
 
 
-def share_of_pupils_ahead(following):
-    """Return the share of the pupils' time spent more than 1 s of travel ahead of a teacher inside, and who got out."""
-    overrides = {} if following else {"behaviours.teacher_following": False}
-    school = Simulation(load_case(CASES / "primary_school" / "case.toml", overrides))
-    crowd, fields = school.population.crowd, school.fields
-    rows = {group.name: group.rows for group in school.population.groups}
-    ahead = seen = 0
-    while not school.ended:
-        school.advance_tick()
-        remaining = np.full(len(crowd.level), np.nan)
-        inside = crowd.level >= 0
-        remaining[inside] = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
-        for name in rows:
-            if name.startswith("class_"):
-                lead = remaining[rows[name.replace("class", "teacher")]] - remaining[rows[name]]
-                ahead += np.count_nonzero(lead > 1.0)
-                seen += np.count_nonzero(np.isfinite(lead))
-    return ahead / seen, np.isfinite(crowd.exit_time)
-
-
-def test_the_schools_classes_follow_their_teachers_out():
-    share, is_out = share_of_pupils_ahead(following=True)
-    assert is_out.all()
-    assert share < 0.05
-
-
-def test_without_following_the_schools_pupils_run_ahead_of_their_teachers():
-    share, is_out = share_of_pupils_ahead(following=False)
-    assert is_out.all()
-    assert share > 0.05
-
-
 def test_a_teacher_who_cannot_move_holds_back_nobody_else():
     still = {f"people.teacher_1a.{key}": 0.0 for key in ("speed", "speed_up", "speed_down")}
     school, exit_time = finished("primary_school", **still, **{"simulation.no_progress": 30.0})

@@ -51,6 +51,7 @@ def test_ways_in_the_middle_go_straight_and_beside_a_wall_lead_away_from_it_as_r
     assert angles_between(ways.direction, exact) == pytest.approx(0.0, abs=2.0)
 
 
+@pytest.mark.slow
 def test_ways_over_a_stair_without_walls_near_tend_to_those_of_refraction():
     plan = stair(200, np.random.default_rng(0))
     far = plan.wall_distance > 0.4

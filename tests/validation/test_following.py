@@ -109,18 +109,6 @@ def test_without_the_behaviour_pupils_run_ahead():
     assert share_ahead(Simulation(case)) > 0.05
 
 
-def test_a_blocked_teacher_releases_its_class():
-    """A teacher who cannot walk: its class waits, then goes on without it."""
-    simulation = Simulation(
-        load_case("primary_school", {"people.teacher_1a.speed": 1e-6, "simulation.duration": 150.0})
-    )
-    simulation.run()
-    groups = {group.name: group.rows for group in simulation.population.groups}
-    crowd = simulation.population.crowd
-    assert crowd.level[groups["teacher_1a"][0]] >= 0
-    assert np.isfinite(crowd.exit_time[groups["class_1a"]]).all()
-
-
 def spread(folder, follow):
     """NIST TN 1822, 2.9: four people at 1.25 m/s and one at 0.5 m/s walk 60 m; the spread of their exit times [s]."""
     rest = {"name": "rest", "positions": [[1.0 + 0.8 * k, 0.8] for k in range(4)], "z": 0.0, "speed": 1.25}
