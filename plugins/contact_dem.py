@@ -2,10 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter
@@ -15,7 +11,7 @@ from evac.physics.contact.contacts import push, set_reach, tangential_velocity, 
 from evac.physics.contact.model import BorderScene, ContactModel
 from evac.physics.contact.stability import add_stiffness, forget_stiffnesses, longest_step, makes_unstable
 from evac.physics.extent import extent
-from evac.physics.state import State, World
+from evac.physics.state import State
 from evac.physics.status import OK, SEARCH_AGAIN, TOO_STIFF, WALL_CROSSED
 
 #: Ratio of the tangent stiffness of a hardening contact at an overlap of one radius to k.
@@ -239,6 +235,7 @@ class Dem(ContactModel):
     law = spring
     longest_path = 0.5
     remembers = False
+    hardens = 0
     stiffness = Parameter(1.2e5, "contact stiffness k of eq. 3", unit="kg/s2", above=0.0)
     hardening = Parameter(
         0.5, "overlap beyond which contacts harden, as a share of the smaller radius; 1: never", above=0.0, maximum=1.0
@@ -267,20 +264,10 @@ class Dem(ContactModel):
             why += ": contacts harden beyond this share of the smaller radius"
         return [("hardening contacts", self.hardening < 1.0, why)]
 
-    def own(self, people: int, world: World) -> Spring:
-        """Return the parameters of the law, with scratch arrays for a number of people."""
-        return Spring(
-            stiffness=self.stiffness,
-            hardening=self.hardening,
-            least=LEAST_FORCE / self.stiffness,
-            hardens=0,
-            stiffnesses=np.zeros((people, 3)),
-            coupling=np.zeros(people),
-        )
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return nothing, since the arrays of `own` are overwritten in every sub-step."""
-        return {}
+    @property
+    def least(self) -> float:
+        """Minimum overlap at which contacts harden [m]."""
+        return LEAST_FORCE / float(self.stiffness)
 
     def advice(self) -> Mapping[int, str]:
         """Return what to change if a step fails."""

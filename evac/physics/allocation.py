@@ -95,7 +95,7 @@ def make_lists(people: int, pairs: int, walls: int, levels: int) -> Lists:
 
 def make_contacts(capacity: int, width: int = 0) -> Contacts:
     """Return contact arrays for a given number of contacts, with a memory of a given width."""
-    return allocate(Contacts, capacity, near=np.zeros((NEAR_WALLS, 6)), memory=np.zeros((capacity, width)))
+    return allocate(Contacts, capacity, near=np.zeros((NEAR_WALLS, 6)), memory=np.zeros((capacity + 1, width)))
 
 
 def make_kept(capacity: int, width: int) -> Kept:

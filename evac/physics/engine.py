@@ -236,7 +236,7 @@ class CompiledEngine(Engine):
                 call.check(model.law, f"contact model {model.name!r}: law", type(model))
         addresses_of(self.entries(model), progress)
         room, width = len(state.contacts.body), len(model.memory)
-        state.contacts.memory, state.memory = np.zeros((room, width)), make_kept(room if width else 0, width)
+        state.contacts.memory, state.memory = np.zeros((room + 1, width)), make_kept(room if width else 0, width)
         if isinstance(model, SolvedContactModel):
             state.problem = make_problem(len(state.bodies.row), room)
         loaded = entries_of_parts(model, self._forces, self.has_seams)
@@ -377,7 +377,9 @@ class CompiledEngine(Engine):
         return None
 
     def own_arrays(self) -> list[str]:
-        """Return the names of the arrays in the parameter struct of the loaded contact model."""
+        """Return the names of the arrays in the parameter struct of the loaded contact model, besides scratch."""
+        if self._model is None or type(self._model).own is ContactModel.own:
+            return []
         return [name for name, value in self._own.values().items() if isinstance(value, np.ndarray)]
 
     def snapshot(self) -> dict[str, np.ndarray]:

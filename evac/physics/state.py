@@ -329,7 +329,7 @@ class Contacts(Struct):
     kept_percussion: Floats  # saved percussions
     kept_friction: Floats
     sticky: Bytes  # 1: the tangential law acts
-    memory: FloatGrid  # (contacts, width) what the law keeps, see `evac.physics.contact.memory`
+    memory: FloatGrid  # (contacts + 1, width) what the law keeps, see `evac.physics.contact.memory`; a row for trials
     picked: Ints  # scratch: bodies in reach of one
     near: NearWalls  # scratch for the wall search: distance, normal, wall, nearest point
     deepest: float  # largest overlap at the start of the sub-step [m]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.jit import AddressCall, inner, kernel
+from evac.jit import AddressCall, inner, kernel, row
 from evac.physics.state import State
 from evac.physics.status import OK
 
@@ -72,10 +72,12 @@ def retain(state: State) -> int:
 
 
 @inner
-def copy_memory(contacts, c, tried):
-    """Copy the memory of contact c, for trials."""
-    for k in range(tried.shape[0]):
-        tried[k] = contacts.memory[c, k]
+def tried_memory(contacts, c):
+    """Return a copy of the memory of contact c for a trial, in the row behind those of contacts."""
+    last = contacts.memory.shape[0] - 1
+    for k in range(contacts.memory.shape[1]):
+        contacts.memory[last, k] = contacts.memory[c, k]
+    return row(contacts.memory, last)
 
 
 def memory_by_person(state: State) -> tuple[NDArray[np.int64], FloatArray]:

@@ -13,6 +13,8 @@ from evac.base.errors import PluginError, ScenarioError, fault, is_foreign
 from evac.base.parameters import Configurable, Parameter
 from evac.contract.builtin import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
+from evac.jit.layout import Array
+from evac.physics.allocation import allocate
 from evac.physics.state import Crowd, State, Traits, World
 
 
@@ -169,22 +171,24 @@ class ContactModel(Configurable, ABC):
     def own(self, people: int, world: World) -> Struct:
         """Return the parameters of the law; by default its struct, filled with the attributes of the same names.
 
-        Override this method if the struct has scratch arrays, whose length depends on the number of people.
+        Arrays for which the model has no attribute have a row for each person and are scratch: the law must set them in
+        every sub-step before it reads them.
 
         Raises
         ------
         PluginError
-            The model lacks one of these attributes.
+            The model lacks the attribute for a number.
         """
         kinds = [kind for _, kind in self.law.signature[0]] if isinstance(self.law, Entry) else []
         struct = kinds[1] if len(kinds) > 1 else None
         if not (isinstance(struct, type) and issubclass(struct, Struct)):
             return NoParameters()  # a law without a struct is refused when it is loaded
-        missing = [name for name in struct.kinds if not hasattr(self, name)]
+        given = {name: getattr(self, name) for name in struct.kinds if hasattr(self, name)}
+        missing = [name for name, kind in struct.kinds.items() if name not in given and not isinstance(kind, Array)]
         if missing:
             remedy = "give the model an attribute of that name, or define own(people, world), which returns the struct"
             raise fault(self._what, f"its law reads {struct.__name__}.{missing[0]}", remedy, self)
-        return struct(**{name: getattr(self, name) for name in struct.kinds})
+        return allocate(struct, people, **given)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that the model keeps from tick to tick, by name; they are copied.

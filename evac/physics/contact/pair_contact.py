@@ -5,18 +5,17 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import PluginError, ScenarioError, fault, in_one_line
 from evac.jit import Entry, Floats, Struct, Triples, call_pair_contact, call_pair_friction, row
 from evac.jit.digest import kernels_in
 from evac.physics.contact.contacts import push, rub, tangential_velocity, use_free_velocity
-from evac.physics.contact.memory import copy_memory
+from evac.physics.contact.memory import tried_memory
 from evac.physics.contact.model import BorderScene, ContactModel
 from evac.physics.contact.packing import check_indices, packed_row
 from evac.physics.contact.stability import add_stiffness, damping_limit, forget_stiffnesses, makes_unstable
-from evac.physics.state import State, World
+from evac.physics.state import State
 from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
 
 #: Difference of overlaps from which the stiffness of a law is computed [m].
@@ -30,7 +29,6 @@ class PairLaw(Struct):
     parameters: Floats
     stiffnesses: Triples  # (n, 3) of each body, see `evac.physics.contact.stability` [1/s2]
     coupling: Floats  # (n,) [1/s2]
-    tried: Floats  # memory of a contact, for trials
 
 
 def law_of(pair: Entry, label: str) -> Entry:
@@ -80,17 +78,17 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
     """
 
     def obey(state: State, own: PairLaw, h: float) -> int:
-        bodies, contacts, given, tried = state.bodies, state.contacts, own.parameters, own.tried
+        bodies, contacts, given = state.bodies, state.contacts, own.parameters
         forget_stiffnesses(contacts, own)
         for c in range(contacts.number):
             gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
             slide = tangential_velocity(bodies.velocity, contacts, c)
             deepest, change = gap - h * max(closing, 0.0), 2.0 * SPAN / h
-            copy_memory(contacts, c, tried)
+            tried = tried_memory(contacts, c)
             force, friction = pair(deepest, closing, slide, mass, 0.5 * h, tried, given)
-            copy_memory(contacts, c, tried)
+            tried = tried_memory(contacts, c)
             beyond, _ = pair(deepest - SPAN, closing + change, slide, mass, 0.5 * h, tried, given)
-            copy_memory(contacts, c, tried)
+            tried = tried_memory(contacts, c)
             _, less = pair(deepest, closing, slide + math.copysign(change, friction), mass, 0.5 * h, tried, given)
             nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
             add_stiffness(bodies, contacts, own, c, nx, ny, PER_SPAN * max(beyond - force, 0.0))
@@ -254,18 +252,10 @@ class PairContact(ContactModel):
             low, high = (low, middle) if self._force(middle, mass) > load else (middle, high)
         return high
 
-    def own(self, people: int, world: World) -> PairLaw:
-        """Return the parameters of the law, with work arrays for a number of people."""
-        return PairLaw(
-            parameters=self.packed(),
-            stiffnesses=np.zeros((people, 3)),
-            coupling=np.zeros(people),
-            tried=np.zeros(len(self.memory)),
-        )
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return nothing: the arrays of `own` are recomputed in every sub-step."""
-        return {}
+    @property
+    def parameters(self) -> FloatArray:
+        """What the law reads."""
+        return self.packed()
 
     def advice(self) -> Mapping[int, str]:
         """Return advice for steps that fail."""
