@@ -185,6 +185,24 @@ def test_steps_that_are_made_again_count_once(stiffness, speed, reason, is_scarc
     assert numbers[0, 1] == pytest.approx(1e-3 + 0.01 - last, rel=1e-12)
 
 
+def test_a_contact_that_began_in_a_step_that_is_undone_begins_anew():
+    """Two pairs touch; one is taken apart and put together again in a step that is made twice."""
+    position = [(0.0, 0.0), (0.39, 0.0), (0.0, 2.0), (0.39, 2.0), (2.9999, 5.0), (2.9999, 6.0)]
+    crowd = make_crowd(position, radius=0.2, mass=80.0, tau=FREE)
+    model, engine = Counting(stiffness=100.0), make_engine(crowd, make_building(exits=[(0, (3, -10, 3, 10))]))
+    engine.advance(model, crowd, 0, 1, 1e-3, True, False)
+    assert remembered(engine)[0] == [[0, 1], [2, 3]]
+    crowd.position[3, 0] = 1.0
+    engine.advance(model, crowd, 1, 1, 1e-3, True, False)
+    assert remembered(engine)[0] == [[0, 1]]
+    crowd.position[3, 0], crowd.velocity[4:, 0] = 0.39, 1.0
+    engine.state.events = allocate(Events, 1)
+    engine.advance(model, crowd, 2, 1, 1e-3, True, False)
+    assert len(engine.state.events.row) == 2
+    assert remembered(engine)[0] == [[0, 1], [2, 3]]
+    assert remembered(engine)[1][:, 0].tolist() == [3.0, 1.0]
+
+
 def crowd_at_a_door(shift=0.0, order=None):
     """Thirty people of whom some stick at a door, and the scene; all moved by `shift`, in another order of persons."""
     walls = np.array([(0, 0, 5, 0), (5, 0, 5, 1.6), (5, 2.4, 5, 4), (5, 4, 0, 4), *cut_wall(0, 4, 0, 0, 4)])
