@@ -88,6 +88,7 @@ def crowd_at(position, level, velocity=None, exit_time=None):
         velocity=np.zeros((n, 2)) if velocity is None else np.array(velocity, float),
         level=np.array(level, np.int32),
         radius=np.full(n, 0.2),
+        contact_radius=np.full(n, 0.2),
         height=np.full(n, 1.7),
         mass=np.full(n, 80.0),
         tau=np.full(n, 0.5),

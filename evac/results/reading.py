@@ -18,7 +18,7 @@ from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECT
 from evac.folder.resultfolder import find_result
 from evac.folder.tables import read_columns
 from evac.people.population import Group
-from evac.physics.state import Crowd
+from evac.physics.state import Crowd, make_crowd
 from evac.results.record import Summary, read_summary
 from evac.results.results import CROSSINGS_COLUMNS, PEOPLE_COLUMNS, Results
 from evac.trajectory.trajectory import Trajectory, read_trajectory
@@ -221,17 +221,19 @@ def _crowd_of(
     for name, is_known in (("exit_time", np.isfinite(exit_time)), ("end_level", level < 0)):
         if (differs := is_known != (exit_used >= 0)).any():
             raise table.error(name, f"contradicts the column 'exit' in row {int(np.argmax(differs)) + 2}")
-    return Crowd(
-        position=table.pairs("end_x", "end_y"),
-        velocity=np.full((n, 2), np.nan),
+    return make_crowd(
+        table.pairs("end_x", "end_y"),
+        velocity=np.nan,
         level=level,
         radius=table.numbers("radius", LEAST_RADIUS),
+        contact_radius=np.nan,
         height=table.numbers("height", LEAST_HEIGHT),
         mass=table.numbers("mass", 0.0),
         tau=table.numbers("tau", 0.0),
         speed=np.column_stack([table.numbers(name, 0.0) for name in ("speed", "speed_up", "speed_down")]),
-        group=group,
         start_time=table.numbers("response_time", 0.0, np.inf),
+    ).replace(
+        group=group,
         route=table.indices("route", [str(route) for route in routes]),
         speed_factor=np.full(n, np.nan),
         extra_direction=np.full((n, 2), np.nan),

@@ -90,8 +90,8 @@ class Results:
     settings : mapping
         Every key of the case with its value, as plain data; None stands for infinity.
     crowd : Crowd
-        Arrays of all people at the end. In results that were read, velocities, contact forces, speed factors and extra
-        directions are NaN, because they are not written.
+        Arrays of all people at the end. In results that were read, velocities, contact forces, contact radii, speed
+        factors and extra directions are NaN, because they are not written.
     groups : sequence of Group
         Groups with ``name`` and ``rows``.
     routes : sequence of Route
