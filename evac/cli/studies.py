@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from evac.study.points import Point
     from evac.study.statistics import Estimate
     from evac.study.stopping import Rule
-    from evac.study.study import Progress, Study
+    from evac.study.study import Study, StudyProgress
 
 TITLE = "Evacuation time: when the last person left"
 
@@ -115,11 +115,11 @@ def prepare(case: "Case") -> None:
     show_warnings(warnings)
 
 
-def shown_progress(display: Display) -> "Callable[[Progress], None]":
+def shown_progress(display: Display) -> "Callable[[StudyProgress], None]":
     """Return what shows the progress of a study, its first run that fails, and how many runs a resumed study has."""
     failed: list[str] = []
 
-    def show(progress: "Progress") -> None:
+    def show(progress: "StudyProgress") -> None:
         if progress.row is None:
             if progress.done:
                 done = f"resuming: {progress.done} of {progress.wanted} runs are done"

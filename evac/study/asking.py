@@ -21,7 +21,7 @@ from evac.study.points import Point, Seeds
 from evac.study.remarks import quality_of, remarks_of
 from evac.study.shared import simulation_of
 from evac.study.stopping import LEAST_RUNS, MOST_OF_STUDY, Rule, fixed, until_known
-from evac.study.study import Progress, Study
+from evac.study.study import Study, StudyProgress
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -40,7 +40,7 @@ def repeat(
     workers: int | None = None,
     executor: Executor | None = None,
     resume: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[StudyProgress], None] | None = None,
     check_step: bool = False,
 ) -> Study:
     """Run a case with many seeds: ``simulation.seed`` and the following ones.
@@ -73,7 +73,7 @@ def repeat(
     resume : bool
         Continue the study in the folder; existing runs are not repeated.
     progress : callable, optional
-        Called with a `Progress` after each row has been written.
+        Called with an `evac.study.study.StudyProgress` after each row has been written.
     check_step : bool
         Make all runs with half the time step as well, as a second point; `Study.step_change` compares them.
 
@@ -125,7 +125,7 @@ def sweep(
     workers: int | None = None,
     executor: Executor | None = None,
     resume: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[StudyProgress], None] | None = None,
 ) -> Study:
     """Run a case with many seeds at several points in parameter space, with the same seeds (common random numbers).
 
@@ -203,7 +203,7 @@ def conducted(
     workers: int | None = None,
     executor: Executor | None = None,
     resume: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[StudyProgress], None] | None = None,
     replay: bool = False,
 ) -> Study:
     """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""

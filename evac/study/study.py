@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Progress:
+class StudyProgress:
     """Progress of a study, reported after each row."""
 
     done: int
@@ -107,7 +107,7 @@ class Study:
         self,
         workers: int | None = None,
         executor: Executor | None = None,
-        progress: Callable[[Progress], None] | None = None,
+        progress: Callable[[StudyProgress], None] | None = None,
     ) -> None:
         """Check all missing runs, execute those that are not refused, and sort the rows.
 
@@ -136,11 +136,11 @@ class Study:
             if row.error is not None:
                 failed.append(row)
             if progress is not None:
-                progress(Progress(self.done, sum(self._wanted), row))
+                progress(StudyProgress(self.done, sum(self._wanted), row))
 
         conductor = Conductor(self.points, on_row, workers, executor)
         if progress is not None:
-            progress(Progress(self.done, sum(self._wanted), None))
+            progress(StudyProgress(self.done, sum(self._wanted), None))
         try:
             for row in sorted(refused, key=_place):
                 on_row(row)
