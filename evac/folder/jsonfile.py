@@ -57,7 +57,7 @@ def read_json(path: Path) -> dict[str, Any]:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise ResultError(
-            f"{path}: no such file; a report is made of a result folder whose run has ended or was interrupted: see "
+            f"{path}: no such file; results are read from a folder whose run has ended or was interrupted: see "
             "whether `evac resume` can end it"
         ) from error
     except (OSError, ValueError, RecursionError) as error:

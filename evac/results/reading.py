@@ -70,10 +70,9 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         check_trajectory(trajectory, summary)
     table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS)
     levels, exits, portals = list(summary.levels), list(summary.exits), list(summary.portals)
-    routes = tuple(Route(row.exits, row.strategy) for row in summary.routes)
     names = [group.name for group in summary.table.people]
     group = table.indices("group", names, optional=True)
-    crowd = _crowd_of(table, levels, exits, routes, group)
+    crowd = _crowd_of(table, levels, exits, summary.routes, group)
     found = table.length, int(np.isfinite(crowd.exit_time).sum())
     if found != (summary.people, summary.evacuated):
         raise ResultError(
@@ -92,7 +91,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
             Group(one.name, np.flatnonzero(group == index).astype(np.int32), one.behaviours)
             for index, one in enumerate(summary.table.people)
         ),
-        routes=routes,
+        routes=summary.routes,
         start_position=table.pairs("start_x", "start_y"),
         start_level=table.indices("start_level", levels),
         crossings=passages,

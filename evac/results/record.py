@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from evac.base.change import Change
-from evac.directions.routes import Strategy
+from evac.directions.routes import Route
 from evac.folder.files import SUMMARY_NAME
 from evac.folder.jsonfile import checked, read_json
 
@@ -62,13 +62,6 @@ class StuckPlace(Record):
     level: str
     x: float
     y: float
-
-
-class RouteRow(Record):
-    """A route, see `evac.directions.routes.Route`."""
-
-    exits: tuple[str, ...]
-    strategy: Strategy
 
 
 class PlanRow(Record):
@@ -157,7 +150,7 @@ class Summary(Record):
     left_by_other_exits: Count
     levels: dict[str, PlaceUse]
     stairs: dict[str, PlaceUse]
-    routes: list[RouteRow] = Field(min_length=1)
+    routes: tuple[Route, ...] = Field(min_length=1)
     contact: ContactReport
     wall_time: dict[str, Amount]
     plan: list[PlanRow]
