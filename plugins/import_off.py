@@ -1,6 +1,6 @@
 """Importer of OFF files: vertices and polygons.
 
-trimesh reads truncated files without an error, and divides non-convex polygons into fans.
+meshio reads triangles only; trimesh reads truncated files without an error, and divides non-convex polygons into fans.
 """
 
 import re
