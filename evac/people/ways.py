@@ -1,20 +1,16 @@
-"""Check that everybody can reach an exit: walks along the directions, and connectivity of the ground."""
+"""Check that everybody can reach an exit: walks along the directions."""
 
-import itertools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, counted
-from evac.building.geometry.components import connected_components
 from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.building.model.findings import Finding
-from evac.building.model.narrow import CLOSED
 from evac.directions.fields import Fields, columns_of
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
 from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Quads, Struct, Triples, inner, kernel
@@ -37,11 +33,6 @@ MOVES, OVERLAP = 64, 2.5e-4
 SAME_PLACE = 1.0
 #: A walk fails if it exceeds the length of the way by this factor plus this number of cells.
 LONGEST, EXTRA = 3.0, 200.0
-#: Minimum length that the outline of a part of a level shares with a portal or exit on it [m].
-SHARED = 0.1
-
-# Outcomes of a walk.
-ARRIVED, LOST = 0, 1
 
 
 class Measures(Struct):
@@ -66,13 +57,12 @@ class Measures(Struct):
 def check_ways(
     source: "Path", building: Building, fields: Fields, world: World, crowd: Crowd, groups: "tuple[Group, ...]"
 ) -> tuple[Finding, ...]:
-    """Check that everybody can reach an exit, by three criteria that must agree.
+    """Check that everybody can reach an exit, by two criteria that must agree.
 
-    The travel time is finite; the ground is connected to an exit of the route; and the body of the person, which
-    follows the directions and slides along walls, arrives at an exit, or a point in its place does. The last criterion
-    is checked for every route that is available there, since behaviours may change the route, and only if the clearance
-    of directions is at least one cell: with less clearance, directions touch corners, which a point does not pass as a
-    body does.
+    The travel time is finite; and the body of the person, which follows the directions and slides along walls, arrives
+    at an exit, or a point in its place does. The last criterion is checked for every route that is available there,
+    since behaviours may change the route, and only if the clearance of directions is at least one cell: with less
+    clearance, directions touch corners, which a point does not pass as a body does.
 
     Parameters
     ----------
@@ -98,19 +88,11 @@ def check_ways(
         change.
     """
     time = fields.travel_time_at(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
-    is_connected = _connected(building, fields, crowd)
     for group in groups:
         rows = group.rows
         lost = rows[~np.isfinite(time[rows])]
         if lost.size:
-            raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost, is_connected))
-        leaking = rows[~is_connected[rows]]
-        if leaking.size:
-            what = f"have a travel time but no ground to {fields.routes[crowd.route[leaking[0]]].destination}"
-            raise ScenarioError(
-                f"{_affected(source, building, crowd, group, leaking, what)}: the grid passes through a wall; choose "
-                "another directions.spacing, and report this case as a bug of evac"
-            )
+            raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost))
     if fields.clearance < fields.packed.spacing:
         return ()
     found: list[Finding] = []
@@ -271,67 +253,15 @@ def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", 
 
 
 def _unreachable(
-    source: "Path",
-    building: Building,
-    fields: Fields,
-    crowd: Crowd,
-    group: "Group",
-    rows: IntArray,
-    is_connected: NDArray[np.bool_],
+    source: "Path", building: Building, fields: Fields, crowd: Crowd, group: "Group", rows: IntArray
 ) -> str:
     """Describe, for a message, why people have no travel time to an exit."""
     exits = " or ".join(fields.routes[crowd.route[rows[0]]].exits) or "any exit"
-    told = _affected(source, building, crowd, group, rows, f"cannot reach {exits}")
-    if is_connected[rows[0]]:
-        return (
-            f"{told}; the ground leads there, but through a gap that the grid with directions.spacing = "
-            f"{fields.packed.spacing:g} m does not resolve: reduce the spacing, or widen the gap"
-        )
     opened = "remove a name from building.closed" if building.closed else "add a connection to the mesh"
-    return f"{told}; move them, allow other exits, or {opened}"
-
-
-def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
-    """Return whether each person (n,) is connected to an exit of the route, by polygons instead of grids."""
-    parts = [shapely.get_parts(level.polygon.buffer(-0.5 * CLOSED)) for level in building.levels]
-    parts = [own[~shapely.is_empty(own)] for own in parts]  # a level that is too narrow everywhere has no parts
-    # Nodes are the parts of all levels, then the exits.
-    first = np.cumsum([0, *map(len, parts)])
-    exit_node = first[-1] + np.arange(len(building.exits))
-    pairs: list[tuple[int, int]] = []
-    for portal in building.portals:
-        if building.is_open(portal):
-            one, other = (first[level] + _parts_at(parts[level], portal.segments) for level in portal.levels)
-            pairs += itertools.product(one, other)
-    for way in building.exits:
-        if building.is_open(way):
-            beside = first[way.level] + _parts_at(parts[way.level], way.segments)
-            pairs += itertools.product(beside, [exit_node[way.index]])
-    nodes = int(first[-1]) + len(building.exits)
-    component = connected_components(nodes, np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    leads_out = np.array(
-        [
-            np.isin(component, [component[exit_node[way.index]] for way in building.exits if route.leads_to(way.name)])
-            for route in fields.routes
-        ]
+    return (
+        f"{_affected(source, building, crowd, group, rows, f'cannot reach {exits}')}; move them, allow other exits, "
+        f"{opened}, or if a narrow gap leads there, reduce directions.spacing = {fields.packed.spacing:g} m"
     )
-    found = np.zeros(len(crowd.level), dtype=np.bool_)
-    for level, own in enumerate(parts):
-        here = np.flatnonzero(crowd.level == level)
-        if not len(own):
-            continue
-        nearest = np.zeros(len(here), np.int64)
-        if len(own) > 1:
-            nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
-        found[here] = leads_out[crowd.route[here], first[level] + nearest]
-    return found
-
-
-def _parts_at(parts: NDArray[Any], segments: FloatArray) -> NDArray[np.int64]:
-    """Return the parts of a level that a portal or exit is on."""
-    line = shapely.buffer(shapely.multilinestrings(segments.reshape(-1, 2, 2)), CLOSED, cap_style="flat")
-    shared = shapely.length(shapely.intersection(shapely.boundary(parts), line))
-    return np.flatnonzero(shared > SHARED)
 
 
 @kernel
