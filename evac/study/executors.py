@@ -111,20 +111,12 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
     if workers == 1:
         yield from map(function, items)
         return
-    pool = Pool(min(workers, cores()))
-    at_once = True
-    try:
-        futures = [pool.submit(function, item) for item in items]
-        for future in futures:
-            yield future.result()
-        at_once = False
-    except BrokenExecutor as error:
-        raise died() from error
-    except Exception:  # wait for tasks that have begun
-        at_once = False
-        raise
-    finally:
-        pool.close(at_once)
+    with Pool(min(workers, cores())) as pool:
+        try:
+            for future in [pool.submit(function, item) for item in items]:
+                yield future.result()
+        except BrokenExecutor as error:
+            raise died() from error
 
 
 def died() -> SimulationError:
