@@ -49,9 +49,8 @@ FASTEST = 100.0
 call_law = AddressCall([State, Struct, float], (int,))
 
 
-#: Arrays of the bodies that are copied from the crowd at the start of a tick, with their names there, and back at its
-#: end.
-TAKEN = {name: name for name in Crowd.kinds if name in Bodies.kinds} | {"radius": "contact_radius"}
+#: Arrays of the bodies that are copied from the crowd at the start of a tick, and back at its end.
+TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
 WRITTEN = ("position", "velocity", "level", "distance", "contact_force")
 
 
@@ -59,12 +58,12 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
     bodies = state.bodies
     rows = bodies.row[:inside].astype(np.intp)
-    for name, source in TAKEN.items():
-        given, kept = getattr(crowd, source), getattr(bodies, name)[:inside]
+    for name in TAKEN:
+        given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
         np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
-    bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.radius[:inside])
+    bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
-    bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
+    bodies.smallest = bodies.contact_radius[:inside].min(initial=math.inf)
     bodies.inside = inside
     bodies.relaxation_step = 0.0
     bodies.node[:inside] = -1

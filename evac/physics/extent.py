@@ -14,10 +14,10 @@ def extent(bodies, i, nx, ny):
 
     `bodies` has the arrays of `Bodies` or of a `Crowd`. From Python, `i`, `nx` and `ny` may be arrays.
     """
-    return bodies.radius[i]
+    return bodies.contact_radius[i]
 
 
 @inlined
 def greatest_extent(bodies, i):
     """Return the radius of the smallest circle around the centre of body i that contains the body [m]."""
-    return bodies.radius[i]
+    return bodies.contact_radius[i]

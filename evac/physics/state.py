@@ -191,7 +191,7 @@ class Bodies(Struct):
 
     inside: int  # number of bodies
     failed: int  # body that the last failure concerns
-    smallest: float  # smallest radius [m]
+    smallest: float  # smallest contact radius [m]
     fastest: float  # largest free speed in the sub-step [m/s]
     reach_floor: float  # smallest reach [m]
     farthest_reach: float  # largest reach, if a law requests another search [m]
@@ -208,7 +208,7 @@ class Bodies(Struct):
     picked: Ints  # scratch: bodies that a loop has picked for the next one
     around: Pairs  # (4 n, 2) directions at the nodes of each body's cell, beside one another
     level: Ints
-    radius: Floats
+    contact_radius: Floats
     mass: Floats
     inverse_mass: Floats
     tau: Floats

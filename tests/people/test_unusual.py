@@ -45,6 +45,8 @@ def test_overlaps_at_the_start_are_counted_by_level():
     crowd.level[3] = 1  # above the first
     assert overlapping(crowd) == (2, pytest.approx(0.1))
     assert re.search("^2 pairs .* 0.10 m", unusual(crowd, group(crowd))[0])
+    crowd.contact_radius[:] = 0.14  # of the bodies that touch
+    assert overlapping(crowd) == (0, 0.0)
 
 
 def test_people_who_start_after_the_end_are_told_of():

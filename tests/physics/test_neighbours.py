@@ -59,10 +59,14 @@ def test_lists_are_those_of_brute_force(seed, reach):
     build_with_room(state)
     n = bodies.inside
     for i in range(n):
-        gap = np.hypot(*(bodies.position[:n] - bodies.position[i]).T) - bodies.radius[:n] - bodies.radius[i]
+        gap = (
+            np.hypot(*(bodies.position[:n] - bodies.position[i]).T)
+            - bodies.contact_radius[:n]
+            - bodies.contact_radius[i]
+        )
         expected = [j for j in np.flatnonzero(gap < reach + SKIN) if j > i]
         assert lists.pair_body[lists.pair_start[i] : lists.pair_start[i + 1]].tolist() == expected
-        gap = distance_to_walls(bodies.position[i], state.world.wall) - bodies.radius[i]
+        gap = distance_to_walls(bodies.position[i], state.world.wall) - bodies.contact_radius[i]
         expected = np.flatnonzero(gap < reach + SKIN).tolist()
         assert lists.wall_item[lists.wall_start[i] : lists.wall_start[i + 1]].tolist() == expected
 
@@ -151,7 +155,11 @@ def test_contacts_of_bodies_are_those_of_brute_force(seed):
     expected = []
     for i in range(n):
         for j in range(i + 1, n):
-            gap = np.hypot(*(bodies.position[i] - bodies.position[j])) - bodies.radius[i] - bodies.radius[j]
+            gap = (
+                np.hypot(*(bodies.position[i] - bodies.position[j]))
+                - bodies.contact_radius[i]
+                - bodies.contact_radius[j]
+            )
             if gap <= bodies.reach[i] + bodies.reach[j]:
                 expected.append((i, j, gap))
     assert [pair[:2] for pair in found] == [pair[:2] for pair in expected]

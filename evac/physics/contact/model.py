@@ -244,9 +244,9 @@ class ContactModel(Configurable, ABC):
         bodies, contacts = state.bodies, state.contacts
         n, c = bodies.inside, contacts.number
         contacts.percussion[:c] = 0.0
-        given = {name: getattr(contacts, name, None) for name in StepContacts._fields}
-        arrays = [getattr(bodies, name)[:n] if array is None else array[:c] for name, array in given.items()]
-        seen = StepContacts(*arrays)
+        of_bodies = {name: getattr(bodies, name)[:n] for name in ("velocity", "free", "mass")}
+        of_contacts = {name: getattr(contacts, name)[:c] for name in contacts.kinds if name in StepContacts._fields}
+        seen = StepContacts(**of_bodies, **of_contacts, radius=bodies.contact_radius[:n])
         for name, array in seen._asdict().items():
             array.flags.writeable = name in ("percussion", "memory")
         found = self.step(seen, state.clock.h)

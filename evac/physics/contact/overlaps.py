@@ -91,7 +91,7 @@ def _displace(state):
     share = 1.0
     for i in range(bodies.inside):
         length = math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
-        most = min(bodies.reach[i], 0.5 * bodies.radius[i])
+        most = min(bodies.reach[i], 0.5 * bodies.contact_radius[i])
         if share * length > most:
             share = most / length
     for i in range(bodies.inside):
