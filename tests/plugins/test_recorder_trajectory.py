@@ -45,6 +45,7 @@ def simulation(tmp_path):
     crowd = SimpleNamespace(
         level=np.zeros(3, np.int32),
         radius=np.array([0.2, 0.21, 0.22]),
+        height=np.array([1.2, 1.6, 1.8]),
         position=np.array([[1.0, 1.0], [2.0, 1.0], [3.0, 1.0]]) + CORNER,
         contact_force=np.zeros(3),
     )
@@ -78,6 +79,7 @@ def test_file_tells_all_that_a_picture_needs(simulation):
     assert trajectory.groups == ("pair",)
     assert trajectory.group.tolist() == [0, 0, -1]
     assert trajectory.radius.tolist() == [0.2, 0.21, 0.22]
+    assert trajectory.height.tolist() == [1.2, 1.6, 1.8]
     assert trajectory.time.tolist() == [0.0, 0.5]
     np.testing.assert_array_equal(trajectory.building.vertices, simulation.scene.ground.building.vertices)
     expected = np.array([[1.0, 1.5], [2.0, 1.5], [3.0, 1.5]]) + CORNER
