@@ -23,6 +23,7 @@ from evac.pictures.map_pictures import draw_map
 from evac.pictures.render import Renderer, render_animation
 from evac.replay.writer import replay_trajectory
 from evac.report.building import building_section
+from evac.results.ending import Stopped
 from evac_plugins.export_geojson import GeojsonExporter
 from evac_plugins.export_vtk import VtkExporter
 
@@ -62,18 +63,31 @@ CLOSING = """
             self.field.values[:] = np.arange(self.field.size) + time
             if time >= 2.0:
                 self.scene.set_open("west", False)
+
+        def state(self):
+            return {}
 """
 
 
+def stop_at_3_s(progress):
+    if progress.time > 3.0:
+        raise Stopped
+
+
 @pytest.fixture(scope="module")
-def result(tmp_path_factory):
+def case(tmp_path_factory):
     folder = tmp_path_factory.mktemp("closing")
     (folder / "hall.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n")
     (folder / "closing.py").write_text(textwrap.dedent(CLOSING))
     building = CASE["building"] | {"mesh": str(folder / "hall.obj")}
-    case = evac.load(CASE | {"building": building}, plugin_files=[folder / "closing.py"])
-    evac.run(case, folder / "result")
-    return folder / "result"
+    return evac.load(CASE | {"building": building}, plugin_files=[folder / "closing.py"])
+
+
+@pytest.fixture(scope="module")
+def result(case, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run") / "result"
+    evac.run(case, folder)
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +112,17 @@ def test_the_trajectory_says_when(trajectory):
     for time, is_open in ((0.0, True), (1.9, True), (2.0, False), (4.0, False)):
         assert trajectory.building_at(time).is_open(west) is is_open
         assert trajectory.building_at(time).is_open(east)
+
+
+def test_a_run_that_goes_on_with_a_changed_case_keeps_what_was_before(case, tmp_path):
+    evac.run(case, tmp_path / "r", progress=stop_at_3_s)
+    plugins = case.plugin_files
+    evac.resume(tmp_path / "r", ["simulation.duration=3.5"], out=tmp_path / "other", plugin_files=plugins)
+    trajectory = evac.read_trajectory(tmp_path / "other")
+    assert trajectory.time[0] > 2.9
+    assert trajectory.changes == (evac.Change(2.0, "close", "west"),)
+    assert len(trajectory.building_at(trajectory.time[0]).closed) == 1
+    assert closed_in(tmp_path / "other" / "replay.html")[-1] == [2.0, sorted(trajectory.building_at(2.0).closed)]
 
 
 def test_the_field_of_a_behaviour_is_in_the_trajectory(trajectory):
