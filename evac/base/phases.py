@@ -51,9 +51,8 @@ class Phases:
 
     def turn_to(self, name: str) -> None:
         """Assign the time from now on to another phase than that entered last, instead of it."""
-        if self._entered[-1] != name:
-            self._charge()
-            self._entered[-1] = name
+        self._charge()
+        self._entered[-1] = name
 
     def seconds(self) -> dict[str, float]:
         """Return the wall time of each phase so far [s], in the order of `PHASES`."""

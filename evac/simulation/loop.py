@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
 
 
-@dataclass
+@dataclass(slots=True)
 class Operation:
     """Something that happens at ticks.
 
@@ -95,11 +95,13 @@ class Loop:
         simulation, settings = self._simulation, self._settings
         self._end = min(simulation.step + settings.steps_per_tick, settings.last_step)
         self._is_output = self._end % self._steps_per_record == 0
-        phases = simulation.phases
-        with phases.enter(self.operations[0].phase):
+        phase = self.operations[0].phase
+        with simulation.phases.enter(phase):
             for operation in self.operations:
                 if operation.is_due is None or operation.is_due():
-                    phases.turn_to(operation.phase)
+                    if operation.phase != phase:
+                        phase = operation.phase
+                        simulation.phases.turn_to(phase)
                     operation.act()
 
     def _is_at_output(self) -> bool:
