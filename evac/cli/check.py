@@ -39,9 +39,14 @@ def execute(arguments: argparse.Namespace) -> int:
     """Show the building, and for a case the people; raise the error if something is not valid."""
     path = Path(arguments.case)
     if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
+        from evac.base.errors import ScenarioError
         from evac.building.surface.checks import check_exits
+        from evac.contract.registry import Registry
+        from evac.simulation.assembly import read_building
 
-        building = _read_file(path, arguments)
+        if arguments.set or arguments.seed is not None:
+            raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
+        building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
         show_building(building)
         show_warnings(building.warnings)
         _draw(arguments.picture, building, building.findings, path.name)
@@ -116,17 +121,6 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
 
         draw_levels(building, path, findings, title=title)
         print(f"drawn: {path}")
-
-
-def _read_file(path: Path, arguments: argparse.Namespace) -> "Building":
-    """Read a building file without a case."""
-    from evac.base.errors import ScenarioError
-    from evac.contract.registry import Registry
-    from evac.simulation.assembly import read_building
-
-    if arguments.set or arguments.seed is not None:
-        raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
-    return read_building(path, registry=Registry(arguments.plugins), need_exit=False)
 
 
 def show_building(building: "Building") -> None:

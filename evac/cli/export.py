@@ -6,10 +6,9 @@ Also works during a run and after a run was killed. Formats are plugins: `evac p
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from evac.base.errors import counted
-from evac.cli.inputs import declare_plugin, declare_result, declare_set, trajectory_of
+from evac.cli.inputs import declare_plugin, declare_result, declare_set, trajectory_of, values_of
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -30,23 +29,10 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.export.exporter import export
 
     registry = Registry(arguments.plugins, builtins=BUILTIN_EXPORTERS)
-    exporter = registry.get("exporter", arguments.to)(**_values(arguments.set))
+    exporter = registry.get("exporter", arguments.to)(**values_of("--set", arguments.set))
     trajectory = trajectory_of(arguments)
     for path in export(trajectory, exporter, arguments.out):
         print(path)
     if len(trajectory):
         print(f"{counted(len(trajectory), 'frame')} up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
     return 0
-
-
-def _values(words: list[str]) -> dict[str, Any]:
-    """Return parameters given as NAME=VALUE."""
-    if not words:
-        return {}
-    from evac.base.errors import ScenarioError
-    from evac.case.overrides import parsed
-
-    pairs, problems = parsed(words)
-    if problems:
-        raise ScenarioError(f"--set {problems[0].key[0]}: {problems[0].text}")
-    return dict(pairs)

@@ -8,12 +8,11 @@ widest first; choose exits among them with --exit.
 
 import argparse
 import math
-import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from evac.base.errors import ScenarioError, counted
-from evac.cli.inputs import declare_plugin, declare_set
+from evac.cli.inputs import declare_plugin, declare_set, values_of
 
 if TYPE_CHECKING:
     from evac.importing import Imported
@@ -40,7 +39,7 @@ def execute(arguments: argparse.Namespace) -> int:
         value = getattr(arguments, key)
         if value is not None and not value >= least:
             raise ScenarioError(f"--{key} must be at least {least:g}, got {value:g}")
-    options = dict(_option(text) for text in arguments.option)
+    options = values_of("--option", arguments.option)
     exits = [int(one) for one in _numbers("--exit", arguments.exits, whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
     from evac.base.display import Display
@@ -62,17 +61,6 @@ def execute(arguments: argparse.Namespace) -> int:
         )
     _show(made)
     return 0
-
-
-def _option(text: str) -> tuple[str, Any]:
-    """Return the key and value of KEY=VALUE; a value that is not valid TOML is taken as a string."""
-    key, equals, value = text.partition("=")
-    if not equals or not key:
-        raise ScenarioError(f"--option {text}: write KEY=VALUE")
-    try:
-        return key, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key, value
 
 
 def _numbers(what: str, text: str, whole: bool = False) -> list[float]:

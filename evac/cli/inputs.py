@@ -3,7 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -22,6 +22,19 @@ def declare_set(parser: argparse.ArgumentParser, what: str, metavar: str = "KEY=
     """Add --set, or another option with such values, to a command."""
     dest = option.lstrip("-")
     parser.add_argument(option, dest=dest, metavar=metavar, nargs="+", action="extend", default=[], help=what)
+
+
+def values_of(option: str, words: list[str]) -> dict[str, Any]:
+    """Return values given to an option as NAME=VALUE."""
+    if not words:
+        return {}
+    from evac.base.errors import ScenarioError
+    from evac.case.overrides import parsed
+
+    pairs, problems = parsed(words)
+    if problems:
+        raise ScenarioError(f"{option} {problems[0].key[0]}: {problems[0].text}")
+    return dict(pairs)
 
 
 def declare_plugin(parser: argparse.ArgumentParser) -> None:

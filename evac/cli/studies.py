@@ -86,17 +86,8 @@ def run_study(
     connected = nullcontext() if arguments.dask is None else dask_executor(arguments.dask)
     with connected as executor, Display() as display:
         display.phase("checking points and seeds")
-        study = conducted(
-            points,
-            rule,
-            arguments.out or folder,
-            arguments.repetitions,
-            arguments.jobs,
-            executor,
-            arguments.resume,
-            shown_progress(display),
-            replay,
-        )
+        show, folder, each = shown_progress(display), arguments.out or folder, arguments.repetitions
+        study = conducted(points, rule, folder, each, arguments.jobs, executor, arguments.resume, show, replay)
     return show_study(study)
 
 
