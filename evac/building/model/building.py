@@ -255,9 +255,10 @@ class Building:
         graph = networkx.MultiGraph()
         graph.add_nodes_from((("level", level.index), {"name": level.name}) for level in self.levels)
         graph.add_nodes_from((("exit", exit_.index), {"name": exit_.name}) for exit_ in self.exits)
-        ends = [(portal, *(("level", level) for level in portal.levels)) for portal in self.portals]
-        ends += [(exit_, ("level", exit_.level), ("exit", exit_.index)) for exit_ in self.exits]
-        for key, (link, first, second) in enumerate(ends):
-            if self.is_open(link):
-                graph.add_edge(first, second, key=key, name=link.name, width=link.width)
+        for portal in filter(self.is_open, self.portals):
+            first, second = (("level", level) for level in portal.levels)
+            graph.add_edge(first, second, key=portal.index, name=portal.name, width=portal.width)
+        for exit_ in filter(self.is_open, self.exits):
+            ends = ("level", exit_.level), ("exit", exit_.index)
+            graph.add_edge(*ends, key=self.link_of(exit_), name=exit_.name, width=exit_.width)
         return graph
