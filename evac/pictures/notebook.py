@@ -4,6 +4,7 @@ import base64
 import io
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.folder.files import REPLAY_NAME
@@ -26,13 +27,13 @@ def results_html(results: "Results") -> str:
         "out": f"{results.evacuated} of {results.number_of_people}",
         "last out": last,
         "simulated": f"{results.time:.1f} s",
-        "contact model": results.case.contact.model,
+        "contact model": results.report["model"],
         "seed": results.seed,
     }
     exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
     lines = (*results.warnings, *results.remarks, *results.quality_warnings)
     parts = [
-        f"<h4>{escape(results.case.title or results.case.source.name)}</h4>",
+        f"<h4>{escape(results.title or Path(results.source).name)}</h4>",
         table_html((), facts.items()),
         table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), exits),
         "".join(f"<p>&#9888; {escape(line)}</p>" for line in lines),

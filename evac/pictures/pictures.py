@@ -45,7 +45,7 @@ def egress_figure(results: Results) -> Figure:
         note += f", {which} after {results.last_out:.1f} s"
     groups = {group.name: results.egress(group.rows) for group in results.groups}
     sizes = {group.name: len(group.rows) for group in results.groups}
-    title = f"{textwrap.fill(results.case.title, 90)}\n{note}"
+    title = f"{textwrap.fill(results.title, 90)}\n{note}"
     return curves_figure(title, results.number_of_people, results.time, results.egress(), groups, sizes)
 
 

@@ -97,6 +97,7 @@ def test_the_case_of_a_plugin_file_asks_for_it_and_runs_nothing(stairs, folder):
     (folder / "summary.json").write_text(json.dumps(data), encoding="utf-8")
     read = evac.read_results(folder)
     assert read.evacuated == stairs.evacuated
+    assert "Down a stair" in read._repr_html_()
     with pytest.raises(EvacError, match=r"bomb\.py"):
         _ = read.case
 
