@@ -12,6 +12,7 @@ MOVED = {
     "evac.case.keys": "evac.base.keys",
     "evac.errors": "evac.base.errors",
     "evac.hookspecs": "evac.contract.hooks",
+    "evac.jit.layout": "evac.jit.structs",
     "evac.output": "evac.trajectory, evac.analysis, evac.results, evac.pictures, evac.export or evac.report",
     "evac.parameters": "evac.base.parameters",
     "evac.physics.contact_model": "evac.physics.contact.model",

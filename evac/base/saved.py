@@ -1,5 +1,6 @@
-"""Checks of the arrays of a checkpoint: each owner takes its own with their kind, shape and range."""
+"""Arrays of a checkpoint: those of plugins, and checks with which each owner takes its own by kind, shape and range."""
 
+import reprlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from evac.base.errors import ResultError
+from evac.base.errors import PluginError, ResultError, plugin_code
 
 #: Default bounds: numbers must be finite.
 FINITE = float(np.finfo(np.float64).max)
@@ -77,3 +78,31 @@ def part_of(state: Mapping[str, NDArray[Any]], prefix: str) -> Iterator[dict[str
         yield {name[len(prefix) :]: array for name, array in state.items() if name.startswith(prefix)}
     except SavedError as error:
         raise SavedError(f"{prefix}{error}") from error
+
+
+def state_of(plugin: Any, what: str, prefix: str) -> dict[str, NDArray[Any]]:
+    """Return copies of the arrays that `state` of a plugin returns.
+
+    Parameters
+    ----------
+    plugin : Behaviour, ContactModel or Recorder
+    what : str
+        Kind and name of the plugin, for the message.
+    prefix : str
+        Put before their names.
+
+    Raises
+    ------
+    PluginError
+        It fails, or returns something else than a dictionary of arrays.
+    """
+    with plugin_code(f"{what}: state", plugin):
+        state = plugin.state()
+    if not isinstance(state, dict):
+        raise PluginError(f"{what}: state() returns {reprlib.repr(state)}; return a dict of arrays")
+    for key, value in state.items():
+        if not isinstance(value, np.ndarray | np.generic):
+            raise PluginError(
+                f"{what}: state() returns {reprlib.repr(value)} for {key!r}; return arrays, np.array(...) makes one"
+            )
+    return {f"{prefix}{key}": np.array(value) for key, value in state.items()}

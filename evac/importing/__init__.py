@@ -1,5 +1,5 @@
 """Import of building files as cases: `evac import`."""
 
-from evac.importing.importer import Imported, import_building
+from evac.importing.importing import Imported, import_building
 
 __all__ = ["Imported", "import_building"]

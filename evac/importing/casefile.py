@@ -10,7 +10,7 @@ from evac.case.toml import toml_lines, toml_value
 from evac.folder.digests import digest_of_file
 
 if TYPE_CHECKING:
-    from evac.importing.importer import Imported
+    from evac.importing.importing import Imported
 
 #: Line of report.md that shows whether the case has been changed since the import.
 DIGEST = re.compile(r"case\.toml as written: ([0-9a-f]{16})")

@@ -10,7 +10,7 @@ from evac.folder.digests import digest_of_file
 from evac.importing.openings import height_of
 
 if TYPE_CHECKING:
-    from evac.importing.importer import Imported
+    from evac.importing.importing import Imported
 
 #: Maximum number of openings in the picture and on the screen; the report lists all.
 MOST_OPENINGS = 20

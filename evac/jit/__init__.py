@@ -10,19 +10,19 @@ from evac.jit.kernels import Kernel as Kernel
 from evac.jit.kernels import inlined as inlined
 from evac.jit.kernels import inner as inner
 from evac.jit.kernels import kernel as kernel
-from evac.jit.layout import ByteGrid as ByteGrid
-from evac.jit.layout import Bytes as Bytes
-from evac.jit.layout import FloatGrid as FloatGrid
-from evac.jit.layout import Floats as Floats
-from evac.jit.layout import Indices as Indices
-from evac.jit.layout import IntGrid as IntGrid
-from evac.jit.layout import IntPairs as IntPairs
-from evac.jit.layout import Ints as Ints
-from evac.jit.layout import Longs as Longs
-from evac.jit.layout import Pairs as Pairs
-from evac.jit.layout import Quads as Quads
-from evac.jit.layout import Struct as Struct
-from evac.jit.layout import Triples as Triples
+from evac.jit.structs import ByteGrid as ByteGrid
+from evac.jit.structs import Bytes as Bytes
+from evac.jit.structs import FloatGrid as FloatGrid
+from evac.jit.structs import Floats as Floats
+from evac.jit.structs import Indices as Indices
+from evac.jit.structs import IntGrid as IntGrid
+from evac.jit.structs import IntPairs as IntPairs
+from evac.jit.structs import Ints as Ints
+from evac.jit.structs import Longs as Longs
+from evac.jit.structs import Pairs as Pairs
+from evac.jit.structs import Quads as Quads
+from evac.jit.structs import Struct as Struct
+from evac.jit.structs import Triples as Triples
 
 #: Return a b + c, rounded once (fused multiply-add): identical on all processors, with half the latency.
 fused = Intrinsic("fused", lambda a, b, c: a * b + c)

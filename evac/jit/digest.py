@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel
-from evac.jit.layout import describe
+from evac.jit.structs import describe
 
 #: Source files of the compiler, which are part of every digest.
-_COMPILER = ("compiler.py", "instructions.py", "layout.py", "processor.py")
+_COMPILER = ("compiler.py", "instructions.py", "processor.py", "structs.py")
 
 
 #: Environment variables of numba that do not change the code of a kernel.

@@ -25,7 +25,7 @@ from numba.extending import (
 )
 
 from evac.jit.kernels import AddressCall, Intrinsic
-from evac.jit.layout import Array, Kind, Struct, describe
+from evac.jit.structs import Array, Kind, Struct, describe
 
 _WORD = ir.IntType(64)
 _ADDRESS = _WORD.as_pointer()

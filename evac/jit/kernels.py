@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from evac.base.errors import PluginError, fault, text_of
-from evac.jit.layout import Array, Kind, Struct, check_array, describe, kind_of
+from evac.jit.structs import Array, Kind, Struct, check_array, describe, kind_of
 
 #: Whether kernels run as Python functions, for debugging.
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")

@@ -16,7 +16,7 @@ from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, note_raised
 from evac.jit.processor import Processor, generic, host, missing_features
 from evac.jit.store import Store, user_store
-from evac.jit.workers import Progress, Task, compile_tasks
+from evac.jit.workers import Compiling, Task, compile_tasks
 
 #: Kernels in the wheel, compiled for the generic processor.
 SHIPPED = Store(Path(__file__).parents[1] / "kernels", is_shipped=True)
@@ -36,7 +36,7 @@ def _engine() -> Any:
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target.create_target_machine(jit=True))
 
 
-def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> None:
+def addresses_of(entries: Iterable[Entry], progress: Compiling | None = None) -> None:
     """Load the machine code of entries; compile entries that are not on disk.
 
     Parameters
@@ -73,7 +73,7 @@ def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> 
 
 
 def compile_missing(
-    missing: list[Task], processor: Processor, store: Store | None, progress: Progress | None = None
+    missing: list[Task], processor: Processor, store: Store | None, progress: Compiling | None = None
 ) -> None:
     """Compile kernels into a store, load them, and remove old files."""
     if store is None:

@@ -19,7 +19,7 @@ from evac.jit.processor import Processor
 from evac.jit.store import Store
 
 #: Called with the number of finished kernels and the total number.
-Progress = Callable[[int, int], None]
+Compiling = Callable[[int, int], None]
 
 #: Cost model in units of about 70 us: front end per byte of byte code of a function, once per process; optimisation per
 #: byte of byte code of an entry with all its callees; start of a process.
@@ -47,7 +47,7 @@ class Task(NamedTuple):
 
 
 def compile_tasks(
-    tasks: Sequence[Task], processor: Processor, store: Store | None, progress: Progress | None = None
+    tasks: Sequence[Task], processor: Processor, store: Store | None, progress: Compiling | None = None
 ) -> Generator[tuple[Task, bytes], None, None]:
     """Compile kernels, in the estimated optimal number of processes, and yield each with its object code.
 

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from evac.jit import Struct
-from evac.jit.layout import Array
+from evac.jit.structs import Array
 from evac.physics import tallies as at
 from evac.physics.contact.blocks import BLOCKS, WALLS
 from evac.physics.contact.cells import make_cells

@@ -21,7 +21,7 @@ from evac.jit import (
     Struct,
     Triples,
 )
-from evac.jit.layout import Array
+from evac.jit.structs import Array
 from evac.physics.contact.cells import Cells
 
 #: Rows of the packed contact problem, see `evac.physics.contact.rows`.

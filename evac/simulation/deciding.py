@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from evac.base.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.base.errors import naming, plugin_code
-from evac.base.plugin_state import state_of
-from evac.base.saved import part_of, taken
+from evac.base.saved import part_of, state_of, taken
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.people.outside import PeopleOutside
 from evac.people.population import Population

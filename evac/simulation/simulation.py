@@ -16,7 +16,7 @@ from evac.case.trust import run_plugin_files
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
 from evac.jit.loading import addresses_of
-from evac.jit.workers import Progress as Compiling
+from evac.jit.workers import Compiling
 from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.errors import plugin_code
-from evac.base.plugin_state import state_of
-from evac.base.saved import SavedError, part_of, taken
+from evac.base.saved import SavedError, part_of, state_of, taken
 from evac.case.schema import LONGEST_RUN
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from evac.base.errors import EvacError, PluginError, ResultError, plugin_code
-from evac.base.plugin_state import state_of
-from evac.base.saved import part_of
+from evac.base.saved import part_of, state_of
 from evac.folder.digests import RunningDigest
 from evac.folder.files import sync_file, writing
 from evac.folder.manifest import note_written

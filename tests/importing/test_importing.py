@@ -205,7 +205,7 @@ def test_a_failed_import_leaves_nothing_in_the_way(room, tmp_path, monkeypatch):
     import_building([room], tmp_path / "old", people=5)
     before = {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()}
     with monkeypatch.context() as patch:
-        patch.setattr("evac.importing.importer.find_openings", fail)
+        patch.setattr("evac.importing.importing.find_openings", fail)
         for name in ("new", "old"):
             with pytest.raises(BuildingError, match="fails"):
                 import_building([room], tmp_path / name)

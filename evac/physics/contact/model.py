@@ -13,7 +13,7 @@ from evac.base.errors import PluginError, ScenarioError, fault, is_foreign
 from evac.base.parameters import Configurable, Parameter
 from evac.contract.builtin import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
-from evac.jit.layout import Array
+from evac.jit.structs import Array
 from evac.physics.allocation import allocate
 from evac.physics.state import Crowd, State, Traits, World
 

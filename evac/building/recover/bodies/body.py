@@ -27,7 +27,7 @@ class Body:
     Attributes
     ----------
     kind : str
-        One of `evac.building.recover.bodies.plan.KINDS`.
+        One of `evac.building.recover.bodies.conversion.KINDS`.
     name : str
         Name in the file.
     points : (v, 3) float64 [m]

@@ -49,7 +49,7 @@ class End:
 
 
 @dataclass
-class Stair:
+class FoundStair:
     """A stair: flights, each given by its two ends, and the landings between them.
 
     Attributes
@@ -97,7 +97,9 @@ class LeftOutError(ValueError):
         self.finding = Finding("warning", text, floor, place)
 
 
-def stairs_of(bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, findings: list[Finding]) -> list[Stair]:
+def stairs_of(
+    bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, findings: list[Finding]
+) -> list[FoundStair]:
     """Return the stairs that can be walked; a warning with its place is added for every other one.
 
     Parameters
@@ -131,10 +133,10 @@ def stairs_of(bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, 
             ends.append((run, (_end(run, False, floors, landings), _end(run, True, floors, landings))))
         except LeftOutError as left:
             findings.append(left.finding)
-    found: list[Stair] = []
+    found: list[FoundStair] = []
     for group in _groups([both for _, both in ends], len(landings)):
         names = tuple(dict.fromkeys(name for row in group for name in ends[row][0].names))
-        stair = Stair(f"stair {len(found) + 1}", _names(names), [ends[row][1] for row in group])
+        stair = FoundStair(f"stair {len(found) + 1}", _names(names), [ends[row][1] for row in group])
         try:
             _complete(stair, landings)
             findings += _check_slabs(stair, floors, cut_slabs)
@@ -225,7 +227,7 @@ def _outline(lower: End, upper: End) -> BaseGeometry:
     return shapely.convex_hull(shapely.multipoints(np.concatenate([lower.edge, upper.edge])))
 
 
-def _complete(stair: Stair, landings: Sequence[Landing]) -> None:
+def _complete(stair: FoundStair, landings: Sequence[Landing]) -> None:
     """Narrow the flights of a stair to the floors at their ends, and extend floors and landings up to the flights."""
     if not stair.floors:
         raise LeftOutError(f"{stair.bodies} is left out: it does not meet any floor", None, place_of(stair.plan))
@@ -289,7 +291,7 @@ def _strip(end: End, both: tuple[End, End], landings: Sequence[Landing]) -> Base
     return None if found is None else found.polygon
 
 
-def _check_slabs(stair: Stair, floors: Sequence[Floor], cut_slabs: bool) -> list[Finding]:
+def _check_slabs(stair: FoundStair, floors: Sequence[Floor], cut_slabs: bool) -> list[Finding]:
     """Return a finding for each slab that is cut for a stair; refuse the stair if slabs must not be cut."""
     notes = []
     for lower, upper in stair.flights:
@@ -307,7 +309,7 @@ def _check_slabs(stair: Stair, floors: Sequence[Floor], cut_slabs: bool) -> list
     return notes
 
 
-def meeting(floor: Floor, stairs_there: Sequence[Stair]) -> BaseGeometry:
+def meeting(floor: Floor, stairs_there: Sequence[FoundStair]) -> BaseGeometry:
     """Return the ground of a floor with the extensions for its stairs, with corners at the ends of stair edges."""
     more = [polygon for stair in stairs_there for of, polygon in stair.ground if of is floor]
     ends = [end.edge for stair in stairs_there for both in stair.flights for end in both if end.floor is floor]
@@ -318,7 +320,7 @@ def meeting(floor: Floor, stairs_there: Sequence[Stair]) -> BaseGeometry:
     return met if met.is_valid else ground
 
 
-def _try(stairs_there: Sequence[Stair], floors: Sequence[Floor]) -> None:
+def _try(stairs_there: Sequence[FoundStair], floors: Sequence[Floor]) -> None:
     """Build the last of some stairs together with its floors and the stairs beside it, as a test.
 
     Raises

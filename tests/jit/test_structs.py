@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evac import jit
 from evac.jit import FloatGrid, Floats, Ints, Pairs, Struct, kernel
-from evac.jit.layout import Array
+from evac.jit.structs import Array
 
 
 class Inner(Struct):

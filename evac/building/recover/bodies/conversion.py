@@ -14,7 +14,7 @@ from evac.building.model.findings import Finding
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, snapped
 from evac.building.recover.bodies.doorways import Doorway, doorways_of, middle_of, opened, passages_of
-from evac.building.recover.bodies.flights import Stair, meeting, stairs_of
+from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
 from evac.building.recover.bodies.floors import Floor, floors_of
 
 #: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
@@ -126,7 +126,7 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]
     return floors
 
 
-def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair]) -> None:
+def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]) -> None:
     """Add the spaces as areas, except those that are covered by stairs."""
     away = united([stair.plan for stair in stairs])
     names: set[str] = set()
@@ -145,7 +145,9 @@ def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair]) -> 
             plan.area(name, floor.name, area)
 
 
-def _note_unreachable(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair], exits: Sequence[Floor]) -> None:
+def _note_unreachable(
+    plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair], exits: Sequence[Floor]
+) -> None:
     """Warn of each storey from which no stair leads to an exit, or to any other storey if there is no exit."""
     row = {floor.name: k for k, floor in enumerate(floors)}
     pairs = [(row[stair.floors[0].name], row[floor.name]) for stair in stairs for floor in stair.floors[1:]]
