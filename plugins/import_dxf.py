@@ -15,11 +15,11 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.errors import text_of
 from evac.base.parameters import Parameter
-from evac.building.geometry.extent import LARGEST, SMALLEST, helpful_factor
 from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
 from evac.building.recover.linework import faces_of, rooms_of
+from evac.building.surface.resolution import LARGEST, SMALLEST, helpful_factor
 
 #: Optional prefix of layer names.
 PREFIX = "jps-"

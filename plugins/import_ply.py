@@ -19,7 +19,6 @@ TYPES = {
 }
 #: Names of the property with the corners of a face.
 CORNERS = ("vertex_indices", "vertex_index")
-CUT_OFF = "the file is truncated: it has fewer rows than its header declares"
 
 
 @dataclass
@@ -45,12 +44,12 @@ class PlyImporter(Importer):
             raise ValueError("not a PLY file: the header is missing or incomplete")
         encoding, elements = _read_header(head.decode("ascii", errors="replace"))
         rest = rest[rest.index(b"\n") + 1 :] if b"\n" in rest else b""
-        body = _TextBody(rest) if encoding == "ascii" else _BinaryBody(rest, encoding)
+        body = _Body(rest, encoding)
         points: list[list[float]] = []
         faces: list[list[int]] = []
         for element in elements:
             names = [name for name, _, _ in element.properties]
-            rows = _read_rows(body, element)
+            rows = body.rows(element)
             if element.name == "vertex":
                 numbers = [name for name, _, length in element.properties if length is None]
                 if not {"x", "y", "z"} <= set(numbers):
@@ -98,64 +97,39 @@ def _read_header(head: str) -> tuple[str, list[_Element]]:
     return encoding, elements
 
 
-class _TextBody:
-    """Reader of the numbers of a text file."""
+class _Body:
+    """Reader of the numbers after the header, of text or binary with the byte order "<" or ">"."""
 
-    def __init__(self, body: bytes) -> None:
-        self.words = body.split()
-        self.at = 0
-
-    def take(self, kinds: str) -> list[float]:
-        """Read the next numbers, one for each letter of `kinds`."""
-        taken = self.words[self.at : self.at + len(kinds)]
-        if len(taken) < len(kinds):
-            raise ValueError(CUT_OFF)
-        self.at += len(kinds)
-        return [float(word) for word in taken]
-
-    @property
-    def is_read(self) -> bool:
-        """Whether all numbers have been read."""
-        return self.at == len(self.words)
-
-
-class _BinaryBody:
-    """Reader of the numbers of a binary file."""
-
-    def __init__(self, body: bytes, order: str) -> None:
-        self.body = body
-        self.order = order
-        self.at = 0
+    def __init__(self, body: bytes, encoding: str) -> None:
+        self.body = body.split() if encoding == "ascii" else body
+        self.encoding, self.at = encoding, 0
 
     def take(self, kinds: str) -> list[float]:
         """Read the next numbers, of the types given by the letters of `kinds`."""
-        row = struct.Struct(self.order + kinds)
-        if self.at + row.size > len(self.body):
-            raise ValueError(CUT_OFF)
-        taken = row.unpack_from(self.body, self.at)
-        self.at += row.size
-        return list(taken)
+        row = None if self.encoding == "ascii" else struct.Struct(self.encoding + kinds)
+        taken = self.body[self.at : self.at + (row.size if row else len(kinds))]
+        self.at += len(taken)
+        if len(taken) < (row.size if row else len(kinds)):
+            raise ValueError("the file is truncated: it has fewer rows than its header declares")
+        return list(row.unpack(taken)) if row else [float(word) for word in taken]  # type: ignore[arg-type]
 
     @property
     def is_read(self) -> bool:
         """Whether all numbers have been read, apart from line ends."""
-        return not self.body[self.at :].strip()
+        rest = self.body[self.at :]
+        return not (rest.strip() if isinstance(rest, bytes) else rest)
 
-
-def _read_rows(body: _TextBody | _BinaryBody, element: _Element) -> list[list[list[float]]]:
-    """Read all rows of an element: a list of numbers for each property, with one number for scalar properties."""
-    if all(length is None for _, _, length in element.properties):
-        kinds = "".join(kind for _, kind, _ in element.properties)
-        numbers = body.take(kinds * element.count)
-        return [[[value] for value in row] for row in zip(*[iter(numbers)] * len(kinds), strict=True)]
-    rows = []
-    for _ in range(element.count):
-        row = []
-        for _, kind, length in element.properties:
-            count = 1 if length is None else int(body.take(length)[0])
-            row.append(body.take(kind * count))
-        rows.append(row)
-    return rows
+    def rows(self, element: _Element) -> list[list[list[float]]]:
+        """Read all rows of an element: a list of numbers for each property, with one number for scalar properties."""
+        if all(length is None for _, _, length in element.properties):
+            kinds = "".join(kind for _, kind, _ in element.properties)
+            numbers = self.take(kinds * element.count)
+            return [[[value] for value in row] for row in zip(*[iter(numbers)] * len(kinds), strict=True)]
+        counts = [(kind, length) for _, kind, length in element.properties]
+        return [
+            [self.take(kind * (1 if length is None else int(self.take(length)[0]))) for kind, length in counts]
+            for _ in range(element.count)
+        ]
 
 
 evac_interface = 3

@@ -108,19 +108,5 @@ def check_folder(folder: Path, case: str, report: str) -> None:
         raise ScenarioError(f"{folder / case}: has been changed since it was imported; choose another folder (--out)")
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file.
-
-    Raises
-    ------
-    ScenarioError
-        It cannot be written.
-    """
-    try:
-        path.write_text(text, encoding="utf-8", errors="replace")  # names of files need not be UTF-8
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be written: {error.strerror}; choose another folder (--out)") from error
-
-
 def _one_line(text: str) -> str:
     return " ".join(text.split())

@@ -16,11 +16,10 @@ from evac.building.model.findings import Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.surface.build import building_of, clean
-from evac.building.surface.meshfile import write_surface
+from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
-from evac.building.surface.tagged import tagged_surface
 from evac.contract.registry import Registry
-from evac.importing.casefile import case_text, check_folder, write_text
+from evac.importing.casefile import case_text, check_folder
 from evac.importing.openings import Opening, find_openings
 from evac.importing.report import report_text
 from evac.importing.rooms import Room, fill, find_rooms
@@ -143,9 +142,11 @@ def import_building(
         findings += left_out
         written = replace(written, source=place / MESH)
         made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, "")
-        write_text(draft / CASE, case_text(made, chosen, kept))
+        # Names of files need not be UTF-8.
+        (draft / CASE).write_text(case_text(made, chosen, kept), encoding="utf-8", errors="replace")
         made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
-        write_text(draft / REPORT, report_text(made, draft / CASE))
+        text = report_text(made, draft / CASE)
+        (draft / REPORT).write_text(text, encoding="utf-8", errors="replace")
         _draw(made, draft)
     return made
 

@@ -17,9 +17,6 @@ from evac.base.arrays import FloatArray
 POPULATIONS = 100
 REPETITIONS = 5
 
-#: Significance level of the test whether populations differ more than their repetitions.
-SIGNIFICANCE = 0.05
-
 
 @dataclass(frozen=True)
 class Variation:

@@ -9,10 +9,10 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
-from evac.building.geometry.extent import FACTORS
 from evac.building.geometry.overlays import GRID, common, cut, flat_parts, united
 from evac.building.geometry.segments import between_floors, segment_lengths, sides
 from evac.building.model.findings import away
+from evac.building.surface.resolution import FACTORS
 
 #: Pieces of an outline lie along a segment if their directions differ by less than this (25 degrees).
 ALONG = 0.9

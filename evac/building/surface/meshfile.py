@@ -1,10 +1,13 @@
-"""Writing of a surface mesh to a Gmsh 2.2 file, with its tags as physical groups."""
+"""Writing of surfaces to Gmsh 2.2 files: tags are physical groups, and every level of a building is tagged."""
 
 from pathlib import Path
 
 import numpy as np
 
+from evac.base.arrays import BoolArray
 from evac.base.errors import BuildingError, usable_path
+from evac.building.model.building import Building
+from evac.building.surface.surface import Surface
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 
 #: Element type numbers of Gmsh.
@@ -39,6 +42,42 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
         usable_path(path, BuildingError).write_text("\n".join([*lines, "$EndElements", ""]), encoding="utf-8")
     except OSError as error:
         raise BuildingError(f"{path}: cannot be written ({error.strerror}); choose another path") from error
+
+
+def tagged_surface(surface: Surface, building: Building) -> SurfaceMesh:
+    """Return a surface as a mesh with a tag for each floor and stair of its building.
+
+    A building read from this mesh has the same levels, areas, tagged exits and obstacles.
+
+    Parameters
+    ----------
+    surface : Surface
+    building : Building
+        The result of `evac.building.surface.build.building_of` for `surface`.
+
+    Returns
+    -------
+    SurfaceMesh
+        In metres.
+    """
+    row_of = {tuple(cell): row for row, cell in enumerate(surface.triangles.tolist())}
+    tags: dict[str, BoolArray] = {}
+    for level in building.levels:
+        tag = f"floor:{level.name}" if level.stair is None else f"stair:{level.stair}"
+        mask = tags.setdefault(tag, np.zeros(len(row_of), dtype=bool))
+        mask[[row_of[tuple(cell)] for cell in level.triangles.tolist()]] = True
+    tags |= {tag: mask for tag, mask in surface.cell_tags.items() if tag.startswith("area:")}
+    points, cells = surface.vertices, surface.triangles
+    obstacles = [corners for corners in surface.obstacles.values() if len(corners)]
+    more = np.arange(len(points), len(points) + 3 * sum(map(len, obstacles))).reshape(-1, 3)
+    tags = {tag: np.append(mask, np.zeros(len(more), dtype=bool)) for tag, mask in tags.items()}
+    first = len(cells)
+    for tag, corners in surface.obstacles.items():
+        tags[tag] = np.zeros(len(cells) + len(more), dtype=bool)
+        tags[tag][first : first + len(corners)] = True
+        first += len(corners)
+    points = np.concatenate([points, *(corners.reshape(-1, 3) for corners in obstacles)])
+    return SurfaceMesh(points, np.concatenate([cells, more]), tags, surface.exit_edges)
 
 
 def _quoted(tag: str) -> str:

@@ -1,13 +1,23 @@
-"""Resolution of the coordinates in a mesh file, limited by float32 or by the number of digits."""
+"""Size of a building in its file, and resolution of the coordinates, limited by float32 or by the number of digits."""
 
 from pathlib import Path
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.base.defaults import WELD
+from evac.base.defaults import FARTHEST, WELD
 from evac.base.errors import BuildingError
+from evac.building.model.findings import Finding
+from evac.building.surface.surfacemesh import TriangleMesh
 
+#: Maximum extent of a building [m].
+MOST_EXTENT = 1e5
+#: Minimum width of a building [m], in its larger direction: nobody fits into a smaller one.
+LEAST_WIDTH = 0.5
+#: Range of plausible extents of a building [m]; others cause a warning.
+SMALLEST, LARGEST = 2.0, 5e3
+#: Factors between length units that drawings and exporters confuse, the most likely first.
+FACTORS = (0.001, 0.01, 0.0254, 0.3048, 1000.0, 100.0, 1.0 / 0.0254, 1.0 / 0.3048)
 #: Usual numbers of significant digits, as written by the formats ``%g`` and ``%e`` of C.
 DIGITS = (6, 7)
 #: A number is on a grid if its distance is at most this share of the grid step.
@@ -19,6 +29,50 @@ DRAWN_SO = 0.25
 LEAST_EXTENT = 1e-6
 #: Coordinates coarser than this cannot represent doors and walls, whatever the weld [m].
 COARSEST = 0.02
+
+
+def is_plausible(extent: float) -> bool:
+    """Return whether a building may extend so far [m]."""
+    return SMALLEST <= extent <= LARGEST
+
+
+def helpful_factor(extent: float) -> float | None:
+    """Return the factor that makes an implausible extent [m] plausible; None if it is plausible or no factor helps."""
+    if is_plausible(extent):
+        return None
+    return next((factor for factor in FACTORS if is_plausible(factor * extent)), None)
+
+
+def check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[Finding]:
+    """Refuse buildings too large, too small or too far from the origin; warn of those of an unusual size."""
+    used = points[mesh.triangles.ravel()]
+    low, high = used.min(axis=0), used.max(axis=0)
+    width, depth, height = (high - low).tolist()
+    factor = helpful_factor(max(width, depth))
+    helps = "" if factor is None else f" (for example to {factor * scale:.4g})"
+    if (high - low).max() > MOST_EXTENT or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST:
+        raise BuildingError(
+            f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
+            f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); it must measure at most {MOST_EXTENT:g} m and be "
+            f"within {FARTHEST:g} m of the origin: set building.scale{helps}, or move the building"
+        )
+    if max(width, depth) < LEAST_WIDTH:
+        # Without a scale first: it is the usual mistake in a file that is drawn in metres.
+        factor = 1.0 / scale if is_plausible(max(width, depth) / scale) else factor
+        helps = (
+            "" if factor is None else f"; building.scale = {factor * scale:.4g} makes it {factor * width:.4g} m wide"
+        )
+        raise BuildingError(
+            f"{mesh.source}: the building is only {1e3 * width:.4g} mm wide and {1e3 * depth:.4g} mm deep with "
+            f"building.scale = {scale:g}; one of them must be at least {LEAST_WIDTH:g} m{helps}"
+        )
+    if factor is None:
+        return []
+    text = (
+        f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height; if its unit is not the "
+        f"metre, building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
+    )
+    return [Finding("warning", text)]
 
 
 def check_resolution(source: Path, points: FloatArray, scale: float, weld: float) -> None:

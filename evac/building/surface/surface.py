@@ -9,15 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.defaults import FARTHEST
 from evac.base.errors import BuildingError
-from evac.building.geometry.extent import helpful_factor, is_plausible
 from evac.building.geometry.polygons import least_height, plan_area
 from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
 from evac.building.surface.foreign import walked_surface
 from evac.building.surface.hanging import split_at_vertices
-from evac.building.surface.resolution import check_resolution
+from evac.building.surface.resolution import check_extent, check_resolution
 from evac.building.surface.surfacemesh import TriangleMesh
 from evac.building.surface.welding import weld_points
 
@@ -29,11 +27,6 @@ SILL = 0.02
 
 #: Greatest rise of a riser, and smallest slope of the sides of a stair, which are not flights [m, degrees].
 MOST_RISER, UPRIGHT = 0.5, 85.0
-
-#: Maximum extent of a building [m].
-LARGEST = 1e5
-#: Minimum width of a building [m], in its larger direction: nobody fits into a smaller one.
-LEAST_WIDTH = 0.5
 
 
 @dataclass(frozen=True)
@@ -71,38 +64,6 @@ class Surface:
     doors: tuple[tuple[str, FloatArray], ...] = ()
 
 
-def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[Finding]:
-    """Refuse buildings too large, too small or too far from the origin; warn of those of an unusual size."""
-    used = points[mesh.triangles.ravel()]
-    low, high = used.min(axis=0), used.max(axis=0)
-    width, depth, height = (high - low).tolist()
-    factor = helpful_factor(max(width, depth))
-    helps = "" if factor is None else f" (for example to {factor * scale:.4g})"
-    if (high - low).max() > LARGEST or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST:
-        raise BuildingError(
-            f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
-            f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); it must measure at most {LARGEST:g} m and be "
-            f"within {FARTHEST:g} m of the origin: set building.scale{helps}, or move the building"
-        )
-    if max(width, depth) < LEAST_WIDTH:
-        # Without a scale first: it is the usual mistake in a file that is drawn in metres.
-        factor = 1.0 / scale if is_plausible(max(width, depth) / scale) else factor
-        helps = (
-            "" if factor is None else f"; building.scale = {factor * scale:.4g} makes it {factor * width:.4g} m wide"
-        )
-        raise BuildingError(
-            f"{mesh.source}: the building is only {1e3 * width:.4g} mm wide and {1e3 * depth:.4g} mm deep with "
-            f"building.scale = {scale:g}; one of them must be at least {LEAST_WIDTH:g} m{helps}"
-        )
-    if factor is None:
-        return []
-    text = (
-        f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height; if its unit is not the "
-        f"metre, building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
-    )
-    return [Finding("warning", text)]
-
-
 def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     """Convert a mesh to a walkable surface: weld vertices, drop cells that are not walkable, and split cells.
 
@@ -115,7 +76,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     weld, walkable_angle, scale = options.weld, options.walkable_angle, options.scale
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale
-    doubt = _check_extent(mesh, points, scale)
+    doubt = check_extent(mesh, points, scale)
     is_upright = np.rad2deg(slope_angle(points[mesh.triangles])) > walkable_angle + 1e-9
     mesh, points = walked_surface(mesh, points, is_upright, options)
     notes = [*mesh.findings, *doubt]
