@@ -19,9 +19,8 @@ from pathlib import Path
 
 from evac.base.errors import CacheWarning
 
-#: First bytes of files of this format, and of files of any version of the format.
+#: First bytes of a file.
 _MAGIC = b"evac kernel 1\n"
-_ANY_MAGIC = b"evac kernel "
 
 #: Number of files kept for one kernel; the most recently used ones are kept.
 KEPT = 8
@@ -95,8 +94,6 @@ class Store:
         if content[:start] == _MAGIC + _checksum(digest, code):
             self._note_use(path)
             return code
-        if content.startswith(_ANY_MAGIC) and not content.startswith(_MAGIC):
-            return None  # another version of the format
         if not self.is_shipped:
             with suppress(OSError):
                 path.unlink()

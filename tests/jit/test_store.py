@@ -72,13 +72,6 @@ def test_a_file_under_the_name_of_another_kernel_is_not_read(store):
         assert store.read(NAME, other) is None
 
 
-def test_a_file_of_another_format_is_left_alone_until_it_is_replaced(store):
-    path = store.path(NAME, DIGEST)
-    path.write_bytes(b"evac kernel 2\n" + CODE)
-    assert store.read(NAME, DIGEST) is None
-    assert path.exists()
-
-
 def test_a_folder_that_cannot_be_read_is_warned_of(store):
     path = store.path(NAME, DIGEST)
     path.unlink()
