@@ -255,18 +255,6 @@ class AddressCall:
         remedy = "decorate it with a decorator of evac.jit for this purpose"
         raise fault(what, f"must be a kernel {self}, not {found}", remedy, entry if callable(entry) else plugin)
 
-    def address_of(self, function: Callable[..., Any]) -> tuple[int, Any]:
-        """Return the address by which kernels call a Python function, and an object to be kept as long.
-
-        The function is called with the addresses of structs and arrays. It must not raise an exception.
-        """
-        if INTERPRETED:
-            _interpreted[id(function)] = function
-            return id(function), function
-        types = [_C_TYPES.get(kind, ctypes.c_int64) if isinstance(kind, str) else ctypes.c_int64 for kind in self.kinds]
-        made = ctypes.CFUNCTYPE(_C_TYPES[self.returns[0]], *types)(function)
-        return int(ctypes.cast(made, ctypes.c_void_p).value or 0), made
-
     def __str__(self) -> str:
         return _described(self.kinds, self.returns)
 

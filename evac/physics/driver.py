@@ -7,7 +7,7 @@
         conclude           contact forces, energy, motion, crossings of portals and exits
         cut                undo the step; return the number of parts to try next
 
-Contact models written in NumPy are called at an address, too.
+Contact models written in NumPy make the same calls from Python, see `ContactModel.advance`.
 """
 
 import math
@@ -153,8 +153,8 @@ def _separate(state):
     return OK
 
 
-@inner
-def set_clock(state, part, parts):
+@kernel
+def set_clock(state: State, part: int, parts: int) -> None:
     """Set the time and length of a sub-step, and whether contact forces are reported after it."""
     clock = state.clock
     clock.h = clock.length / parts
@@ -162,8 +162,8 @@ def set_clock(state, part, parts):
     clock.reports = 1 if clock.report_force and clock.now == clock.last - 1 and part == parts - 1 else 0
 
 
-@inner
-def approach(state):
+@kernel
+def approach(state: State) -> int:
     """Set the free velocities and find the contacts in reach; return a status."""
     bodies, traits, h, phase = state.bodies, state.traits, state.clock.h, state.parts.phase
     call_phase(phase, state, LOOK)
@@ -276,8 +276,8 @@ def _tally_contacts(state):
     tally[at.OVERLAP_SUM] = total
 
 
-@inner
-def conclude(state):
+@kernel
+def conclude(state: State) -> int:
     """Report contact forces if requested, sum the work, keep percussions and memory, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if clock.reports and traits.reports_percussions:
@@ -297,8 +297,8 @@ def conclude(state):
     return status
 
 
-@inner
-def open_step(state):
+@kernel
+def open_step(state: State) -> None:
     """Save bodies, sums, events, percussions and memory at the start of a step."""
     contacts = state.contacts
     call_phase(state.parts.phase, state, OPEN)
@@ -311,8 +311,8 @@ def open_step(state):
     contacts.failed_before = contacts.separation_failed
 
 
-@inner
-def cut(state, status, parts):
+@kernel
+def cut(state: State, status: int, parts: int) -> int:
     """Undo the step; return the number of parts to try next, 0 if further subdivision does not help.
 
     The memory of contacts is again that of the start of the step. The sub-steps start without warm start percussions,

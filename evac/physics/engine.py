@@ -180,8 +180,6 @@ class CompiledEngine(Engine):
         self._body_forces = [force for force in self._forces if force.body is not None]
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
-        self._law_in_python: Any = None
-        self._raised: list[BaseException] = []
         self.threads = Threads(self.state, threads, people_per_thread * threads)
         self._model: ContactModel | None = None
 
@@ -199,9 +197,7 @@ class CompiledEngine(Engine):
                     plugin_code(f"t = {clock.now * length:.3f} s: contact model {model.name!r}", model),
                     self.threads.serving(model),
                 ):
-                    found = driver.advance(state)
-                    if self._raised:
-                        raise self._raised.pop()
+                    found = model.advance(self)
                 if found != status.OK:
                     self._handle(model, int(found), clock.now * length)
         state.tally[at.STEPS] += steps
@@ -241,8 +237,6 @@ class CompiledEngine(Engine):
             state.problem = make_problem(len(state.bodies.row), room)
         loaded = entries_of_parts(model, self._forces, self.has_seams)
         addresses = {name: entry.address for name, entry in loaded.items()}
-        if model.law is None:
-            addresses["law"] = self._address_of_step(model)
         solver = load_solver(self._solver(model)) if isinstance(model, SolvedContactModel) else no_solver()
         state.parts = allocate(Parts, 0, **addresses, parameters=self._own, solver=solver, stronger=no_solver())
         for k, force in enumerate(self._pair_forces):
@@ -254,21 +248,6 @@ class CompiledEngine(Engine):
             if model.separates:
                 self._load_part(model, status.NEEDS_SEPARATION)
         self._model = model
-
-    def _address_of_step(self, model: ContactModel) -> int:
-        """Return the address by which the step loop calls a model written in NumPy; its exceptions are kept."""
-        state, raised = self.state, self._raised
-
-        def obey(*_: Any) -> int:
-            try:
-                model.obey(state)
-            except BaseException as error:  # also KeyboardInterrupt: raised again behind the step loop
-                raised.append(error)
-                return status.RAISED
-            return status.OK
-
-        address, self._law_in_python = driver.call_law.address_of(obey)
-        return address
 
     @property
     def has_seams(self) -> bool:

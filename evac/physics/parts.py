@@ -31,7 +31,10 @@ def entries_of_loop(
         model.check_pair()
     if model.along_the_way:
         found.append(sample_travel_times)
-    found.append(driver.advance)
+    if model.law is None:
+        found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
+    else:
+        found.append(driver.advance)
     if isinstance(model, SolvedContactModel):
         found += entries_of_solver(solver_of(model, solvers))
         if full:

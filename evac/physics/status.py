@@ -19,9 +19,6 @@ TOO_STIFF = 9
 #: A failure that smaller sub-steps do not avoid.
 NOT_FINITE = 7
 
-#: A model written in NumPy raised an exception.
-RAISED = 10
-
 #: A law requests another contact search with new reaches, or a separation of overlaps, and then another call.
 SEARCH_AGAIN = 20
 SEPARATE = 21

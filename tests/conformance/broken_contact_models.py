@@ -159,9 +159,10 @@ class Tunes(Bounce):
 class HidesOverlaps(Bounce):
     """Clears what the step loop has counted."""
 
-    def obey(self, state):
-        super().obey(state)
-        state.tally[at.GREATEST_OVERLAP] = 0.0
+    def advance(self, engine):
+        status = super().advance(engine)
+        engine.state.tally[at.GREATEST_OVERLAP] = 0.0
+        return status
 
 
 class Refuses(Bounce):

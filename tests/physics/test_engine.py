@@ -1,5 +1,7 @@
 """The engine: work arrays that are too short grow, and the run goes on as if they had been long enough."""
 
+import signal
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1, Projection, project
 from evac_plugins.contact_nsm2 import Nsm2
 from evac_plugins.force_social import SocialForce
-from tests.physics.scenes import cut_wall, make_building, make_engine, walk
+from tests.physics.scenes import cut_wall, make_building, make_engine, random_crowd, walk
 
 #: Places and velocities of people, each with what runs out of room last: contacts with walls, with each other, events.
 SCENES = {
@@ -115,3 +117,32 @@ def test_a_model_that_cannot_be_loaded_leaves_nothing_behind():
     for one, people in ((alone, wanted), (engine, crowd)):
         one.advance(models[1], people, 1, 5, 0.01, True, False)
     np.testing.assert_array_equal(crowd.position, wanted.position)
+
+
+class Free(ContactModel):
+    """Lets people pass through each other; a signal comes soon after a call."""
+
+    name = "free"
+    remembers = False
+
+    def step(self, contacts, h):
+        signal.setitimer(signal.ITIMER_REAL, 3e-4)
+        return contacts.free.copy()
+
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="the system has no timers")
+def test_an_interrupt_between_the_calls_of_a_model_in_numpy_is_not_lost():
+    """It comes while the kernels run, which the next Python code notices first."""
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for _ in range(5):
+            crowd = random_crowd(3000, (-30.0, -30.0), (30.0, 30.0), seed=1)
+            with pytest.raises(KeyboardInterrupt):
+                walk(Free(), crowd, 200, tick=200)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

@@ -3,7 +3,7 @@
 import math
 from abc import ABC
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,12 @@ from evac.contract.builtin import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
 from evac.jit.structs import Array
 from evac.physics.allocation import allocate
+from evac.physics import driver
 from evac.physics.state import Crowd, State, Traits, World
+from evac.physics.status import OK
+
+if TYPE_CHECKING:
+    from evac.physics.engine import CompiledEngine
 
 
 class StepContacts(NamedTuple):
@@ -239,9 +244,37 @@ class ContactModel(Configurable, ABC):
     def _what(self) -> str:
         return f"contact model {self.name!r}"
 
-    def obey(self, state: State) -> None:
-        """Call `step` in the place of a law."""
-        bodies, contacts = state.bodies, state.contacts
+    def advance(self, engine: "CompiledEngine") -> int:
+        """Make all steps of the clock; return a status, OK if all were made."""
+        state = engine.state
+        if self.law is not None:
+            return int(driver.advance(state))
+        clock = state.clock
+        while clock.now < clock.last:
+            driver.open_step(state)
+            parts = clock.parts
+            while (status := self._make_step(engine, parts)) != OK:
+                parts = driver.cut(state, status, parts)
+                if not parts:
+                    return status
+            clock.now += 1
+            clock.parts = 1
+        return OK
+
+    def _make_step(self, engine: "CompiledEngine", parts: int) -> int:
+        """Make one step in `parts` sub-steps, calling `step` from Python between the kernels of the step loop."""
+        for part in range(parts):
+            driver.set_clock(engine.state, part, parts)
+            status = driver.approach(engine.state)
+            if status == OK:
+                self._call_step(engine)
+                status = driver.conclude(engine.state)
+            if status != OK:
+                return int(status)
+        return OK
+
+    def _call_step(self, engine: "CompiledEngine") -> None:
+        bodies, contacts = engine.state.bodies, engine.state.contacts
         n, c = bodies.inside, contacts.number
         contacts.percussion[:c] = 0.0
         of_bodies = {name: getattr(bodies, name)[:n] for name in ("velocity", "free", "mass")}
@@ -249,7 +282,7 @@ class ContactModel(Configurable, ABC):
         seen = StepContacts(**of_bodies, **of_contacts, radius=bodies.contact_radius[:n])
         for name, array in seen._asdict().items():
             array.flags.writeable = name in ("percussion", "memory")
-        found = self.step(seen, state.clock.h)
+        found = self.step(seen, engine.state.clock.h)
         if np.shape(found) != (n, 2):
             wrong = f"step returns velocities of shape {np.shape(found)}, not {(n, 2)}"
             raise fault(self._what, wrong, "return one velocity for each body", type(self).step)
