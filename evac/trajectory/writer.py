@@ -36,6 +36,9 @@ def read_to_continue(path: Path, length: int | None) -> Trajectory:
     return before
 
 
+NUMBER = pa.float32()
+
+
 class TrajectoryWriter:
     """Writes the header and then one frame after the other, each without buffering.
 
@@ -113,6 +116,11 @@ class TrajectoryWriter:
     ) -> None:
         self.path, self.length, self.frames, self.changes = path, length, frames, changes
         self._origin, self._schema = origin, schema
+        # Asking Arrow for types takes as long as writing a frame.
+        self._kinds = schema.types
+        self._one = schema.field("people").type.value_type
+        self._whole = [(kind.type, np.dtype(kind.type.to_pandas_dtype())) for kind in (self._one[0], self._one[1])]
+        self._motion = self._one[2].type
 
     def append(
         self,
@@ -177,25 +185,21 @@ class TrajectoryWriter:
         fields: Sequence[NDArray[np.float32]],
     ) -> pa.RecordBatch:
         """Return a batch of one frame, made from buffers because `pyarrow.array` would import pandas."""
-        one = self._schema.field("people").type.value_type
         count = len(person)
         rows = [
-            _array(one.field(name).type, count, values.astype(one.field(name).type.to_pandas_dtype()))
-            for name, values in (("person", person), ("level", level))
+            _array(kind, count, values.astype(dtype))
+            for (kind, dtype), values in zip(self._whole, (person, level), strict=True)
         ]
-        numbers = _array(pa.float32(), motion.size, motion)
-        rows.append(pa.Array.from_buffers(one.field("motion").type, count, [None], children=[numbers]))
-        people = pa.Array.from_buffers(one, count, [None], children=rows)
-        kinds = self._schema.types
+        people = pa.Array.from_buffers(
+            self._one, count, [None], children=[*rows, _vectors(self._motion, count, motion)]
+        )
+        kinds = self._kinds
         return pa.RecordBatch.from_arrays(
             [
                 _array(kinds[0], 1, np.array([time], "<f8")),
                 pa.Array.from_buffers(kinds[1], 1, [None, pa.py_buffer(_ends(count))], children=[people]),
                 pa.Array.from_buffers(kinds[2], 1, [None, pa.py_buffer(_ends(len(changes))), pa.py_buffer(changes)]),
-                *(
-                    pa.Array.from_buffers(kind, 1, [None], children=[_array(pa.float32(), len(values), values)])
-                    for kind, values in zip(kinds[3:], fields, strict=True)
-                ),
+                *(_vectors(kind, 1, values) for kind, values in zip(kinds[3:], fields, strict=True)),
             ],
             schema=self._schema,
         )
@@ -214,6 +218,11 @@ class TrajectoryWriter:
 
 def _array(kind: pa.DataType, length: int, values: NDArray[Any]) -> pa.Array:
     return pa.Array.from_buffers(kind, length, [None, pa.py_buffer(values)])
+
+
+def _vectors(kind: pa.DataType, length: int, values: NDArray[np.float32]) -> pa.Array:
+    """Return an array of lists of a fixed number of numbers."""
+    return pa.Array.from_buffers(kind, length, [None], children=[_array(NUMBER, values.size, values)])
 
 
 def _ends(length: int) -> NDArray[np.int32]:
