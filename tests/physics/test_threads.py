@@ -12,6 +12,7 @@ import pytest
 from evac.base.errors import ScenarioError, SimulationError
 from evac.jit import Longs, kernel
 from evac.jit.kernels import INTERPRETED
+from evac.physics import driver
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
 from evac.physics.contact.solver import Solver
 from evac.physics.engine import CompiledEngine
@@ -188,27 +189,16 @@ def test_a_step_that_cannot_be_made_names_the_first_body_and_ends_the_threads(nu
     assert threading.active_count() == before
 
 
-class Interrupted(Dem):
-    """Is stopped as by Ctrl-C before or after some of its ticks."""
-
-    name = "interrupted"
-    calls = 0
-
-    def advance(self, engine):
-        self.calls += 1
-        if self.calls == 2:
-            raise KeyboardInterrupt
-        return super().advance(engine)
-
-
-def test_an_interrupt_lets_threads_leave_and_the_run_can_go_on():
+def test_an_interrupt_lets_threads_leave_and_the_run_can_go_on(monkeypatch):
     before = threading.active_count()
-    model, crowd = Interrupted(), copy_of(CROWD)
+    model, crowd = Dem(), copy_of(CROWD)
     engine = make_engine(crowd, ROOMS, fields_towards((13.0, 5.0), 2), threads=3)
     engine.advance(model, crowd, 0, 10, 0.01, False, True)
     assert threading.active_count() == before + 2
-    with pytest.raises(KeyboardInterrupt):
-        engine.advance(model, crowd, 10, 10, 0.01, False, True)
+    with monkeypatch.context() as patched:
+        patched.setattr(driver, "advance", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            engine.advance(model, crowd, 10, 10, 0.01, False, True)
     for first in range(10, 60, 10):
         engine.advance(model, crowd, first, 10, 0.01, False, True)
     engine.close()
@@ -301,27 +291,19 @@ def test_the_size_decides_up_to_the_number_that_is_given(monkeypatch, wanted, pe
     assert all(f"{wanted} given" in line and f"use {number}" in line for line in told)
 
 
-class Watched(Dem):
-    """Notes which kernel makes the phases of each tick."""
-
-    name = "watched"
-
-    def advance(self, engine):
-        self.phases = [*getattr(self, "phases", []), engine.state.parts.phase]
-        return super().advance(engine)
-
-
 @pytest.mark.parametrize(("share", "ticks"), [(0, 2), (PEOPLE // 2, 1), (PEOPLE, 0)])
-def test_threads_serve_while_enough_people_are_inside(share, ticks):
+def test_threads_serve_while_enough_people_are_inside(share, ticks, monkeypatch):
     """For each of two threads; two people leave after the first of two ticks."""
     crowd = copy_of(CROWD)
     world = make_world(ROOMS, fields_towards((13.0, 5.0), 2))
     engine = CompiledEngine(world, PEOPLE, [], threads=2, people_per_thread=share)
-    model = Watched()
+    model, advance, phases = Dem(), driver.advance, []
+    engine.load(model)
+    monkeypatch.setattr(driver, "advance", lambda state: phases.append(state.parts.phase) or advance(state))
     for first in (0, 10):
         engine.advance(model, crowd, first, 10, 0.01, False, False)
         crowd.level[:2] = -1
-    assert model.phases.count(conduct.address) == ticks
+    assert phases.count(conduct.address) == ticks
     assert engine.state.parts.phase == make_alone.address
     engine.close()
 
