@@ -14,8 +14,8 @@ from evac.base.parameters import Configurable, Parameter
 from evac.contract.builtin import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
 from evac.jit.structs import Array
-from evac.physics.allocation import allocate
 from evac.physics import driver
+from evac.physics.allocation import allocate
 from evac.physics.state import Crowd, State, Traits, World
 from evac.physics.status import OK
 
