@@ -23,21 +23,11 @@ RUNNING, COMPLETE, REPLACED = "running", "complete", "replaced"
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a manifest says.
+    """What a manifest says."""
 
-    Attributes
-    ----------
-    files : tuple of str
-        Names relative to the folder, in the order in which they were written.
-    state : str
-        `RUNNING`, `COMPLETE`, `REPLACED`, or an empty string if there is no manifest.
-    result : str
-        Name of the result folder to which the files belong.
-    """
-
-    files: tuple[str, ...] = ()
-    state: str = ""
-    result: str = ""
+    files: tuple[str, ...] = ()  # names relative to the folder, in the order in which they were written
+    state: str = ""  # `RUNNING`, `COMPLETE`, `REPLACED`, or empty if there is no manifest
+    result: str = ""  # name of the result folder to which the files belong
 
 
 def read_manifest(folder: Path) -> Manifest:

@@ -17,41 +17,20 @@ from evac.trajectory.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Account:
-    """Description of a run; incomplete for a killed run.
-
-    Attributes
-    ----------
-    title : str
-    facts : sequence of (str, str)
-        Names and values, in the order in which they are shown.
-    warnings, quality_warnings : sequence of str
-    banner : (str, str) or None
-        ``"error"`` or ``"notice"``, and a text, for runs that did not end with everybody out.
-    groups : sequence of str
-    group : (n,) int32
-        Index in ``groups`` of each person, -1 for none.
-    radius : (n,) float64 [m]
-    speed : (n,) float64 [m/s] or None
-        Desired speed on the flat.
-    response_time : (n,) float64 [s] or None
-    exit_used : (n,) int32 or None
-        Index of the exit, -1 for people who are inside.
-    exit_time : (n,) float64 [s] or None
-        NaN for people who are inside.
-    """
+    """Description of a run; without the arrays that are None for a killed run."""
 
     title: str
-    facts: Sequence[tuple[str, str]]
+    facts: Sequence[tuple[str, str]]  # names and values, in order
     warnings: Sequence[str]
     quality_warnings: Sequence[str]
-    banner: tuple[str, str] | None
+    banner: tuple[str, str] | None  # "error" or "notice", and a text, for runs that did not end with everybody out
     groups: Sequence[str]
-    group: IntArray
-    radius: FloatArray
-    speed: FloatArray | None = None
-    response_time: FloatArray | None = None
-    exit_used: IntArray | None = None
-    exit_time: FloatArray | None = None
+    group: IntArray  # index in `groups` of each person, -1 for none
+    radius: FloatArray  # [m]
+    speed: FloatArray | None = None  # desired speed on the flat [m/s]
+    response_time: FloatArray | None = None  # [s]
+    exit_used: IntArray | None = None  # index of the exit, -1 for people who are inside
+    exit_time: FloatArray | None = None  # NaN for people who are inside [s]
 
 
 def account_of_run(results: Results, error: BaseException | None = None) -> Account:

@@ -10,29 +10,14 @@ from evac.report.templates import Cell, Section, section
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the documentation.
-
-    Attributes
-    ----------
-    words : str
-    sections : tuple of str
-        Those that have it, where they are part of the report.
-    author : str
-        What the author has to add; empty if nothing.
-    of_run : str
-        What the author has to add to the report of a single run.
-    content : str
-        Content of the sections that it requires, see `Section.lacks`.
-    without : str
-        What the author has to add if a section lacks this content.
-    """
+    """A point of the documentation; of what the author has to add, it names what applies."""
 
     words: str
-    sections: tuple[str, ...]
+    sections: tuple[str, ...]  # that have it, where they are part of the report
     author: str = ""
-    of_run: str = ""
-    content: str = ""
-    without: str = ""
+    of_run: str = ""  # for the report of a single run
+    content: str = ""  # that the sections need, see `Section.lacks`
+    without: str = ""  # if a section lacks it
 
 
 POINTS = (

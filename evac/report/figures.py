@@ -28,23 +28,12 @@ DPI = 150
 
 
 class Picture(NamedTuple):
-    """A figure whose picture is part of the page.
+    """A figure whose picture is part of the page."""
 
-    Attributes
-    ----------
-    source : str
-        Address that contains the picture.
-    caption : str
-    words : str
-        What it shows, for those who cannot see it.
-    kind : str
-        ``"drawing"``, or ``"map"``, of which a printed page has two.
-    """
-
-    source: str
+    source: str  # address that contains the picture
     caption: str
-    words: str
-    kind: str
+    words: str  # what it shows, for those who cannot see it
+    kind: str  # "drawing", or "map", of which a printed page has two
 
 
 def _picture(file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing") -> Picture:

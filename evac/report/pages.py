@@ -15,12 +15,7 @@ from evac.report.templates import APPENDIX, Section, section, shown, templates
 
 @dataclass(frozen=True)
 class Labels:
-    """What somebody fills in, by hand on the printed report where it is None.
-
-    Attributes
-    ----------
-    project, author, reviewer, date : str or None
-    """
+    """What somebody fills in, by hand on the printed report where it is None."""
 
     project: str | None = None
     author: str | None = None
@@ -34,22 +29,11 @@ BLANK = Labels()
 
 @dataclass(frozen=True)
 class Head:
-    """What opens a report.
-
-    Attributes
-    ----------
-    title : str
-    kind : str
-        What it is the report of.
-    banner : str
-        What makes the results incomplete; empty if nothing does.
-    results : mapping of str to object
-        The main results.
-    """
+    """What opens a report."""
 
     title: str
-    kind: str
-    banner: str
+    kind: str  # what it is the report of
+    banner: str  # what makes the results incomplete; empty if nothing does
     results: Mapping[str, object]
 
 

@@ -23,27 +23,13 @@ APPENDIX = "Appendix: "
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a report.
+    """A section of a report."""
 
-    Attributes
-    ----------
-    id : str
-        Target of links.
-    title : str
-        Begins with `APPENDIX` for appendices.
-    content : Markup
-        What is below the title.
-    is_missing : bool
-        Whether it only says that what belongs there is not known.
-    lacks : tuple of str
-        Contents that it lacks although it is not missing, such as ``"doors"``.
-    """
-
-    id: str
-    title: str
+    id: str  # target of links
+    title: str  # begins with `APPENDIX` for appendices
     content: Markup
-    is_missing: bool = False
-    lacks: tuple[str, ...] = ()
+    is_missing: bool = False  # whether it only says that what belongs there is not known
+    lacks: tuple[str, ...] = ()  # contents that it lacks although it is not missing, such as "doors"
 
 
 class Cell(NamedTuple):

@@ -31,35 +31,19 @@ CRUSHING_LOAD = 4500.0
 
 @dataclass(frozen=True)
 class Observation:
-    """People for whom a quantity exceeded its limit, with the time and place of its greatest value.
+    """People for whom a quantity exceeded its limit, with the time and place of its greatest value."""
 
-    Attributes
-    ----------
-    people : int
-        Number of different people.
-    since, until : float
-        Start of the first and end of the last averaging interval in which the limit was exceeded [s].
-    begin, end : float
-        The averaging interval with the greatest value [s].
-    person : int
-        The person with the greatest value.
-    level : int
-    x, y : float
-        Position of that person at `end` [m].
-    values : tuple of float
-        Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
-        velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m].
-    """
-
-    people: int
-    since: float
-    until: float
-    begin: float
+    people: int  # number of different people
+    since: float  # start of the first averaging interval in which the limit was exceeded [s]
+    until: float  # end of the last one [s]
+    begin: float  # the averaging interval with the greatest value [s]
     end: float
-    person: int
+    person: int  # with the greatest value
     level: int
-    x: float
+    x: float  # position of that person at `end` [m]
     y: float
+    # Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
+    # velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m].
     values: tuple[float, float]
 
 
