@@ -19,19 +19,9 @@ MADE = 0.01
 
 
 def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[str, ...]:
-    """Return a warning for each number of a run's contact report that is out of bounds.
+    """Return a line for each number of a contact report (docs/results.md) that is out of bounds.
 
-    Parameters
-    ----------
-    report : mapping
-        Report of the contact model, see docs/results.md.
-    rigid : sequence of str
-        Names of the registered contact models without overlaps and rebounds, see `ContactModel.rigid`.
-
-    Returns
-    -------
-    tuple of str
-        One line for each warning.
+    `rigid` names the registered contact models without overlaps and rebounds, see `ContactModel.rigid`.
     """
     found = []
     overlap, promised, energy = report["greatest_overlap"], report["promised_overlap"], report["energy"]
@@ -73,17 +63,7 @@ def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[s
 
 
 def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[str]) -> str:
-    """Return the quality warning on chattering contacts.
-
-    Parameters
-    ----------
-    seen : Observation
-        From `evac.results.watch.Watch.chatter`.
-    levels : sequence of str
-        Names of the levels.
-    rigid : sequence of str
-        As for `contact_warnings`.
-    """
+    """Return the quality warning on chattering contacts that `Watch.chatter` has seen; `rigid` as above."""
     velocity, displacement = seen.values
     return (
         "chattering contacts: evacuation times may be too short, because rebounding bodies loosen a jam; compare with a"
@@ -94,16 +74,9 @@ def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[st
 
 
 def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
-    """Return the quality warning on lethal contact forces.
+    """Return the quality warning on lethal contact forces that `Watch.crushing` has seen.
 
-    Parameters
-    ----------
-    seen : Observation
-        From `evac.results.watch.Watch.crushing`.
-    levels : sequence of str
-        Names of the levels.
-    keepers : sequence of str, optional
-        Names of the registered behaviours that keep distances; None if one of them is in use.
+    `keepers` names the registered behaviours that keep distances; None if one of them is in use.
     """
     force, load = seen.values
     advice = "" if keepers is None else f", or use a behaviour with which people keep their distance{_sets(keepers)}"
@@ -116,20 +89,7 @@ def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence
 
 
 def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keepers: Sequence[str] | None) -> tuple[str, ...]:
-    """Return a quality warning for each exit with a specific flow greater than measured ones.
-
-    Parameters
-    ----------
-    exits : mapping
-        From `evac.analysis.flows.exit_table`.
-    keepers : sequence of str, optional
-        As for `crushing_warning`.
-
-    Returns
-    -------
-    tuple of str
-        One line for each exit.
-    """
+    """Return a line for each exit of `exit_table` with a specific flow above measured ones; `keepers` as above."""
     advice = "check in egress.csv whether they left within a short time"
     if keepers is not None:
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
