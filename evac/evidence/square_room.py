@@ -109,6 +109,7 @@ def crowd_at(positions: FloatArray, seed: int, position_set: int, run: int) -> C
     fresh["position"] = positions.copy()
     for quantity in ("radius", "mass", "tau"):
         fresh[quantity] = drawn(quantity)
+    fresh["contact_radius"] = fresh["radius"].copy()
     fresh["speed"] = np.repeat(drawn("speed")[:, None], 3, axis=1)
     return Crowd(**fresh)
 
