@@ -119,7 +119,9 @@ class TrajectoryWriter:
         # Asking Arrow for types takes as long as writing a frame.
         self._kinds = schema.types
         self._one = schema.field("people").type.value_type
-        self._whole = [(kind.type, np.dtype(kind.type.to_pandas_dtype())) for kind in (self._one[0], self._one[1])]
+        self._whole: list[tuple[pa.DataType, np.dtype[Any]]] = [
+            (kind.type, np.dtype(kind.type.to_pandas_dtype())) for kind in (self._one[0], self._one[1])
+        ]
         self._motion = self._one[2].type
 
     def append(
@@ -187,7 +189,7 @@ class TrajectoryWriter:
         """Return a batch of one frame, made from buffers because `pyarrow.array` would import pandas."""
         count = len(person)
         rows = [
-            _array(kind, count, values.astype(dtype))
+            _array(kind, count, np.asarray(values, dtype))
             for (kind, dtype), values in zip(self._whole, (person, level), strict=True)
         ]
         people = pa.Array.from_buffers(
