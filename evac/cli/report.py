@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from evac.cli.screen import show_facts, show_table
+from evac.contract.builtin import DEFAULT_MOVEMENT
 from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
 from evac.physics.state import Crowd
 from evac.results.results import Results
@@ -49,11 +50,19 @@ def _show_outcome(summary: dict[str, Any], crowd: Crowd) -> None:
             "ended": summary["ended"],
             "people": summary["people"],
             "out": summary["evacuated"],
+            "movement": _movement(summary["keeps_distance"]),
             "response times": response_times(crowd),
             "last out": None if last is None else f"{last:.2f} s{note}",
             "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
         }
     )
+
+
+def _movement(keepers: list[str]) -> str:
+    """Describe how people walk, by the behaviours in use that keep distances."""
+    if keepers:
+        return f"people keep distances ({', '.join(keepers)})"
+    return f"as in the paper: full speed until bodies touch; otherwise --set behaviours.{DEFAULT_MOVEMENT}={{}}"
 
 
 def _show_places(summary: dict[str, Any], results: Results) -> None:

@@ -13,12 +13,16 @@ BUILTIN_PLUGINS = (
     *(f"evac_plugins.contact_{name}" for name in ("dem", "nsm1", "nsm2")),
     *(f"evac_plugins.solver_{name}" for name in ("sweeps", "gradient", "conjugate")),
     "evac_plugins.force_social",
-    *(f"evac_plugins.behaviour_{name}" for name in ("response_time", "teacher_following", "route_choice", "headway")),
+    *(f"evac_plugins.behaviour_{name}" for name in ("response_time", "teacher_following", "route_choice")),
+    *(f"evac_plugins.behaviour_{name}" for name in ("headway", "walking")),
     *(f"evac_plugins.recorder_{name}" for name in ("trajectory", "replay")),
     *BUILTIN_IMPORTERS,
     *BUILTIN_EXPORTERS,
     "evac_plugins.cases",
 )
+
+#: The behaviour with which people keep distances in the cases that evac writes, and which the output of a run names.
+DEFAULT_MOVEMENT = "walking"
 
 #: Solvers of the contact problem: that of models, and that of solves in which another solver fails.
 DEFAULT_SOLVER, DEFAULT_STRONGER_SOLVER = "accelerated_sweeps", "conjugate_faces"

@@ -28,8 +28,8 @@ REST = """
 [contact]
 model = "nsm2"
 
-# People keep a distance to the person ahead. Without this behaviour they walk at full speed until bodies touch.
-[behaviours.headway]
+# People keep distances, anticipate and step aside. Without this behaviour they walk at full speed until bodies touch.
+[behaviours.walking]
 
 # Response (pre-movement) times in seconds.
 [behaviours.response_time]

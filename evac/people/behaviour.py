@@ -12,6 +12,7 @@ from evac.base.change import Change
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.building.model.cells import LevelField
+from evac.building.model.elevation import elevation
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ DECLARE = "add the array to `writes`"
 
 #: What behaviours may write.
 WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
+
+#: Velocities of nobody.
+NOBODY = np.zeros((0, 2))
 
 Arrays = TypeVar("Arrays", "Crowd", "Outside")
 
@@ -156,6 +160,8 @@ class BehaviourScene:
         The files asked for with `file`.
     level_fields : list of LevelField
         The fields made with `level_field`.
+    displacement_velocity : (n, 2) float64
+        Displacement of each person in the last tick divided by the length of the tick, in plan [m/s]; read-only.
     """
 
     def __init__(
@@ -167,6 +173,7 @@ class BehaviourScene:
         tick: float,
         outside: "Outside | None" = None,
         folder: Path = Path(),
+        displacement_velocity: FloatArray = NOBODY,
     ) -> None:
         self.crowd = crowd
         self.scene = scene
@@ -177,6 +184,8 @@ class BehaviourScene:
         self.files: list[Path] = []
         self.level_fields: list[LevelField] = []
         self._outside = outside
+        self.displacement_velocity = displacement_velocity.view()
+        self.displacement_velocity.flags.writeable = False
 
     @property
     def outside(self) -> "Outside":
@@ -244,6 +253,13 @@ class BehaviourScene:
     def apply(self, change: Change) -> None:
         """Change the scene: open or close exits, portals or stairs, now or later; see `Scene.apply`."""
         self.scene.apply(change)
+
+    def elevation(self) -> FloatArray:
+        """Return the height z of the ground under each person [m], (n,); NaN for people who have left.
+
+        The behaviour must read ``level`` and ``position``.
+        """
+        return elevation(self.building, self.crowd.level, self.crowd.position)
 
     @property
     def building(self) -> "Building":

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.base.arrays import FloatArray
 from evac.base.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.base.errors import naming, plugin_code
 from evac.base.saved import part_of, state_of, taken
@@ -29,6 +30,8 @@ class Deciding:
     scene : Scene
     population : Population
     outside : PeopleOutside or None
+    displacement_velocity : (n, 2) float64
+        Displacement velocities [m/s], which behaviours can read.
     is_full : bool
         Whether behaviours that have no effect, or nothing to do at a tick, are called, too.
 
@@ -51,10 +54,12 @@ class Deciding:
         scene: Scene,
         population: Population,
         outside: PeopleOutside | None,
+        displacement_velocity: FloatArray,
         is_full: bool,
     ) -> None:
         self._case, self._scene, self._population, self._is_full = case, scene, population, is_full
         self._crowd, self._outside = population.crowd, None if outside is None else outside.arrays
+        self._displacement_velocity = displacement_velocity
         self.used: list[tuple[Behaviour, BehaviourScene]] = []
         for behaviour in behaviours:
             view = self._view(behaviour)
@@ -70,7 +75,8 @@ class Deciding:
         case, outside = self._case, None if self._outside is None else outside_for(behaviour, self._outside)
         generator = generator_for(case.simulation.seed, "behaviour", behaviour.name)
         crowd, groups = crowd_for(behaviour, self._crowd), self._population.groups_for(behaviour.name)
-        return BehaviourScene(crowd, self._scene, groups, generator, case.simulation.tick, outside, case.folder)
+        moved = self._displacement_velocity
+        return BehaviourScene(crowd, self._scene, groups, generator, case.simulation.tick, outside, case.folder, moved)
 
     def prepare(self) -> None:
         """Call `prepare` of the behaviours."""

@@ -146,7 +146,10 @@ class Simulation:
             )
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
-            self.deciding = Deciding(case, behaviours, self.scene, self.population, self.outside, self.full)
+            self.displacement_velocity = self.population.crowd.velocity.copy()
+            self.deciding = Deciding(
+                case, behaviours, self.scene, self.population, self.outside, self.displacement_velocity, self.full
+            )
             self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
@@ -157,7 +160,6 @@ class Simulation:
         """Keep the initial state of people, and begin to watch how they get on."""
         crowd, settings = self.population.crowd, self.case.simulation
         self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
-        self.displacement_velocity = crowd.velocity.copy()
         self.watch = Watch(crowd.radius, settings.tick, self.case.output.every)
         self.ending = Ending(settings, len(crowd.level), len(self.fields.routes))
 

@@ -9,6 +9,7 @@ import pytest
 from evac.cli.report import show_results
 
 SUMMARY = {
+    "keeps_distance": [],
     "title": "A house",
     "ended": "everybody out",
     "people": 5,
@@ -113,3 +114,11 @@ def test_a_closed_exit_is_marked(shown):
 def test_response_times_are_stated(shown):
     assert ["response times", "none: everybody starts at 0 s"] in shown()[0]
     assert ["response times", "0 to 12.5 s"] in shown(start_time=(0.0, 12.5))[0]
+
+
+@pytest.mark.parametrize(("keepers", "word"), [([], "behaviours.walking={}"), (["mine"], "mine")])
+def test_how_people_walk_is_told(shown, keepers, word):
+    lines, _ = shown(keeps_distance=keepers)
+    (text,) = [line[1] for line in lines if line[0] == "movement"]
+    assert word in text
+    assert ("--set" in text) == (not keepers)

@@ -69,7 +69,7 @@ def test_the_chosen_openings_become_exits_and_the_case_runs(room, tmp_path):
     results = evac.run(evac.load(made.folder))
     assert (results.evacuated, list(results.exits)) == (5, ["exit 3"])
     case = tomllib.loads(text_of(made, "case.toml"))
-    assert "headway" in case["behaviours"]
+    assert "walking" in case["behaviours"]
     with pytest.raises(ScenarioError, match="1 to 4"):
         import_building([room], tmp_path / "case", exits=[5])
 

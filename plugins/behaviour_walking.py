@@ -1,0 +1,337 @@
+"""Walking: people keep a distance, anticipate those ahead, and step aside, before bodies touch."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray
+from evac.base.parameters import Parameter
+from evac.base.saved import taken
+from evac.directions.sampling import column_of, sample_direction
+from evac.jit import Floats, Pairs, Struct, inner, kernel
+from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.outside import Outside
+from evac.people.sights import Sights, list_near, look_round, make_sights, sees, set_desired_motion
+from evac.physics.state import Crowd, World
+
+#: Side steps below this share of the desired direction are neglected.
+FAINT = 0.03
+
+#: Greatest component of a unit vector, with rounding errors.
+LONGEST = 1.0 + 1e-9
+
+#: Distance beside the line of walking below which a person is on it, and the side is the person's own [m].
+ON_LINE = 1e-6
+
+
+#: Least time gap of the preset `regulation` [s]: at most 1.33 people per second pass a door of 1 m (IMO 4).
+REGULATION_TIME_GAP = 2.5
+
+#: Gap between bodies below which people do not push on those ahead [m].
+TOUCHING = 0.02
+
+
+class Rule(Struct):
+    """The parameters of `Walking`."""
+
+    time_gap: float
+    length: float
+    anticipation: float
+    width: float
+    stair_time_gap: float
+    stair_length: float
+    oncoming_time_gap: float
+    oncoming_length: float
+    oncoming_width: float
+    side_step: float
+    side_range: float
+    side_time: float
+    side_limit: float
+    right: float
+    reaction_time: float
+    creep: float
+    sight: float
+
+
+class Motion(Struct):
+    """What people have decided, and how they have moved."""
+
+    heading: Pairs  # (n, 2) unit heading of the last tick; (0, 0) before the first one
+    next: Pairs  # (n, 2) that of this tick
+    velocity: Pairs  # (n, 2) displacement velocity in the last tick [m/s]
+    factor: Floats  # (n,) share of the desired speed
+    side: Floats  # (n,) side to which a person steps for somebody exactly ahead, 1 or -1
+
+
+class Walking(Behaviour):
+    """People keep a distance, anticipate the motion of others, step aside, and do not push.
+
+    The direction and speed of each person follow from what it sees within `sight`, through portals too, but not behind
+    walls. At each tick, it steps aside for all people j who are ahead of its desired direction e or its heading, by
+
+        k (1 + (1 - e.h_j) / 2) exp(-max(0, s - r_i - r_j - c t_s) / D)
+
+    each, away from the side on which j will be after the time t_s: s is the distance, r are contact radii, c is the
+    speed at which the two approach each other, and h_j is the heading of j. Of people who come towards it (e.h_j < 0),
+    it passes on the right: they are taken to be `right` farther to the left. For people who stand, the parenthesis is
+    1.5. The sum S of all side steps is at most `side_limit`, and the heading h turns towards e + S n, with n normal to
+    e, within the reaction time. The speed becomes
+
+        min(v, max(V, (s - l + T_a max(0, u_j.h)) / T))
+
+    with the previous desired speed v, the least such speed for any person who is
+
+    - ahead of the heading, at most `width` beside it, and visible;
+    - farther ahead on the way: has a smaller remaining travel time on the same route, or, on another route, is ahead
+      along the sum of both desired directions. Oncoming people count with the parameters of their own;
+
+    and the velocity u_j of that person. V is `creep`, so that nobody waits for ever; it is 0 for people whose body is
+    at most 0.02 m behind the one ahead of them on the same route. Bodies that push on others at a narrow door would
+    form arches, which hold under the load.
+
+    Bodies that touch have half the depth of the chest as radius, because shoulders turn. People who have left count
+    until they are 2 m behind their exit, and wait for each other likewise, without side steps.
+
+    Notes
+    -----
+    `length` is near the distance of people at the greatest density on the flat, 5.4 per square metre (Weidmann 1993).
+    The parameters of time gap, anticipation, side steps, `width` and `chest_depth` are fitted to measured flows through
+    doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre and in a corridor of two directions,
+    and the flow down a stair ([people](evidence/people/README.md)).
+
+    References
+    ----------
+    Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
+    (2016), 225-232, for the speed; Xu, Chraibi, Seyfried: Anticipation in a velocity-based model for pedestrian
+    dynamics. Transportation Research C 133 (2021) 103464, for side steps; Weidmann: Transporttechnik der Fussgaenger,
+    ETH Zurich (1993). The reaction time, creeping and not pushing are additions.
+    """
+
+    name = "walking"
+    group_keys = ("chest_depth",)
+    reads = ("position", "level", "contact_radius", "speed", "start_time", "route", "speed_factor", "extra_direction")
+    writes = ("speed_factor", "extra_direction")
+    acts_last = True
+    keeps_distance = True
+
+    preset = Parameter(
+        "measured",
+        "measured: as in experiments; regulation: time gaps of at least 2.5 s and no anticipation of those ahead, "
+        "for flows through doors that standard tests prescribe",
+        choices=("measured", "regulation"),
+    )
+    chest_depth = Parameter(0.28, "depth of the chest, the diameter of bodies that touch", "m", above=0.0, maximum=2.0)
+    time_gap = Parameter(0.97, "time gap T to the person ahead", "s", above=0.0, maximum=60.0)
+    length = Parameter(0.4, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
+    anticipation = Parameter(
+        0.24, "time for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
+    )
+    width = Parameter(0.3, "greatest distance beside the heading of a person ahead", "m", minimum=0.0, maximum=2.0)
+    stair_time_gap = Parameter(1.3, "time gap on stairs", "s", above=0.0, maximum=60.0)
+    stair_length = Parameter(0.55, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
+    oncoming_time_gap = Parameter(0.5, "time gap to oncoming people", "s", above=0.0, maximum=60.0)
+    oncoming_length = Parameter(0.25, "distance l to oncoming people", "m", minimum=0.0, maximum=2.0)
+    oncoming_width = Parameter(0.2, "`width` for oncoming people", "m", minimum=0.0, maximum=2.0)
+    side_step = Parameter(3.0, "strength of side steps", minimum=0.0, maximum=100.0)
+    side_range = Parameter(0.23, "range of side steps", "m", minimum=0.01, maximum=10.0)
+    side_time = Parameter(0.43, "time for which motion is anticipated in side steps", "s", minimum=0.0, maximum=10.0)
+    side_limit = Parameter(2.0, "greatest side step", minimum=0.0, maximum=100.0)
+    right = Parameter(
+        0.3, "how far oncoming people are taken to be on the left of where they are", "m", minimum=-5.0, maximum=5.0
+    )
+    reaction_time = Parameter(0.3, "time within which the heading turns", "s", minimum=0.0, maximum=10.0)
+    creep = Parameter(0.1, "least speed of people who are blocked by others", "m/s", minimum=0.0, maximum=1.0)
+    sight = Parameter(2.0, "distance up to which people step aside for others", "m", minimum=0.1, maximum=20.0)
+
+    def contact_radius(self, radius: FloatArray, settings: Mapping[str, Any]) -> FloatArray:
+        """Return half the depth of the chest, since shoulders turn; at most the radius."""
+        depth: float = settings.get("chest_depth", self.chest_depth)
+        return np.minimum(radius, 0.5 * depth)
+
+    def prepare(self, scene: BehaviourScene) -> None:
+        """Allocate the arrays of a tick."""
+        n, levels = len(scene.crowd.level), len(scene.world.cosine)
+        self._world, self._outside, self._tick = scene.world, scene.outside, scene.tick
+        self._displacement_velocity = scene.displacement_velocity
+        self._sights = make_sights(n, levels)
+        side = np.where(scene.generator.random(n) < 0.5, -1.0, 1.0)
+        self._motion = Motion(
+            heading=np.zeros((n, 2)), next=np.zeros((n, 2)), velocity=np.zeros((n, 2)), factor=np.ones(n), side=side
+        )
+        self._rule = Rule(**{name: getattr(self, name) for name in Rule.kinds})
+        if self.preset == "regulation":
+            self._rule.time_gap = max(self.time_gap, REGULATION_TIME_GAP)
+            self._rule.stair_time_gap = max(self.stair_time_gap, REGULATION_TIME_GAP)
+            self._rule.anticipation = 0.0
+
+    def act(self, crowd: Crowd, time: float) -> None:
+        """Set the heading of everybody, and the speed with it."""
+        self._motion.velocity[:] = self._displacement_velocity
+        walk(self._world, crowd, self._outside, self._sights, self._motion, self._rule, self._tick, time)
+
+    def is_needed(self, scene: BehaviourScene) -> bool:
+        """Return False for a single person."""
+        return len(scene.crowd.level) > 1
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the headings of the last tick."""
+        return {"heading": self._motion.heading}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the headings."""
+        heading = self._motion.heading
+        heading[:] = taken(state, "heading", np.float64, heading.shape, -LONGEST, LONGEST)
+
+
+@kernel
+def walk(
+    world: World, crowd: Crowd, outside: Outside, sights: Sights, motion: Motion, rule: Rule, tick: float, time: float
+) -> None:
+    """Apply the rules of `Walking` to all people inside who have started, and to those outside."""
+    if look_round(world, crowd, outside, sights) == 0:
+        return
+    set_desired_motion(world, crowd, outside, sights, time)
+    n = crowd.level.shape[0]
+    turn = 1.0
+    if rule.reaction_time > 0.0:
+        turn = 1.0 - math.exp(-tick / rule.reaction_time)
+    for i in range(n):
+        motion.next[i, 0], motion.next[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
+        if sights.level[i] >= sights.levels:
+            motion.velocity[i, 0], motion.velocity[i, 1] = outside.velocity[i, 0], outside.velocity[i, 1]
+        if motion.heading[i, 0] == 0.0 and motion.heading[i, 1] == 0.0:
+            motion.heading[i, 0], motion.heading[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
+    for i in range(n):
+        motion.factor[i] = 1.0
+        if sights.wanted[i] > 0.0:
+            decide(world, crowd, sights, motion, rule, turn, i)
+    for i in range(n):
+        motion.heading[i, 0], motion.heading[i, 1] = motion.next[i, 0], motion.next[i, 1]
+        if sights.wanted[i] <= 0.0:
+            continue
+        if sights.level[i] >= sights.levels:
+            outside.speed_factor[i] *= motion.factor[i]
+            continue
+        crowd.speed_factor[i] *= motion.factor[i]
+        column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
+        ex, ey = sample_direction(world.fields, crowd.position[i, 0], crowd.position[i, 1], crowd.level[i], column)
+        crowd.extra_direction[i, 0] = motion.next[i, 0] - ex
+        crowd.extra_direction[i, 1] = motion.next[i, 1] - ey
+
+
+@inner
+def decide(world, crowd, sights, motion, rule, turn, i):  # type: ignore[no-untyped-def]
+    """Set heading and speed of person i."""
+    wanted = sights.wanted[i]
+    is_inside = sights.level[i] < sights.levels
+    ex, ey = sights.direction[i, 0], sights.direction[i, 1]
+    hx, hy = motion.heading[i, 0], motion.heading[i, 1]
+    length, gap = rule.length, rule.time_gap
+    if is_inside:
+        climb = ex * world.uphill[sights.level[i], 0] + ey * world.uphill[sights.level[i], 1]
+        if climb != 0.0:
+            length, gap = rule.stair_length, rule.stair_time_gap
+    reach = length + gap * wanted
+    list_near(world, sights, i, max(reach, rule.sight) if is_inside else reach)
+    if is_inside:
+        if rule.side_step > 0.0:
+            side = side_step(world, crowd, sights, motion, rule, i)
+            tx, ty = ex - side * ey, ey + side * ex
+            norm = math.sqrt(tx * tx + ty * ty)
+            tx, ty = tx / norm, ty / norm
+        else:
+            tx, ty = ex, ey
+        share = turn
+        if (ex * tx + ey * ty) * (ex * hx + ey * hy) < 0.0:
+            share = 1.0
+        gx, gy = hx + share * (tx - hx), hy + share * (ty - hy)
+        norm = math.sqrt(gx * gx + gy * gy)
+        if norm < 1e-6:
+            gx, gy, norm = tx, ty, 1.0
+        hx, hy = gx / norm, gy / norm
+        motion.next[i, 0], motion.next[i, 1] = hx, hy
+    best, least = wanted, min(rule.creep, wanted)
+    for k in range(sights.number):
+        j = sights.near[k]
+        if sights.wanted[j] <= 0.0 or j == i:
+            continue
+        dx = sights.position[j, 0] - sights.position[i, 0]
+        dy = sights.position[j, 1] - sights.position[i, 1]
+        along = hx * dx + hy * dy
+        if along <= 0.0:
+            continue
+        beside = abs(hx * dy - hy * dx)
+        if beside > rule.width:
+            continue
+        distance, within, leads_on = length, gap, crowd.route[i] == crowd.route[j]
+        if hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0:
+            if beside > rule.oncoming_width or not is_inside:
+                continue
+            distance, within, leads_on = rule.oncoming_length, rule.oncoming_time_gap, False
+        elif not is_ahead(crowd, sights, motion, i, j, dx, dy):
+            continue
+        s = math.sqrt(dx * dx + dy * dy)
+        leads = motion.velocity[j, 0] * hx + motion.velocity[j, 1] * hy
+        speed = (s - distance + rule.anticipation * max(leads, 0.0)) / within
+        if speed >= best:
+            continue
+        if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
+            best = speed
+            if leads_on and s < crowd.contact_radius[i] + crowd.contact_radius[j] + TOUCHING:
+                least = 0.0
+    motion.factor[i] = max(best, least) / wanted
+
+
+@inner
+def is_ahead(crowd, sights, motion, i, j, dx, dy):  # type: ignore[no-untyped-def]
+    """Return whether person j, at (dx, dy) from i and with a similar heading, is farther ahead on the way."""
+    if crowd.route[i] == crowd.route[j] or sights.level[i] >= sights.levels:
+        return sights.remaining[j] < sights.remaining[i]
+    fx = sights.direction[i, 0] + sights.direction[j, 0]
+    fy = sights.direction[i, 1] + sights.direction[j, 1]
+    return fx * dx + fy * dy > 0.0
+
+
+@inner
+def side_step(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped-def]
+    """Return the side step of person i, relative to the desired direction, positive to the left."""
+    ex, ey = sights.direction[i, 0], sights.direction[i, 1]
+    hx, hy = motion.heading[i, 0], motion.heading[i, 1]
+    vx, vy = motion.velocity[i, 0], motion.velocity[i, 1]
+    sum = 0.0
+    for k in range(sights.number):
+        j = sights.near[k]
+        dx = sights.position[j, 0] - sights.position[i, 0]
+        dy = sights.position[j, 1] - sights.position[i, 1]
+        square = dx * dx + dy * dy
+        if square > rule.sight * rule.sight or square == 0.0:
+            continue
+        if ex * dx + ey * dy < 0.0 and hx * dx + hy * dy < 0.0:
+            continue
+        s = math.sqrt(square)
+        wx, wy = motion.velocity[j, 0], motion.velocity[j, 1]
+        closing = ((vx - wx) * dx + (vy - wy) * dy) / s
+        gap = s - crowd.contact_radius[i] - crowd.contact_radius[j] - closing * rule.side_time
+        align = 1.5
+        cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
+        if sights.wanted[j] > 0.0:
+            align = 1.0 + 0.5 * (1.0 - cosine)
+        weight = rule.side_step * align * math.exp(-max(gap, 0.0) / rule.side_range)
+        if weight < FAINT:
+            continue
+        if not ((s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j)):
+            continue
+        # Where j will be, to the left of the way.
+        across = ex * (dy + wy * rule.side_time) - ey * (dx + wx * rule.side_time)
+        if cosine < 0.0 and sights.wanted[j] > 0.0:
+            across += rule.right
+        if abs(across) < ON_LINE:
+            across = motion.side[i]
+        sum += -weight if across > 0.0 else weight
+    return min(max(sum, -rule.side_limit), rule.side_limit)
+
+
+evac_interface = 3

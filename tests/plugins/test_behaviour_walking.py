@@ -1,0 +1,149 @@
+"""Walking: the speed, the side step and the turn against exact numbers; nobody is stuck at a narrow door."""
+
+import math
+
+import numpy as np
+import pytest
+from shapely import box
+
+import evac
+from evac.analysis.flows import steady_flow
+from evac.people.behaviour import BehaviourScene
+from evac.people.outside import make_outside
+from evac.physics.state import make_crowd
+from evac.simulation.scene import Scene, make_ground
+from evac.simulation.simulation import Simulation
+from evac_plugins.behaviour_walking import Walking
+from tests.physics.scenes import make_building, uniform_fields
+from tests.runs import MODELS, assert_same_bits, run_ticks
+
+EAST, WEST = (1.0, 0.0), (-1.0, 0.0)
+
+#: Parameters by which nobody steps aside.
+STRAIGHT = {"side_step": 0.0}
+
+
+def acted(position, velocity=0.0, ticks=1, fields=None, route=None, contact_radius=0.14, building=None, **parameters):
+    """Return the factors and headings of people at places after the behaviour has acted on them."""
+    crowd = make_crowd(position, speed=1.2, radius=0.22, contact_radius=contact_radius)
+    if route is not None:
+        crowd.route[:] = route
+    building = building or make_building()
+    scene = Scene(make_ground(building, fields or uniform_fields(len(building.levels))))
+    moved = np.array(np.broadcast_to(velocity, crowd.position.shape), dtype=np.float64)
+    behaviour = Walking(**parameters)
+    outside = make_outside(len(crowd.level))
+    view = BehaviourScene(crowd, scene, (), np.random.default_rng(1), 0.1, outside, displacement_velocity=moved)
+    behaviour.prepare(view)
+    for tick in range(ticks):
+        crowd.speed_factor[:], crowd.extra_direction[:] = 1.0, 0.0
+        behaviour.act(crowd, 0.1 * tick)
+    way = np.where(np.asarray(crowd.route)[:, None] == 0, EAST, WEST)
+    return crowd.speed_factor, crowd.extra_direction + way
+
+
+@pytest.mark.parametrize("leader", [0.0, 0.5, -0.5])
+@pytest.mark.parametrize("distance", [0.7, 1.0])
+def test_the_speed_anticipates_the_motion_of_the_person_ahead(distance, leader):
+    velocity = [[0.3, 0.0], [leader, 0.0]]
+    factor, _ = acted([[0.0, 0.0], [distance, 0.0]], velocity, time_gap=1.0, length=0.4, anticipation=0.25, **STRAIGHT)
+    assert factor == pytest.approx([(distance - 0.4 + 0.25 * max(leader, 0.0)) / 1.2, 1.0], rel=1e-12)
+
+
+@pytest.mark.parametrize(("gap", "expected"), [(0.03, 0.1), (0.01, 0.0)])
+def test_blocked_people_creep_but_do_not_push_on_those_ahead(gap, expected):
+    factor, _ = acted([[0.0, 0.0], [0.28 + gap, 0.0]], creep=0.1, **STRAIGHT)
+    assert factor == pytest.approx([expected / 1.2, 1.0])
+
+
+@pytest.mark.parametrize(("across", "is_ahead"), [(0.29, True), (0.31, False), (-0.29, True)])
+def test_people_within_the_width_are_ahead(across, is_ahead):
+    factor, _ = acted([[0.0, 0.0], [0.6, across]], width=0.3, **STRAIGHT)
+    assert (factor[0] < 1.0) == is_ahead
+
+
+def oncoming(across, **parameters):
+    """Return the factors and headings of two people who come towards each other."""
+    position = [[0.0, 0.0], [1.0, across]]
+    velocity = [[1.2, 0.0], [-1.2, 0.0]]
+    return acted(
+        position, velocity, fields=uniform_fields(1, EAST, WEST), route=[0, 1], reaction_time=0.0, **parameters
+    )
+
+
+@pytest.mark.parametrize("across", [0.0, 0.1, -0.1])
+def test_people_who_come_towards_each_other_pass_on_the_right(across):
+    _, heading = oncoming(across, right=0.3)
+    assert heading[0, 1] < 0.0 < heading[1, 1]
+
+
+def test_the_side_step_is_that_of_the_equation():
+    # Approaching at 2.4 m/s from 1 m: 1 - 0.28 - 2.4 * 0.2 = 0.24 m of gap are left after 0.2 s.
+    _, heading = oncoming(0.0, side_step=3.0, side_range=0.2, side_time=0.2)
+    step = 3.0 * 2.0 * math.exp(-0.24 / 0.2)
+    assert heading[0, 1] / heading[0, 0] == pytest.approx(-step, rel=1e-9)
+
+
+def test_the_side_step_is_limited():
+    _, heading = oncoming(0.0, side_step=50.0, side_limit=0.5)
+    assert heading[0, 1] / heading[0, 0] == pytest.approx(-0.5)
+
+
+def test_the_heading_turns_within_the_reaction_time():
+    position, velocity = [[0.0, 0.0], [1.0, 0.1]], 0.0
+    _, fast = acted(position, velocity, reaction_time=0.0)
+    _, slow = acted(position, velocity, reaction_time=0.3)
+    share = 1.0 - math.exp(-0.1 / 0.3)
+    expected = (1.0 - share) * np.array(EAST) + share * fast[0]
+    assert slow[0] == pytest.approx(expected / np.hypot(*expected), rel=1e-9)
+    _, later = acted(position, velocity, ticks=40, reaction_time=0.3)
+    assert later[0] == pytest.approx(fast[0], abs=1e-5)
+
+
+def test_nobody_is_seen_through_a_wall():
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 6, 4).difference(box(2.9, 0, 3.0, 3)))
+    plan.exit("out", "floor", [(6, 1), (6, 2)])
+    factor, heading = acted([[2.6, 1.0], [3.3, 1.0]], building=plan.building())
+    assert factor[0] == 1.0
+    assert heading[0] == pytest.approx(EAST)
+
+
+def room(width, number, **parameters):
+    """Return a case of people who leave a room through a door of a width [m]."""
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 5, 5).union(box(5, 2.5 - width / 2, 5.2, 2.5 + width / 2)).union(box(5.2, 0, 8, 5)))
+    plan.exit("out", "floor", [(8, 0), (8, 5)])
+    plan.area("room", "floor", box(0.5, 0.5, 4.5, 4.5))
+    people = {"name": "people", "area": "room", "number": number}
+    content = {"building": plan, "people": [people], "contact": {"model": "nsm2"}, "output": {"trajectory": False}}
+    return evac.load(content | {"behaviours": {"walking": parameters}, "simulation": {"duration": 120.0}})
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_nobody_is_stuck_at_a_narrow_door_and_nobody_is_crushed(model):
+    results = evac.run(room(0.5, 40).change({"contact.model": model}))
+    assert results.ended == "everybody out"
+    assert 30.0 < results.time < 75.0
+    assert not [line for line in results.quality_warnings if "lethal" in line]
+
+
+def test_with_regulation_at_most_as_many_pass_as_tests_prescribe():
+    results = evac.run(room(1.0, 40, preset="regulation"))
+    assert results.ended == "everybody out"
+    assert steady_flow(results.crowd.exit_time) < 1.33 < steady_flow(evac.run(room(1.0, 40)).crowd.exit_time)
+
+
+def test_a_run_goes_on_to_the_same_bits():
+    one, other = Simulation(room(0.8, 20)), Simulation(room(0.8, 20))
+    run_ticks(one, 15)
+    other.restore(one.state())
+    for simulation in (one, other):
+        run_ticks(simulation, 15)
+    assert_same_bits(one, other)
+
+
+def test_bodies_have_the_depth_of_the_chest():
+    crowd = Simulation(room(0.8, 20)).population.crowd
+    assert (crowd.contact_radius == 0.14).all()
+    assert (crowd.radius >= 0.2).all()
