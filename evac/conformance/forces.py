@@ -24,18 +24,18 @@ def check_pair_force(force: Force) -> None:
         return
     cutoff, random = force.cutoff(), np.random.default_rng(1)
     for gap in (-0.3, 0.0, *random.uniform(-0.3, max(cutoff, 0.1), 100), cutoff, cutoff + 1e-9, 2.0 * cutoff + 1.0):
-        n, e = _unit(random), _unit(random)
+        n, e, v = _unit(random), _unit(random), tuple(random.uniform(-3.0, 3.0, 2).tolist())
         with scene(f"two people at a gap of {gap:.3f} m"):
-            x, y = _call(force, force.pair, (gap, *n, *e))
+            x, y = _call(force, force.pair, (gap, *n, *v, *e))
             if not needed:
                 wrong = f"is_needed() is False, but the force is {math.hypot(x, y):.3g} N"
                 require((x, y) == (0.0, 0.0), wrong, "return True from is_needed()")
             wrong = f"the force is ({x:.3g}, {y:.3g}) N, beyond its cutoff() of {cutoff:.3f} m"
             require(gap < cutoff or (x, y) == (0.0, 0.0), wrong, "return zero there")
-            turned_x, turned_y = _call(force, force.pair, (gap, -n[1], n[0], -e[1], e[0]))
+            turned_x, turned_y = _call(force, force.pair, (gap, -n[1], n[0], -v[1], v[0], -e[1], e[0]))
             apart = math.hypot(turned_x + y, turned_y - x)
             wrong = f"the force does not rotate with the scene, it differs by {apart:.3g} N"
-            require(apart <= 1e-9 * max(math.hypot(x, y), 1.0), wrong, "use the given normal and direction")
+            require(apart <= 1e-9 * max(math.hypot(x, y), 1.0), wrong, "use the given normal, velocity and direction")
 
 
 def check_body_force(force: Force) -> None:

@@ -30,8 +30,8 @@ fused = Intrinsic("fused", lambda a, b, c: a * b + c)
 #: Return row k of a grid as an array.
 row = Intrinsic("row", lambda grid, k: grid[k])
 
-#: Call the pair force at an address with gap, nx, ny, ex, ey and its parameters: (fx, fy) [N].
-call_pair_force = AddressCall([float, float, float, float, float, Floats], (float, float))
+#: Call the pair force at an address with gap, nx, ny, vx, vy, ex, ey and its parameters: (fx, fy) [N].
+call_pair_force = AddressCall([*[float] * 7, Floats], (float, float))
 
 #: Call the body force at an address with x, y, vx, vy, ex, ey, gap, nx, ny and its parameters: (fx, fy) [N].
 call_body_force = AddressCall([*[float] * 9, Floats], (float, float))
@@ -50,9 +50,9 @@ def pair_force(function: Callable[..., Any]) -> Entry:
     Parameters
     ----------
     function : callable
-        ``force(gap, nx, ny, ex, ey, parameters) -> (fx, fy)``: the force [N] on person i from person
-        j, with the gap D_ij [m], the unit vector (nx, ny) from j to i, the desired direction
-        (ex, ey) of i and the force's own parameters, a float64 array.
+        ``force(gap, nx, ny, vx, vy, ex, ey, parameters) -> (fx, fy)``: the force [N] on person i from person
+        j, with the gap D_ij [m], the unit vector (nx, ny) from j to i, the velocity (vx, vy) of i relative to j
+        [m/s], the desired direction (ex, ey) of i and the force's own parameters, a float64 array.
 
     Returns
     -------

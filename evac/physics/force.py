@@ -66,14 +66,18 @@ def add_forces(state: State) -> int:
                 continue
             nx, ny, distance = unit_normal(nx, ny, square)
             gap = distance - extent(bodies, i, -nx, -ny) - extent(bodies, j, nx, ny)
+            vx = bodies.velocity[i, 0] - bodies.velocity[j, 0]
+            vy = bodies.velocity[i, 1] - bodies.velocity[j, 1]
             for f in range(forces.number):
                 if gap >= forces.cutoff[f]:
                     continue
                 call, given = forces.address[f], row(forces.parameters, f)
-                fx, fy = call_pair_force(call, gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], given)
+                ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
+                fx, fy = call_pair_force(call, gap, nx, ny, vx, vy, ex, ey, given)
                 bodies.push[i, 0] += fx
                 bodies.push[i, 1] += fy
-                fx, fy = call_pair_force(call, gap, -nx, -ny, bodies.desired[j, 0], bodies.desired[j, 1], given)
+                ex, ey = bodies.desired[j, 0], bodies.desired[j, 1]
+                fx, fy = call_pair_force(call, gap, -nx, -ny, -vx, -vy, ex, ey, given)
                 bodies.push[j, 0] += fx
                 bodies.push[j, 1] += fy
     return OK

@@ -302,7 +302,7 @@ NEEDED = {
     "behaviour": "def act(self, crowd, time):\n    pass\n",
     "recorder": "def record(self, simulation):\n    pass\n",
     "force": "def cutoff(self):\n    return 0.1\n\n"
-    "@staticmethod\n@pair_force\ndef pair(gap, nx, ny, ex, ey, parameters):\n    return 0.0, 0.0\n",
+    "@staticmethod\n@pair_force\ndef pair(gap, nx, ny, vx, vy, ex, ey, parameters):\n    return 0.0, 0.0\n",
     "contact": "def step(self, contacts, h):\n    return np.zeros(contacts.velocity.shape)\n",
     "importer": "suffixes = ('.obj',)\n\ndef read(self, path):\n    raise ValueError('nothing')\n",
 }

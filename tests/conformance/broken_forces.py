@@ -10,19 +10,19 @@ from tests.conformance.broken import Broken, odd, raising
 
 
 @pair_force
-def constant(gap, nx, ny, ex, ey, parameters):
+def constant(gap, nx, ny, vx, vy, ex, ey, parameters):
     return parameters[0] * nx, parameters[0] * ny
 
 
 @pair_force
-def eastward(gap, nx, ny, ex, ey, parameters):
+def eastward(gap, nx, ny, vx, vy, ex, ey, parameters):
     if gap >= 1.0:
         return 0.0, 0.0
     return parameters[0], 0.0
 
 
 @pair_force
-def singular(gap, nx, ny, ex, ey, parameters):
+def singular(gap, nx, ny, vx, vy, ex, ey, parameters):
     if gap >= 1.0:
         return 0.0, 0.0
     return nx / abs(gap), ny / abs(gap)
@@ -110,22 +110,22 @@ class Denied(Eastward):
 
 
 @pair_force
-def zero(gap, nx, ny, ex, ey, parameters):
+def zero(gap, nx, ny, vx, vy, ex, ey, parameters):
     return 0.0, 0.0
 
 
 @pair_force
-def beyond_its_parameters(gap, nx, ny, ex, ey, parameters):
+def beyond_its_parameters(gap, nx, ny, vx, vy, ex, ey, parameters):
     return parameters[7], 0.0
 
 
 @pair_force
-def single(gap, nx, ny, ex, ey, parameters):
+def single(gap, nx, ny, vx, vy, ex, ey, parameters):
     return 0.0
 
 
 @pair_force
-def scribbles(gap, nx, ny, ex, ey, parameters):
+def scribbles(gap, nx, ny, vx, vy, ex, ey, parameters):
     parameters[0] += 1.0
     return 0.0, 0.0
 

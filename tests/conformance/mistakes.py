@@ -116,7 +116,7 @@ MISTAKES = {
         DO, "crowd.route[:] = 99", "def act", "wrote route 99", "must be from 0 to 0",
     ),
     # Forces
-    "force_signature": Mistake(PAIR_FORCE, " ex, ey,", "", "@pair_force", "takes 4 arguments", "must take 6"),
+    "force_signature": Mistake(PAIR_FORCE, " ex, ey,", "", "@pair_force", "takes 6 arguments", "must take 8"),
     "force_returns_one": Mistake(PAIR_FORCE, ", parameters[0] * ny", "", "@pair_force", "returns float64", "64, f"),
     "force_returns_either": Mistake(
         PAIR_FORCE, PAIR, "    if gap > 0.5:\n        return 0.0\n" + PAIR, "@pair_force", "unify", "same numbers"
@@ -126,7 +126,7 @@ MISTAKES = {
     ),
     "force_undecorated": Mistake(PAIR_FORCE, "@pair_force\n", "", "def law", "must be a kernel", "decorate it"),
     "force_of_the_other_kind": Mistake(
-        PAIR_FORCE, "@pair_force\ndef law(gap", "@body_force\ndef law(x, y, vx, vy, gap", "@body_force",
+        PAIR_FORCE, "@pair_force\ndef law(gap", "@body_force\ndef law(x, y, gap", "@body_force",
         r"must be a kernel \(float64", "decorate it",
     ),
     "force_allocates": Mistake(
@@ -256,13 +256,13 @@ VALID = {
     "exporter": EXPORTER,
     "whole_numbers": PAIR_FORCE.replace(PAIR, "    return 0, 0\n"),
     "in_a_function": PAIR_FORCE.replace(
-        "@pair_force\ndef law(gap, nx, ny, ex, ey, parameters):\n" + PAIR,
-        "def make():\n    @pair_force\n    def law(gap, nx, ny, ex, ey, parameters):\n        return 0.0, 0.0\n"
+        "@pair_force\ndef law(gap, nx, ny, vx, vy, ex, ey, parameters):\n" + PAIR,
+        "def make():\n    @pair_force\n    def law(gap, nx, ny, vx, vy, ex, ey, parameters):\n        return 0.0, 0.0\n"
         "    return law\nlaw = make()\n",
     ),
     "lambda": PAIR_FORCE.replace(
-        "@pair_force\ndef law(gap, nx, ny, ex, ey, parameters):\n" + PAIR,
-        "law = pair_force(lambda gap, nx, ny, ex, ey, parameters: (0.0, 0.0))\n",
+        "@pair_force\ndef law(gap, nx, ny, vx, vy, ex, ey, parameters):\n" + PAIR,
+        "law = pair_force(lambda gap, nx, ny, vx, vy, ex, ey, parameters: (0.0, 0.0))\n",
     ),
     "prepares_only": BEHAVIOUR.replace(ACT, "    def prepare(self, scene):\n        scene.crowd.speed_factor[:] = 1\n"),
 }

@@ -28,7 +28,7 @@ from evac import Force, Parameter, hookimpl
 from evac.jit import body_force, pair_force
 
 @pair_force
-def law(gap, nx, ny, ex, ey, parameters):
+def law(gap, nx, ny, vx, vy, ex, ey, parameters):
     return parameters[0] * nx, parameters[0] * ny
 
 class Repels(Force):

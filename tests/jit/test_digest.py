@@ -73,7 +73,7 @@ SOURCE = '''
 
     def made(factor):
         @pair_force
-        def force(gap, nx, ny, ex, ey, parameters):
+        def force(gap, nx, ny, vx, vy, ex, ey, parameters):
             return factor * nx, factor * ny
 
         return force

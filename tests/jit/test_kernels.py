@@ -222,11 +222,20 @@ def test_a_call_with_another_struct_or_no_number_is_refused():
 
 
 def test_a_pair_force_has_the_one_signature():
-    def spring(gap, nx, ny, ex, ey, parameters):
+    def spring(gap, nx, ny, vx, vy, ex, ey, parameters):
         return parameters[0] * nx, 0.0
 
     assert pair_force(spring).signature[1] == ("float64", "float64")
-    assert [name for name, _ in pair_force(spring).signature[0]] == ["gap", "nx", "ny", "ex", "ey", "parameters"]
+    assert [name for name, _ in pair_force(spring).signature[0]] == [
+        "gap",
+        "nx",
+        "ny",
+        "vx",
+        "vy",
+        "ex",
+        "ey",
+        "parameters",
+    ]
 
     def short(gap, nx, ny):
         return 0.0, 0.0

@@ -120,7 +120,7 @@ def test_kernels_that_are_the_same_are_compiled_once(tmp_path, processes, own_ca
 
             def made(factor):
                 @pair_force
-                def force(gap, nx, ny, ex, ey, parameters):
+                def force(gap, nx, ny, vx, vy, ex, ey, parameters):
                     return factor * nx, {os.getpid()} * ny
 
                 return force

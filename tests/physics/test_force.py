@@ -36,10 +36,16 @@ def spring(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
 
 
 @pair_force
-def apart(gap, nx, ny, ex, ey, parameters):
+def apart(gap, nx, ny, vx, vy, ex, ey, parameters):
     if gap >= 1.0:
         return 0.0, 0.0
     return parameters[0] * nx, parameters[0] * ny
+
+
+@pair_force
+def damper(gap, nx, ny, vx, vy, ex, ey, parameters):
+    """Resist the velocity relative to the other person."""
+    return -parameters[0] * vx, -parameters[0] * vy
 
 
 class Wind(Force):
@@ -82,6 +88,17 @@ class Both(Wind):
         return 1.0
 
 
+class Damper(Force):
+    """A dashpot between two people."""
+
+    name = "damper"
+    pair = damper
+    rate = Parameter(20.0, "force per velocity", unit="kg/s")
+
+    def cutoff(self):
+        return 1.0
+
+
 def pushes(force, place, building=None, level=0, **settings):
     """Return the forces (n, 2) [N] on people at rest, in the order of the crowd."""
     crowd = make_crowd(place, level=level, radius=0.2, tau=FREE)
@@ -98,6 +115,15 @@ def test_a_constant_force_moves_a_person_as_exactly_known():
     walk(Dem(), crowd, 70, explicit=False, forces=[Wind()])
     expected = 0.5 / 80.0 * (1.0 - math.exp(-0.7 / 0.5)) * np.array([40.0, -30.0])
     np.testing.assert_allclose(crowd.velocity[0], expected, rtol=1e-12)
+
+
+def test_a_force_between_two_people_gets_their_relative_velocity():
+    """The relative velocity of two people joined by a dashpot decays as exp(-2 c t / m), their mean stays."""
+    crowd = make_crowd([(0, 0), (1.0, 0)], [(0.1, 0.3), (0.2, -0.1)], mass=80.0, tau=FREE)
+    walk(Dem(), crowd, 1000, h=1e-3, forces=[Damper()])
+    decay = math.exp(-2.0 * 20.0 * 1.0 / 80.0)
+    expected = np.array([0.15, 0.1]) + decay * np.array([[-0.05, 0.2], [0.05, -0.2]])
+    np.testing.assert_allclose(crowd.velocity, expected, rtol=2e-3)
 
 
 def test_place_velocity_and_desired_direction_are_those_of_the_person():

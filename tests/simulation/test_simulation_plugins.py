@@ -88,7 +88,7 @@ def test_a_force_may_call_functions_that_numba_compiles(tmp_path):
 
 
         @pair_force
-        def social_again(gap, nx, ny, ex, ey, parameters):
+        def social_again(gap, nx, ny, vx, vy, ex, ey, parameters):
             if gap >= parameters[2]:
                 return 0.0, 0.0
             force = size(gap, parameters[0], parameters[1]) * 0.5
@@ -137,7 +137,7 @@ def test_an_exception_in_a_function_that_numba_compiles_ends_the_run(tmp_path):
 
 
         @pair_force
-        def careful(gap, nx, ny, ex, ey, parameters):
+        def careful(gap, nx, ny, vx, vy, ex, ey, parameters):
             return checked(gap), 0.0
 
 
@@ -208,16 +208,16 @@ FORCES = """
     from evac.jit import pair_force
 
     @pair_force
-    def tail(gap, nx, ny, ex, ey, p):
+    def tail(gap, nx, ny, vx, vy, ex, ey, p):
         f = 100.0 * 2.718281828 ** (-max(gap, 0.0) / 0.5)
         return f * nx, f * ny
 
     @pair_force
-    def idle(gap, nx, ny, ex, ey, p):
+    def idle(gap, nx, ny, vx, vy, ex, ey, p):
         return (1e-12 * nx, 1e-12 * ny) if gap < 3.0 else (0.0, 0.0)
 
     @pair_force
-    def divides(gap, nx, ny, ex, ey, p):
+    def divides(gap, nx, ny, vx, vy, ex, ey, p):
         return 1.0 / (gap - gap), 0.0
 
     class Tail(Force):
