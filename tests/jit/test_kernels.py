@@ -240,7 +240,7 @@ def test_a_pair_force_has_the_one_signature():
     def short(gap, nx, ny):
         return 0.0, 0.0
 
-    with pytest.raises(TypeError, match=r"short .* 3 .*gap, nx, ny; .* 6"):
+    with pytest.raises(TypeError, match=r"short .* 3 .*gap, nx, ny; .* 8"):
         pair_force(short)
 
 
