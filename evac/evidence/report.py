@@ -72,7 +72,7 @@ class Evidence:
     Parameters
     ----------
     kind : str
-        accuracy, stability, lean, table3, scaling, validation or certainty; part of every generator's name.
+        one of `evac.evidence.KINDS`; part of every generator's name.
     folder : Path
         Created if missing. Files with the same names are overwritten.
     quick : bool

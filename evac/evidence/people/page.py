@@ -1,0 +1,167 @@
+"""People as measured: every measured value beside what each movement model and contact model does in that scene."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+from evac.evidence.people import scenes
+from evac.evidence.people.runs import DEFAULT, KEY, LEFT, MODELS, NEVER_BLOCKED, TABLE, jobs, measure_runs
+from evac.evidence.people.values import (
+    HELD_DENSITY,
+    HELD_DOORS,
+    HELD_SCENES,
+    SHARE_ON_AVERAGE,
+    VALUES,
+    Value,
+    found_row,
+)
+from evac.evidence.report import Evidence, Row
+from evac.evidence.verdicts import MET, REPORTED, Finding, all_of, at_most, reported
+from evac.study.statistics import CONFIDENCE, share_interval
+
+HELD, BLOCKED, SCENES = "Held out", "Blocked runs", "The scenes"
+
+
+def run(evidence: Evidence) -> None:
+    """Make the runs that are missing and write the page."""
+    rows = evidence.measured(TABLE, lambda: measure_runs(evidence))
+    asked = {job.key for job in jobs(evidence.quick, evidence.seed)}
+    runs = [row for row in rows if tuple(str(row[key]) for key in KEY) in asked]
+    subjects = list(dict.fromkeys((row["setting"], row["model"]) for row in runs))
+    names = {row["scene"] for row in runs}
+    values = [value for value in VALUES if names.issuperset(value.scenes)]
+    found = evidence.measured("values", lambda: [found_row(value, *own, runs) for own in subjects for value in values])
+    for finding in verdicts(values, found, runs):
+        evidence.verdict(finding)
+    _report_scenes(evidence, found)
+    for setting in dict.fromkeys(setting for setting, _ in subjects):
+        _report_setting(evidence, setting, values, [row for row in found if row["setting"] == setting])
+    evidence.heading(BLOCKED)
+    blocked = [
+        blocked_row(scene, *own, runs) for own in subjects for scene in dict.fromkeys(row["scene"] for row in runs)
+    ]
+    evidence.table("blocked", blocked, f"Runs in which people are left; intervals of {100 * CONFIDENCE:.0f} %.")
+    evidence.write_page(
+        "People as measured: doors, corridors, stairs, oncoming people",
+        """Flows, speeds, exit times and headings of people in experiments, beside those of simulated people with each
+        movement model and contact model in the same geometry, and the share of runs that block.""",
+    )
+
+
+def heading(setting: str) -> str:
+    """Return the heading of the section of a movement model."""
+    return f"Movement model: {setting}"
+
+
+def verdicts(values: Sequence[Value], found: Sequence[Row], runs: Sequence[Row]) -> list[Finding]:
+    """Return the verdicts on the default with the first contact model, and how many targets the others meet."""
+    setting, model = found[0]["setting"], found[0]["model"]  # the default, unless it was not asked for
+    own = {row["value"]: row for row in found if (row["setting"], row["model"]) == (setting, model)}
+    section = heading(setting)
+    rows = []
+    for question in dict.fromkeys(value.question for value in values if value.wanted):
+        group = [value for value in values if value.question == question]
+        rows.append(_judge(question, group[0].share, [own[value.name] for value in group], section))
+    speeds = [abs(own[value.name]["deviation [%]"]) for value in values if value.weight and own[value.name]["mean"]]
+    if speeds:
+        question = "corridor, speeds by density: mean deviation"
+        rows.append(at_most(question, sum(speeds) / len(speeds), 100.0 * SHARE_ON_AVERAGE, "%", section))
+    last = [own[value.name]["mean"] for value in values if value.scenes[0].startswith(scenes.IMO_8)]
+    if last:
+        later = sum(None not in pair and pair[0] < pair[1] for pair in pairwise(last))
+        rows.append(all_of(f"{scenes.IMO_8}: later, the more come towards", later, len(last) - 1, section))
+    for scene in NEVER_BLOCKED:
+        if total := (row := blocked_row(scene, setting, model, runs))["runs"]:
+            rows.append(all_of(f"{scene}: runs not blocked", total - row["blocked"], total, BLOCKED))
+    rows.append(
+        all_of("targets of values held out", *_met([row for row in found if row["setting"] == setting], True), HELD)
+    )
+    for one in dict.fromkeys(row["setting"] for row in found):
+        met, total = _met([row for row in found if row["setting"] == one])
+        rows.append(reported(f"{one}, all contact models: targets met", f"{met} of {total}", section=heading(one)))
+    return rows
+
+
+def _judge(question: str, share: float | None, rows: Sequence[Row], section: str) -> Finding:
+    """Return the verdict on values of one question; where runs block, on these, since means would flatter."""
+    runs, blocked = sum(row["runs"] for row in rows), sum(row["blocked"] for row in rows)
+    if blocked:
+        return all_of(f"{question}: runs not blocked", runs - blocked, runs, section)
+    if share is None:
+        return all_of(f"{question}: in the target", *_met(rows), section)
+    deviations = [abs(row["deviation [%]"]) for row in rows if row["mean"] is not None]
+    return at_most(f"{question}: greatest deviation", max(deviations, default=None), 100.0 * share, "%", section)
+
+
+def _met(rows: Sequence[Row], held_out: bool = False) -> tuple[int, int]:
+    """Return how many rows with a target meet it, and how many have one; of those held out alone, if asked for."""
+    judged = [row["verdict"] for row in rows if row["target"] and (row["held out"] == "yes" or not held_out)]
+    return sum(verdict.startswith(MET) for verdict in judged), len(judged)
+
+
+def blocked_row(scene: str, setting: str, model: str, runs: Sequence[Row]) -> dict[str, Any]:
+    """Return the share of blocked runs of a scene with its interval."""
+    left = [run[LEFT] for run in runs if tuple(run[key] for key in KEY[:3]) == (scene, setting, model)]
+    blocked = sum(count > 0 for count in left)
+    low, high = share_interval(blocked, len(left)) if left else (None, None)
+    found = {"runs": len(left), "blocked": blocked, "from": low, "to": high}
+    return dict(zip(KEY, (scene, setting, model), strict=False)) | found
+
+
+def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], found: Sequence[Row]) -> None:
+    """Add the table of one movement model: a row for each measured value, a column for each contact model."""
+    evidence.heading(heading(setting))
+    rows = []
+    for value in values:
+        cells = {row["model"]: _cell(row) for row in found if row["value"] == value.name}
+        held = "yes" if value.is_held_out else "no"
+        rows.append(
+            {"value": value.name, "measured": value.measured, "target": value.wanted or "-", "held out": held} | cells
+        )
+    evidence.table(
+        setting,
+        rows,
+        """Mean of the runs that did not block and its interval, deviation from the measured value, blocked runs, and
+        the verdict on the target.""",
+    )
+
+
+def _cell(row: Row) -> str:
+    """Return a mean with everything without which it must not be read."""
+    blocked = f"{row['blocked']} of {row['runs']} blocked"
+    if row["mean"] is None:
+        return f"-; {blocked}"
+    interval = f" ({row['from']:.3g} to {row['to']:.3g})" if row["from"] is not None else ""
+    deviation = f"; {row['deviation [%]']:+.0f} %" if row["deviation [%]"] is not None else ""
+    verdict = "" if row["verdict"] == REPORTED else f"; {row['verdict']}"
+    return f"{row['mean']:.3g}{interval}{deviation}; {blocked}{verdict}"
+
+
+def _report_scenes(evidence: Evidence, found: Sequence[Row]) -> None:
+    """Add where the values are from, and which of them were not used for choosing parameters."""
+    evidence.heading(SCENES)
+    evidence.text(
+        """Geometry, starting density and walking speeds are those of the experiments; bodies have the radii that
+        case.toml has by default. The door of 0.5 m is the bottleneck 040_c_56_h- of PedPy's demonstration data: times
+        count from the first passage, the flow is that from the first to the last person, neighbours and headings (per
+        0.2 s) are those of people within 2 m of the door, 20 s later. Other doors have the flows per metre of Seyfried,
+        Kretz and Duesseldorf, the last alone from 1.4 m on. The corridor of 1.8 m has entrances and exits of several
+        widths (PedPy's uo-ENTRANCE-180-EXIT); density and speed are taken over 2 m, at every moment of the steady part,
+        and moments of all eight are put together by density. The stair is that of ISO 20414, test 12, with 4.24 m
+        along the slope and speeds along it. Experiments do not tell the rest: people before the bend of 4 m are as
+        many, and its legs as long, as in the comparison with the paper's model; two exits of 1 m and 2 m have 200
+        people near the narrow one. Last arrivals of IMO 8 stand beside those of FDS+Evac, another model. Exits are
+        behind the place that is measured."""
+    )
+    evidence.text(
+        """A run is blocked if it ends with people left, because nobody has come nearer to an exit for a minute. It has
+        no values: means are those of the other runs, and always stand beside the number of blocked ones."""
+    )
+    evidence.data("values", found, "Every value with each movement model and contact model")
+    evidence.heading(HELD)
+    doors = ", ".join(f"{width:g}" for width in HELD_DOORS)
+    evidence.text(
+        f"""Never used for choosing the parameters of `{DEFAULT}`: doors of {doors} m, the corridor above
+        {HELD_DENSITY:g} per m2, {", ".join(HELD_SCENES)}, and the contact models {" and ".join(MODELS[1:])}. Without
+        targets in an experiment, and used for no choice: {scenes.BEND}, {scenes.TWO_EXITS}."""
+    )

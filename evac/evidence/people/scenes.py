@@ -1,0 +1,206 @@
+"""The scenes in which people were measured: geometry, number of people and walking speeds of the experiments.
+
+Exits lie behind the place that is measured, so that people who leave do not vanish in front of others.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from shapely import Polygon, box, union_all
+from shapely.geometry.base import BaseGeometry
+
+from evac.building.plan.plan import Plan
+from evac.evidence.people import measures
+from evac.evidence.people.measures import Line, Track, Values
+
+#: Walking speeds of the participants: corridor, two-way corridor, all others [m/s].
+CORRIDOR_SPEED = {"normal": [1.40, 0.15], "minimum": 1.0, "maximum": 1.8}
+TWO_WAY_SPEED = {"normal": [1.26, 0.15], "minimum": 0.9, "maximum": 1.7}
+SPEED = {"normal": [1.34, 0.26], "minimum": 0.7, "maximum": 2.0}
+
+#: Widths of doors, apart from the narrow one [m].
+DOOR_WIDTHS = (0.6, 0.7, 0.8, 1.0, 1.2, 2.0, 2.5)
+
+#: Entrance and exit of the corridor of 1.8 m, in the order of their measured densities [m].
+CORRIDOR_ENDS = ((0.5, 1.8), (0.7, 1.8), (1.0, 1.8), (1.45, 1.8), (1.8, 1.8), (1.8, 1.2), (1.8, 0.95), (1.8, 0.7))
+
+#: Numbers of people who come towards the hundred of IMO 8.
+COUNTERS = (0, 10, 50, 100)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A building, its people, and what is measured there.
+
+    Attributes
+    ----------
+    plan : Plan
+    people : sequence of tables
+        The groups, without names.
+    speed : table
+        Distribution of walking speeds.
+    measure : callable
+        Called with the track of a run in which everybody came through.
+    line : Line or None
+        The run ends when everybody is beyond it; None if everybody must leave.
+    """
+
+    plan: Plan
+    people: Sequence[Mapping[str, Any]]
+    speed: Mapping[str, Any]
+    measure: Callable[[Track], Values]
+    line: Line | None = None
+
+
+def _one_storey(*parts: BaseGeometry) -> Plan:
+    plan = Plan()
+    plan.storey("floor", union_all(parts))
+    return plan
+
+
+def narrow_door_scene() -> Scene:
+    """Return the bottleneck 040_c_56_h-: a hall 5.6 m wide, and a neck of 0.5 m with a chamfered mouth."""
+    neck = Polygon([(-0.25, -1.1), (0.25, -1.1), (0.25, -0.15), (0.4, 0), (-0.4, 0), (-0.25, -0.15)])
+    plan = _one_storey(box(-2.8, 0, 2.8, 6.7), neck, box(-3.5, -4, 3.5, -1.1))
+    plan.exit("end", "floor", [(-3.5, -4), (3.5, -4)])
+    plan.area("start", "floor", box(-2.8, 0.6, 2.8, 5.6))
+    line = Line(1, 0.0, -1)
+    return Scene(plan, [{"area": "start", "number": 75}], SPEED, partial(measures.narrow_door, line=line), line)
+
+
+def door_scene(width: float) -> Scene:
+    """Return a hall with people at 3.3 per m2, and a door of 0.4 m depth with ground behind it."""
+    number, half = (100, 2.5) if width < 1.8 else (180, 3.5)
+    plan = _one_storey(box(-half, 0, half, 8), box(-0.5 * width, -0.4, 0.5 * width, 0), box(-half, -3, half, -0.4))
+    plan.exit("end", "floor", [(-half, -3), (half, -3)])
+    plan.area("start", "floor", box(-half, 0.5, half, 0.5 + number / 3.3 / (2.0 * half)))
+    line = Line(1, -0.2, -1)
+    measure = partial(measures.door_flow, line=line, width=width)
+    return Scene(plan, [{"area": "start", "number": number}], SPEED, measure, line)
+
+
+def corridor_scene(entrance: float, way_out: float) -> Scene:
+    """Return the corridor of 1.8 m behind a hall, with an entrance and an exit of given widths."""
+    mouth, end = 0.5 * entrance, 0.5 * way_out
+    plan = _one_storey(
+        box(-3, 4, 3, 10),
+        box(-mouth, 3.8, mouth, 4),
+        box(-0.9, -4, 0.9, 3.8),
+        box(-end, -4.2, end, -4),
+        box(-3, -8, 3, -4.2),
+    )
+    plan.exit("end", "floor", [(-3, -8), (3, -8)])
+    plan.area("start", "floor", box(-3, 4.6, 3, 10))
+    line = Line(1, -4.1, -1)
+    shares = (0.3, 0.75) if way_out == 1.8 else (0.4, 0.75)  # the queue before a narrow exit has to form
+    measure = partial(measures.corridor, area=(-2.0, 0.0), width=1.8, out=line, shares=shares)
+    return Scene(plan, [{"area": "start", "number": 110}], CORRIDOR_SPEED, measure, line)
+
+
+def stair_scene(way: str) -> Scene:
+    """Return the stair of ISO 20414 test 12, 1.2 m wide, with a hall of 8 x 10 m and a landing at either end."""
+    width, foot, head = 1.2, 13.0, 10.0
+    low, high = 5.0 - 0.5 * width, 5.0 + 0.5 * width
+    plan = Plan()
+    plan.storey("upper", union_all([box(0, 0, 8, 10), box(8, low, head, high)]), z=3.0)
+    plan.storey("lower", union_all([box(15, 0, 23, 10), box(foot, low, 15, high)]), z=0.0)
+    plan.stair("stair", "lower", [(foot, low), (foot, high)], "upper", [(head, low), (head, high)])
+    if way == "down":
+        plan.exit("end", "lower", [(23, 0), (23, 10)])
+        plan.area("start", "upper", box(1, 1, 7, 9))
+    else:
+        plan.exit("end", "upper", [(0, 0), (0, 10)])
+        plan.area("start", "lower", box(16, 1, 22, 9))
+    line = Line(0, 0.5 * (foot + head), 1 if way == "down" else -1)
+    flight = (head + 0.2, foot - 0.2)
+    measure = partial(
+        measures.stair, line=line, flight=flight, width=width, cosine=math.cos(math.atan2(3.0, foot - head))
+    )
+    return Scene(plan, [{"area": "start", "number": 100}], SPEED, measure, line)
+
+
+def two_way_scene(width: float, each: float) -> Scene:
+    """Return a corridor in which two crowds of `each` people per m2 walk towards each other."""
+    end, half = 39.0, 0.5 * width
+    plan = _one_storey(box(-end, -half, end, half))
+    people = []
+    for side, name, other in ((-1, "left", "right"), (1, "right", "left")):
+        plan.exit(name, "floor", [(side * end, -half), (side * end, half)])
+        ends = sorted((side * 2.0, side * (end - 0.5)))
+        plan.area(f"start {name}", "floor", box(ends[0], -half, ends[1], half))
+        number = round(each * width * (end - 2.5))
+        people.append({"area": f"start {name}", "number": number, "exits": [other]})
+    sign = np.repeat([1, -1], number)
+    measure = partial(measures.two_way, sign=sign, half=3.0, width=width, times=(12.0, 32.0))
+    return Scene(plan, people, TWO_WAY_SPEED, measure)
+
+
+def imo_8_scene(counter: int) -> Scene:
+    """Return IMO 8: a hundred people cross from room to room through a corridor, and `counter` come towards them."""
+    plan = _one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10))
+    plan.exit("right", "floor", [(30, 0), (30, 10)])
+    plan.exit("left", "floor", [(0, 0), (0, 10)])
+    plan.area("start left", "floor", box(0, 0, 4, 10))
+    plan.area("start right", "floor", box(26, 0, 30, 10))
+    people = [{"area": "start left", "number": 100, "exits": ["right"]}]
+    if counter:
+        people.append({"area": "start right", "number": counter, "exits": ["left"]})
+    return Scene(plan, people, SPEED, partial(measures.last_out, people=100))
+
+
+def bend_scene() -> Scene:
+    """Return a bend to the left of a corridor of 4 m, with its inner corner at (0, 0), and 90 people before it."""
+    plan = _one_storey(box(-15, -4, 4, 0), box(0, -4, 4, 18))
+    plan.exit("end", "floor", [(0, 18), (4, 18)])
+    plan.area("start", "floor", box(-14.5, -4, -3, 0))
+    return Scene(plan, [{"area": "start", "number": 90}], SPEED, measures.bend)
+
+
+def two_exits_scene() -> Scene:
+    """Return a hall with 200 people near a door of 1 m, and a door of 2 m that is 12 m farther from them."""
+    halls = [box(-3, 0, -0.2, 10), box(0, 0, 22, 10), box(22.2, 0, 25, 10)]
+    doors = [box(-0.2, 4.5, 0, 5.5), box(22, 4, 22.2, 6)]
+    plan = _one_storey(*halls, *doors)
+    plan.exit("near", "floor", [(-3, 0), (-3, 10)])
+    plan.exit("far", "floor", [(25, 0), (25, 10)])
+    plan.area("start", "floor", box(0.5, 0, 9.5, 10))
+    return Scene(plan, [{"area": "start", "number": 200}], SPEED, partial(measures.last_out, people=200))
+
+
+NARROW_DOOR, BEND, TWO_EXITS = "door 0.5 m", "bend 4 m", "two exits"
+STAIR_DOWN, STAIR_UP, TWO_WAY_4, TWO_WAY_2 = "stair down", "stair up", "two-way 4 m", "two-way 2 m"
+IMO_8 = "IMO 8"
+
+
+def door_name(width: float) -> str:
+    """Return the name of the scene of a door."""
+    return f"door {width:g} m"
+
+
+def corridor_name(entrance: float, way_out: float) -> str:
+    """Return the name of the scene of a corridor."""
+    return f"corridor {entrance:g} to {way_out:g} m"
+
+
+def imo_8_name(counter: int) -> str:
+    """Return the name of the scene of IMO 8."""
+    return f"{IMO_8} against {counter}"
+
+
+#: All scenes by name.
+SCENES: Mapping[str, Callable[[], Scene]] = {
+    NARROW_DOOR: narrow_door_scene,
+    **{door_name(width): partial(door_scene, width) for width in DOOR_WIDTHS},
+    **{corridor_name(*ends): partial(corridor_scene, *ends) for ends in CORRIDOR_ENDS},
+    STAIR_DOWN: partial(stair_scene, "down"),
+    STAIR_UP: partial(stair_scene, "up"),
+    TWO_WAY_4: partial(two_way_scene, 4.0, 0.45),
+    TWO_WAY_2: partial(two_way_scene, 2.0, 1.25),
+    **{imo_8_name(counter): partial(imo_8_scene, counter) for counter in COUNTERS},
+    BEND: bend_scene,
+    TWO_EXITS: two_exits_scene,
+}

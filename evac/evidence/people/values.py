@@ -1,0 +1,203 @@
+"""The measured values of people, the targets of the default movement model, and what was found beside them.
+
+Sources: PedPy's demonstration data (bottleneck 040_c_56_h-, corridor uo-ENTRANCE-180-EXIT, two-way corridor
+bi_corr_400_b_03); doors of Seyfried et al. (2009), Kretz et al. (2006) and Duesseldorf (2006), from the data files of
+jpscore's validation tests; flows and speeds on stairs as other models are compared with.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from evac.base.arrays import FloatArray
+from evac.evidence.people import scenes
+from evac.evidence.people.measures import COUNTED, DENSITIES, frames_column, speed_column
+from evac.evidence.people.runs import LEFT, MODELS
+from evac.evidence.report import Row
+from evac.evidence.verdicts import MET, NOT_MET, REPORTED
+from evac.study.statistics import estimate
+
+#: Flow per metre through doors [1/s/m]: Seyfried, Kretz (means of repetitions) and Duesseldorf, the last from 1.4 m on.
+DOOR_FLOWS = {
+    **{0.6: (1.87,), 0.7: (1.77,), 0.8: (1.61, 1.78), 1.0: (1.90, 1.85, 1.83)},
+    **{1.2: (1.97, 1.79, 1.93), 2.0: (1.77,), 2.5: (2.05,)},
+}
+
+#: Exit times at the door of 0.5 m [s], in the order of `COUNTED`.
+EXIT_TIMES = (7.3, 31.8, 65.0)
+
+#: Density [1/m2], speed [m/s] and flow [1/s] in the corridor, in the order of `CORRIDOR_ENDS`.
+CORRIDOR = (
+    *((0.50, 1.33, 1.26), (0.67, 1.34, 1.63), (1.14, 1.19, 2.48), (1.56, 0.99, 2.79)),
+    *((1.68, 0.95, 2.89), (2.06, 0.64, 2.39), (2.46, 0.41, 1.82), (3.05, 0.30, 1.71)),
+)
+
+#: Speed in the corridor at moments of the densities between `DENSITIES` [m/s].
+CORRIDOR_SPEEDS = (1.34, 1.11, 0.84, 0.59, 0.39, 0.31)
+
+#: Held out of the choice of parameters: doors by width [m], the corridor above a density [1/m2], other scenes.
+HELD_DOORS, HELD_DENSITY = (0.7, 1.0, 2.0), 2.0
+HELD_SCENES = (scenes.NARROW_DOOR, scenes.STAIR_UP, scenes.TWO_WAY_2, *map(scenes.imo_8_name, scenes.COUNTERS))
+
+#: Last arrivals of IMO 8 by FDS+Evac [s], in the order of `COUNTERS`: another model, so not a target.
+FDS_EVAC = (50.0, 75.0, 107.0, 136.0)
+
+#: Time of the paper's model in the bend, and capacity bound of the two exits [s].
+BEND_TIME, CAPACITY_TIME = 39.0, 36.0
+
+#: Greatest deviation of speeds in the corridor on average [-].
+SHARE_ON_AVERAGE = 0.10
+
+OPEN = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True)
+class Value:
+    """A measured value, and where a run has it.
+
+    Attributes
+    ----------
+    scenes : tuple of str
+        Scenes whose runs with the same seed make one value: their mean, weighted by the column `weight` if it has any.
+    column : str
+    measured : float or None
+        What people did; None if no experiment is known.
+    share : float or None
+        The target is the measured value within this share of it.
+    bounds : (low, high)
+        The target if there is no share; infinite where it is open.
+    question : str
+        Values with the same question are judged together at the head of the page.
+    is_held_out : bool
+        Whether it was never used for choosing parameters.
+    weight : str
+    """
+
+    scenes: tuple[str, ...]
+    column: str
+    measured: float | None = None
+    share: float | None = None
+    bounds: tuple[float, float] = OPEN
+    question: str = ""
+    is_held_out: bool = False
+    weight: str = ""
+
+    @property
+    def target(self) -> tuple[float, float]:
+        """The least and the greatest value wanted."""
+        if self.measured is None or self.share is None:
+            return self.bounds
+        return self.measured * (1.0 - self.share), self.measured * (1.0 + self.share)
+
+    @property
+    def name(self) -> str:
+        """What was measured, with its unit."""
+        return f"{self.scenes[0] if len(self.scenes) == 1 else 'corridor'}: {self.column}"
+
+    @property
+    def wanted(self) -> str | None:
+        """The target in words."""
+        low, high = self.target
+        if math.isinf(low):
+            return None if math.isinf(high) else f"at most {high:.3g}"
+        return f"at least {low:.3g}" if math.isinf(high) else f"{low:.3g} to {high:.3g}"
+
+    def verdict(self, mean: float | None, interval: tuple[float, float] | None, blocked: int) -> str:
+        """Return whether a mean lies in the target and no run is blocked."""
+        if self.target == OPEN:
+            return REPORTED
+        if blocked or mean is None:
+            return f"{NOT_MET}: {'blocked' if blocked else 'no measurement'}"
+        is_certain = interval is not None and not any(interval[0] < bound < interval[1] for bound in self.target)
+        is_met = self.target[0] <= mean <= self.target[1]
+        return f"{MET if is_met else NOT_MET}{'' if is_certain else ', not certain'}"
+
+
+def _value(scene: str, column: str, measured: float | None = None, is_held_out: bool = False, **target: Any) -> Value:
+    """Return a value of one scene."""
+    return Value((scene,), column, measured, is_held_out=is_held_out or scene in HELD_SCENES, **target)
+
+
+def _doors() -> Iterator[Value]:
+    narrow = scenes.NARROW_DOOR
+    yield _value(narrow, "flow [1/s]", 1.148, share=0.10, question=f"{narrow}, flow")
+    for count, time in zip(COUNTED, EXIT_TIMES, strict=True):
+        yield _value(narrow, f"{count} out [s]", time, share=0.15, question=f"{narrow}, exit times")
+    yield _value(narrow, "nearest neighbour [m]", 0.32)
+    yield _value(narrow, "heading rms [deg]", 19.0, bounds=(9.0, 38.0), question=f"{narrow}, headings")
+    for width, flows in DOOR_FLOWS.items():
+        share, which = (0.15, "0.6 and 0.7 m") if width < 0.8 else (0.10, "0.8 m and more")
+        target = {"share": share, "question": f"doors of {which}, flows"}
+        mean, is_held_out = float(np.mean(flows)), width in HELD_DOORS
+        yield _value(scenes.door_name(width), "flow per metre [1/s/m]", mean, is_held_out, **target)
+
+
+def _corridors() -> Iterator[Value]:
+    names = tuple(scenes.corridor_name(*ends) for ends in scenes.CORRIDOR_ENDS)
+    for ends, speed in zip(pairwise(DENSITIES), CORRIDOR_SPEEDS, strict=True):
+        question, is_held_out = "corridor, speeds by density", ends[0] >= HELD_DENSITY
+        weight = frames_column(*ends)
+        yield Value(names, speed_column(*ends), speed, 0.15, OPEN, question, is_held_out, weight)
+    for name, (_, way_out), measured in zip(names, scenes.CORRIDOR_ENDS, CORRIDOR, strict=True):
+        for column, value in zip(("density [1/m2]", "speed [m/s]", "flow [1/s]"), measured, strict=True):
+            has_target = column.startswith("flow") and way_out < 1.8
+            target = {"share": 0.20, "question": "corridor, flows at narrow exits"} if has_target else {}
+            yield _value(name, column, value, measured[0] > HELD_DENSITY, **target)
+
+
+def _ways() -> Iterator[Value]:
+    for name in (scenes.STAIR_DOWN, scenes.STAIR_UP):
+        for column, mean, bounds in (
+            ("flow per metre [1/s/m]", 1.02, (0.88, 1.16)),
+            ("speed [m/s]", 0.44, (0.25, 0.63)),
+        ):
+            yield _value(name, column, mean, bounds=bounds, question="stairs, flows and speeds")
+    yield _value(scenes.TWO_WAY_4, "speed [m/s]", 1.0, share=0.15, question=f"{scenes.TWO_WAY_4}, speed")
+    yield _value(scenes.TWO_WAY_4, "flow per metre [1/s/m]", 1.0)
+    yield from (_value(name, "density [1/m2]") for name in (scenes.TWO_WAY_4, scenes.TWO_WAY_2))
+    yield _value(scenes.TWO_WAY_2, "speed [m/s]")
+    for counter, time in zip(scenes.COUNTERS, FDS_EVAC, strict=True):
+        yield _value(scenes.imo_8_name(counter), "last out [s]", time)
+    for column, bounds in (("last out [s]", (-math.inf, 1.3 * BEND_TIME)), ("from inner corner [m]", (1.0, math.inf))):
+        yield _value(scenes.BEND, column, bounds=bounds, question=scenes.BEND)
+    yield _value(scenes.TWO_EXITS, "last out [s]", CAPACITY_TIME, share=0.15, question=scenes.TWO_EXITS)
+
+
+#: All measured values, in the order of the page.
+VALUES: Sequence[Value] = (*_doors(), *_corridors(), *_ways())
+
+
+def found_row(value: Value, setting: str, model: str, runs: Sequence[Row]) -> dict[str, Any]:
+    """Return what was found for a measured value in the runs of one setting and contact model.
+
+    A run is blocked if people are left. Such runs have no value, and every mean stands beside their share.
+    """
+    own = [run for run in runs if run["scene"] in value.scenes and (run["setting"], run["model"]) == (setting, model)]
+    blocked = sum(run[LEFT] > 0 for run in own)
+    found = estimate("mean", by_seed(value, own))
+    mean = found.value if found.runs else None
+    interval = (found.low, found.high) if found.has_interval else None
+    low, high = interval or (None, None)
+    return {
+        **{"value": value.name, "setting": setting, "model": model, "measured": value.measured, "target": value.wanted},
+        "held out": "yes" if value.is_held_out or model != MODELS[0] else "no",
+        **{"runs": len(own), "blocked": blocked, "share blocked": blocked / len(own) if own else None},
+        **{"mean": mean, "from": low, "to": high},
+        "deviation [%]": None if mean is None or value.measured is None else 100.0 * (mean / value.measured - 1.0),
+        "verdict": value.verdict(mean, interval, blocked),
+    }
+
+
+def by_seed(value: Value, runs: Sequence[Row]) -> FloatArray:
+    """Return one value for each seed that has any, (seeds,)."""
+    found = []
+    for seed in sorted({run["seed"] for run in runs}):
+        own = [run for run in runs if run["seed"] == seed and run[value.column] is not None]
+        if own:
+            weights = [run[value.weight] if value.weight else 1 for run in own]
+            found.append(float(np.average([run[value.column] for run in own], weights=weights)))
+    return np.array(found)
