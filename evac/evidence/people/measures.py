@@ -125,8 +125,9 @@ def narrow_door(track: Track, line: Line) -> Values:
 def _in_front(track: Track, frame: int, line: Line) -> NDArray[np.bool_]:
     """Return who is inside, before the line, and near the middle of it, which is on the other axis at 0."""
     place = track.position[frame]
-    is_near = np.hypot(line.beyond(place), place[:, 1 - line.axis]) < NEAR
-    return is_near & (line.beyond(place) < 0.0) & track.inside[frame]
+    beyond = line.beyond(place)
+    found: NDArray[np.bool_] = track.inside[frame] & (beyond < 0.0) & (np.hypot(beyond, place[:, 1 - line.axis]) < NEAR)
+    return found
 
 
 def nearest_neighbour(track: Track, time: float, line: Line) -> float:

@@ -111,13 +111,11 @@ def blocked_row(scene: str, setting: str, model: str, runs: Sequence[Row]) -> di
 def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], found: Sequence[Row]) -> None:
     """Add the table of one movement model: a row for each measured value, a column for each contact model."""
     evidence.heading(heading(setting))
-    rows = []
+    rows: list[Row] = []
     for value in values:
+        told = {"value": value.name, "measured": value.measured, "target": value.wanted or "-"}
         cells = {row["model"]: _cell(row) for row in found if row["value"] == value.name}
-        held = "yes" if value.is_held_out else "no"
-        rows.append(
-            {"value": value.name, "measured": value.measured, "target": value.wanted or "-", "held out": held} | cells
-        )
+        rows.append({**told, "held out": "yes" if value.is_held_out else "no", **cells})
     evidence.table(
         setting,
         rows,
@@ -148,10 +146,11 @@ def _report_scenes(evidence: Evidence, found: Sequence[Row]) -> None:
         Kretz and Duesseldorf, the last alone from 1.4 m on. The corridor of 1.8 m has entrances and exits of several
         widths (PedPy's uo-ENTRANCE-180-EXIT); density and speed are taken over 2 m, at every moment of the steady part,
         and moments of all eight are put together by density. The stair is that of ISO 20414, test 12, with 4.24 m
-        along the slope and speeds along it. Experiments do not tell the rest: people before the bend of 4 m are as
-        many, and its legs as long, as in the comparison with the paper's model; two exits of 1 m and 2 m have 200
-        people near the narrow one. Last arrivals of IMO 8 stand beside those of FDS+Evac, another model. Exits are
-        behind the place that is measured."""
+        along the slope and speeds along it. The legs of the bend of 4 m are as long as the paper's model needs for the
+        39 s of its last of 90 people; its target, 1.3 times as long, and that of the two exits, where 200 people stand
+        near one of 1 m and one of 2 m is 12 m farther, are those of directions that avoid queues, which none of these
+        settings has. Last arrivals of IMO 8 stand beside those of FDS+Evac, another model. Exits are behind the place
+        that is measured."""
     )
     evidence.text(
         """A run is blocked if it ends with people left, because nobody has come nearer to an exit for a minute. It has

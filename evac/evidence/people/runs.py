@@ -121,7 +121,7 @@ def measure_runs(evidence: Evidence) -> list[Row]:
     Each row is written when its run has ended. Those of an earlier measurement with the same code are kept.
     """
     path = evidence.folder / f"{TABLE}.csv"
-    found = {tuple(row[key] for key in KEY): row for row in _kept(path)}
+    found: dict[tuple[str, ...], Row] = {tuple(row[key] for key in KEY): row for row in _kept(path)}
     wanted = jobs(evidence.quick, evidence.seed)
     missing = [job for job in wanted if job.key not in found]
     with replacing(path, "the table") as new, new.open("w", newline="", encoding="utf-8") as file:

@@ -176,20 +176,12 @@ STAIR_DOWN, STAIR_UP, TWO_WAY_4, TWO_WAY_2 = "stair down", "stair up", "two-way 
 IMO_8 = "IMO 8"
 
 
-def door_name(width: float) -> str:
-    """Return the name of the scene of a door."""
-    return f"door {width:g} m"
-
-
-def corridor_name(entrance: float, way_out: float) -> str:
-    """Return the name of the scene of a corridor."""
-    return f"corridor {entrance:g} to {way_out:g} m"
-
-
-def imo_8_name(counter: int) -> str:
-    """Return the name of the scene of IMO 8."""
-    return f"{IMO_8} against {counter}"
-
+#: Names of doors by width [m], corridors by entrance and exit [m], and IMO 8 by the number of those who come towards.
+door_name, corridor_name, imo_8_name = (
+    "door {:g} m".format,
+    "corridor {:g} to {:g} m".format,
+    f"{IMO_8} against {{}}".format,
+)
 
 #: All scenes by name.
 SCENES: Mapping[str, Callable[[], Scene]] = {
