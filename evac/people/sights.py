@@ -107,7 +107,7 @@ def set_open_distances(world, sights):  # type: ignore[no-untyped-def]
 
 @inner
 def list_near(world, sights, i, reach):  # type: ignore[no-untyped-def]
-    """List all people whom person i can see within `reach` [m], and others, in `sights.near`.
+    """List all people within `reach` [m] whom person i may see in `sights.near`.
 
     People on other levels are seen through portals only, and people outside from the level that they have left, or
     through portals; these see only others outside of the same level.
@@ -126,13 +126,14 @@ def list_near(world, sights, i, reach):  # type: ignore[no-untyped-def]
 
 @inner
 def list_level(sights, i, level, reach):  # type: ignore[no-untyped-def]
-    """Add the people of a level in all cells within `reach` [m] of person i to `sights.near`."""
+    """Add the people of a level within `reach` [m] of person i to `sights.near`."""
     cells = sights.cells
     columns, rows, wraps = cells.columns[level], cells.rows[level], cells.wraps[level]
-    ring = int(reach / cells.size) + 1
-    left = line_at(sights.position[i, 0], cells.size) - ring - cells.low_column[level]
-    low = line_at(sights.position[i, 1], cells.size) - ring - cells.low_row[level]
-    right, high = left + 2 * ring + 1, low + 2 * ring + 1
+    x, y = sights.position[i, 0], sights.position[i, 1]
+    left = line_at(x - reach, cells.size) - cells.low_column[level]
+    right = line_at(x + reach, cells.size) - cells.low_column[level] + 1
+    low = line_at(y - reach, cells.size) - cells.low_row[level]
+    high = line_at(y + reach, cells.size) - cells.low_row[level] + 1
     if wraps:  # each column and row once
         right, high = min(right, left + columns), min(high, low + rows)
     else:
@@ -146,8 +147,11 @@ def list_level(sights, i, level, reach):  # type: ignore[no-untyped-def]
                 first = cells.first[level] + column % columns * rows + row % rows
                 last = first + 1
             for slot in range(cells.start[first], cells.start[last]):
-                sights.near[sights.number] = cells.slots[slot]
-                sights.number += 1
+                j = cells.slots[slot]
+                dx, dy = sights.position[j, 0] - x, sights.position[j, 1] - y
+                if dx * dx + dy * dy <= reach * reach:
+                    sights.near[sights.number] = j
+                    sights.number += 1
 
 
 @inner
