@@ -216,8 +216,10 @@ def walk(
             outside.speed_factor[i] *= motion.factor[i]
             continue
         crowd.speed_factor[i] *= motion.factor[i]
-        column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
-        ex, ey = sample_direction(world.fields, crowd.position[i, 0], crowd.position[i, 1], crowd.level[i], column)
+        ex, ey = sights.direction[i, 0], sights.direction[i, 1]
+        if crowd.extra_direction[i, 0] != 0.0 or crowd.extra_direction[i, 1] != 0.0:
+            column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
+            ex, ey = sample_direction(world.fields, crowd.position[i, 0], crowd.position[i, 1], crowd.level[i], column)
         crowd.extra_direction[i, 0] = motion.next[i, 0] - ex
         crowd.extra_direction[i, 1] = motion.next[i, 1] - ey
 
@@ -301,7 +303,8 @@ def side_step(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
     vx, vy = motion.velocity[i, 0], motion.velocity[i, 1]
-    sum = 0.0
+    total = 0.0
+    farthest = rule.side_range * math.log(2.0 * rule.side_step / FAINT)  # gap at which the greatest weight is faint
     for k in range(sights.number):
         j = sights.near[k]
         dx = sights.position[j, 0] - sights.position[i, 0]
@@ -315,6 +318,8 @@ def side_step(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped
         wx, wy = motion.velocity[j, 0], motion.velocity[j, 1]
         closing = ((vx - wx) * dx + (vy - wy) * dy) / s
         gap = s - crowd.contact_radius[i] - crowd.contact_radius[j] - closing * rule.side_time
+        if gap > farthest:
+            continue
         align = 1.5
         cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
         if sights.wanted[j] > 0.0:
@@ -330,8 +335,8 @@ def side_step(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped
             across += rule.right
         if abs(across) < ON_LINE:
             across = motion.side[i]
-        sum += -weight if across > 0.0 else weight
-    return min(max(sum, -rule.side_limit), rule.side_limit)
+        total += -weight if across > 0.0 else weight
+    return min(max(total, -rule.side_limit), rule.side_limit)
 
 
 evac_interface = 3
