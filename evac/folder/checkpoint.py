@@ -6,6 +6,7 @@ One of the arrays, ``header``, is JSON in UTF-8. The archive is not compressed; 
 import hashlib
 import io
 import json
+import tokenize
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,7 +28,7 @@ HEADER = "header"
 _KINDS = "biuf"
 #: Errors of numpy, zipfile and json about content that no checkpoint has.
 INVALID: tuple[type[Exception], ...] = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
-INVALID += (RuntimeError, MemoryError, EOFError, zipfile.BadZipFile)
+INVALID += (RuntimeError, MemoryError, EOFError, zipfile.BadZipFile, tokenize.TokenError)
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
@@ -132,8 +133,10 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
 
 
 def _arrays(archive: memoryview) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an archive, which are not larger than it."""
+    """Return the arrays of an archive, which is not compressed, so that they are not larger than it."""
     with np.load(io.BytesIO(archive), allow_pickle=False) as file:
+        if any(one.compress_type != zipfile.ZIP_STORED for one in file.zip.infolist()):
+            raise ValueError("its arrays are compressed")
         if sum(one.file_size for one in file.zip.infolist()) > len(archive):
             raise ValueError("its arrays are larger than the file")
         arrays = {name: file[name] for name in file.files}

@@ -74,6 +74,13 @@ def pickled():
     return file.getvalue()
 
 
+def broken(data):
+    """Return an archive whose first member, if it is compressed, cannot be decompressed."""
+    start = 30 + len("header.npy")
+    data = data[:start] + b"\xff" * 12 + data[start + 12 : -32]
+    return data + hashlib.sha256(data).digest()
+
+
 def test_an_archive_of_other_programs_is_read(path):
     path.write_bytes(archive(a=npy(np.arange(3.0))))
     assert read_checkpoint(path)[1]["a"].tolist() == [0.0, 1.0, 2.0]
@@ -92,8 +99,12 @@ def test_an_archive_of_other_programs_is_read(path):
         archive(a=npy(np.array(["text"]))),
         archive(a=npy(np.arange(3.0))[:-1]),
         archive(a=npy(np.arange(3.0)).replace(b"(3,)", b"(9" + b"0" * 18 + b",)")),
+        archive(a=npy(np.arange(3.0)).replace(b"(3,), }", b"(3,    ")),
         archive(a=b"no array"),
         archive(method=zipfile.ZIP_DEFLATED, a=npy(np.zeros(10**6))),
+        broken(archive(method=zipfile.ZIP_DEFLATED)),
+        broken(archive(method=zipfile.ZIP_LZMA)),
+        broken(archive(method=zipfile.ZIP_BZIP2)),
         archive().replace(b"header", b"hea\xffer"),
         b"PK",
         b"EVACCHK1",
