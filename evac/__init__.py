@@ -50,8 +50,8 @@ if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation as Simulation
     from evac.study.asking import repeat as repeat
     from evac.study.asking import sweep as sweep
-    from evac.study.reading import read_study as read_study
     from evac.study.study import Study as Study
+    from evac.study.study import read_study as read_study
     from evac.trajectory.recorder import Recorder as Recorder
     from evac.trajectory.trajectory import Trajectory as Trajectory
     from evac.trajectory.trajectory import read_trajectory as read_trajectory
@@ -94,7 +94,7 @@ _HOMES = {
     "load": "evac.case.loading",
     "read_building": "evac.simulation.assembly",
     "read_results": "evac.results.reading",
-    "read_study": "evac.study.reading",
+    "read_study": "evac.study.study",
     "read_trajectory": "evac.trajectory.trajectory",
     "repeat": "evac.study.asking",
     "resume": "evac.simulation.running",

@@ -29,9 +29,9 @@ import numpy as np
 
 from evac.base.distributions import generator_for
 from evac.base.errors import ResultError
+from evac.base.processes import Pool, cores
 from evac.evidence.verdicts import Finding, verdict_table
 from evac.folder.files import replacing
-from evac.study.executors import in_processes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -112,7 +112,10 @@ class Evidence:
 
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Return ``[function(item) for item in items]``, in processes unless the run is quick."""
-        return list(in_processes(function, items, 1 if self.quick else WORKERS))
+        if self.quick:
+            return list(map(function, items))
+        with Pool(min(WORKERS, cores())) as pool:
+            return [future.result() for future in [pool.submit(function, item) for item in items]]
 
     def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
         """Measure, write NAME.csv with full precision, and return its rows; with `page_only` only read them.

@@ -105,8 +105,7 @@ def repeat(
     case = run_plugin_files(as_case(case))
     found = points.halved_steps(case) if check_step else points.single(case)
     warn(_warnings_before(found))
-    place = Path(folder) if folder is not None else None
-    study = conducted(found, rule, place, repetitions, workers, executor, resume, progress)
+    study = conducted(found, rule, folder, repetitions, workers, executor, resume, progress)
     warn((*remarks_of(study), *quality_of(study)))
     return study
 
@@ -166,8 +165,7 @@ def sweep(
     else:
         found = points.from_rows(case, parameters, Path.cwd(), case.registry)
     warn(_warnings_before(found))
-    place = Path(folder) if folder is not None else None
-    study = conducted(found, rule, place, repetitions, workers, executor, resume, progress)
+    study = conducted(found, rule, folder, repetitions, workers, executor, resume, progress)
     warn((*remarks_of(study), *quality_of(study)))
     return study
 
@@ -198,7 +196,7 @@ def rule_of(
 def conducted(
     found: Sequence[Point],
     rule: Rule,
-    folder: Path | None,
+    folder: str | Path | None,
     repetitions: int = 1,
     workers: int | None = None,
     executor: Executor | None = None,
@@ -222,8 +220,8 @@ def conducted(
         return study
     from evac.study.outputs import write_outputs, write_replays
 
-    with ResultFolder(folder) as place:
-        open_folder(place, resume)
+    with ResultFolder(Path(folder)) as place:
+        _open_folder(place, resume)
         study = Study.begun(found, seeds, rule, place.running, resume)
         study.conduct(workers, executor, progress)
         write_outputs(study)
@@ -242,13 +240,7 @@ def _warnings_before(found: Sequence[Point]) -> tuple[str, ...]:
 
 
 def _number_of_workers(found: Sequence[Point], workers: int, executor: Executor | None) -> int:
-    """Return the number of processes: one if a plugin is a class, which other processes may not have.
-
-    Raises
-    ------
-    PluginError
-        There is an executor, and a plugin is a class.
-    """
+    """Return the number of processes: one if a plugin is a class, which other processes may not have."""
     names = dict.fromkeys(name for point in found for name in point.case.registry.names_of_classes())
     why = f"{', '.join(names)}: a class that other processes do not have; put it in a file for plugin_files"
     if names and executor is not None:
@@ -258,20 +250,13 @@ def _number_of_workers(found: Sequence[Point], workers: int, executor: Executor 
     return 1 if names else workers
 
 
-def open_folder(place: ResultFolder, resume: bool) -> None:
-    """Prepare the folder of a study for writing; if it is resumed, with its existing rows.
-
-    Raises
-    ------
-    ResultError
-        The folder contains a stopped study and `resume` is false, contains none and `resume` is true, or cannot be
-        written.
-    """
-    if resume:
-        source = place.running if (place.running / STUDY_NAME).is_file() else place.path
-        if not (source / STUDY_NAME).is_file():
-            raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
-        place.reopen(source)
-        remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))
-    else:
+def _open_folder(place: ResultFolder, resume: bool) -> None:
+    """Prepare the folder of a study for writing; if it is resumed, with its existing rows."""
+    if not resume:
         place.start()
+        return
+    source = place.running if (place.running / STUDY_NAME).is_file() else place.path
+    if not (source / STUDY_NAME).is_file():
+        raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
+    place.reopen(source)
+    remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))

@@ -4,17 +4,12 @@ import json
 import logging
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, Executor
+from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
 
 from evac.base.errors import EvacError, ProcessWarning, SimulationError, in_one_line
-from evac.base.processes import Pool, cores
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 #: Number of times that Dask repeats a task whose worker has died, in addition to its own attempts.
 DASK_RETRIES = 3
@@ -85,38 +80,6 @@ def _address_in(path: str) -> str:
             "--scheduler-file has written, or an address such as tcp://10.0.0.1:8786"
         ) from error
     return address
-
-
-def in_processes(function: Callable[[Item], Result], items: Iterable[Item], workers: int) -> Iterator[Result]:
-    """Yield ``function(item) for item in items``, computed in processes; the order is that of the items.
-
-    Parameters
-    ----------
-    function : callable
-        Function at module level, whose result depends only on the item.
-    items : iterable
-        Picklable items, each with at least about a second of work: there is one call per item.
-    workers : int
-        Number of processes; 1 computes in this process.
-
-    Yields
-    ------
-    The results of the function.
-
-    Raises
-    ------
-    SimulationError
-        A process was killed or could not be started.
-    """
-    if workers == 1:
-        yield from map(function, items)
-        return
-    with Pool(min(workers, cores())) as pool:
-        try:
-            for future in [pool.submit(function, item) for item in items]:
-                yield future.result()
-        except BrokenExecutor as error:
-            raise died() from error
 
 
 def died() -> SimulationError:

@@ -47,7 +47,7 @@ RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
 
 
 def write_outputs(study: "Study") -> None:
-    """Write runs.csv: a row for each run, also a failed one, with two columns for each exit, without single people."""
+    """Write all outputs of a study to its folder, besides its rows and replays."""
     folder = study.folder
     with writing("the results", folder):
         write_runs(study, folder / RUNS_NAME)
@@ -58,10 +58,7 @@ def write_outputs(study: "Study") -> None:
         egress_curves = [egress(study, point.index) for point in study.points]
         _write_egress(study, egress_curves, folder / EGRESS_NAME)
         if study.points[0].case.output.picture:
-            if len(study.points) == 1:
-                _draw_egress(study, egress_curves[0], folder / EGRESS_PICTURE_NAME)
-            else:
-                _draw_statistics(study, folder / SWEEP_PICTURE_NAME)
+            _draw(study, egress_curves)
         write_json(folder / SUMMARY_NAME, plain(summary(study, measures)), "the results")
 
 
@@ -197,65 +194,24 @@ def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], pa
     write_csv(path, [*([] if is_single else ["point"]), *curves[0]], rows)
 
 
-def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) -> None:
+def _draw(study: "Study", curves: Sequence[Mapping[str, FloatArray]]) -> None:
+    """Draw the egress curves of a single point, or else the statistics of all points."""
     from evac.pictures.pictures import runs_figure, save
+    from evac.pictures.statistics import points_figure
 
     one, case = study.statistics[0], study.points[0].case
-    title = f"{textwrap.fill(case.title, 90)}\n{one.runs} runs, everybody out in {one.runs - one.blocked}"
-    save(runs_figure(title, sum(group.count for group in case.people), columns), path)
-
-
-def _draw_statistics(study: "Study", path: Path) -> None:
-    """Draw mean or median, and the last percentile, of the evacuation time at each point, over the last number."""
-    from evac.pictures.pictures import new_plain_axes, save
-
-    keys = parameter_keys(study)
-    values = {key: [point.parameters.get(key) for point in study.points] for key in keys}
-    numeric = [key for key in keys if all(_is_number(value) for value in values[key]) and len(set(values[key])) > 1]
-    along = numeric[-1] if numeric else None
-    others = [key for key in keys if key != along]
-
-    def along_of(index: int) -> float:
-        return float(values[along][index]) if along else float(index)  # type: ignore[arg-type]
-
-    title = f"{textwrap.fill(study.points[0].case.title, 90)}\n"
-    figure, axes = new_plain_axes(title, along or "point", "evacuation time [s]", 0.6)
-    lines: dict[str, list[int]] = {}
-    for point in study.points:
-        name = ", ".join(f"{key} = {point.parameters.get(key)}" for key in others) if along else ""
-        lines.setdefault(name, []).append(point.index)
-    for number, (name, members) in enumerate(lines.items()):
-        if along:
-            members = sorted(members, key=along_of)
-        place = [along_of(k) for k in members]
-        found = [study.statistics[k] for k in members]
-        colour = f"C{number % 10}"
-        middle = [one[study.central] for one in found]
-        value = np.array([one.value for one in middle])
-        spread = np.abs([[one.value - one.low, one.high - one.value] for one in middle]).T
-        line = "o-" if along else "o"
-        bars = np.nan_to_num(_drawn(spread))
-        axes.errorbar(place, _drawn(value), bars, fmt=line, color=colour, capsize=3, label=name or None)
-        greatest = np.array([one.percentiles[-1].value for one in found])
-        axes.plot(place, _drawn(greatest), "^", color=colour, markerfacecolor="none")
-    if not along:
-        labels = [textwrap.fill(point.label, 24) for point in study.points]
-        axes.set_xticks(range(len(labels)), labels, fontsize=7, rotation=30, ha="right")
+    title = f"{textwrap.fill(case.title, 90)}\n"
+    if len(study.points) == 1:
+        title += f"{one.runs} runs, everybody out in {one.runs - one.blocked}"
+        people = sum(group.count for group in case.people)
+        save(runs_figure(title, people, curves[0]), study.folder / EGRESS_PICTURE_NAME)
+        return
+    middle = np.array([(of.value, of.low, of.high) for of in (one[study.central] for one in study.statistics)])
+    greatest = np.array([one.percentiles[-1].value for one in study.statistics])
     of = "mean of the complete runs" if study.central == "mean" else "median of all runs"
     note = f"dots: {of} and its 95 % interval; triangles: 95th percentile of all runs, if finite"
-    axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
-    if any(lines) and len(lines) <= 12:
-        axes.legend(frameon=False, fontsize=8)
-    save(figure, path)
-
-
-def _drawn(values: FloatArray) -> FloatArray:
-    """Return values with NaN for infinity, which leaves a gap in a picture."""
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    parameters = [point.parameters for point in study.points]
+    save(points_figure(title, parameters, middle, greatest, note), study.folder / SWEEP_PICTURE_NAME)
 
 
 def _field(value: Any) -> Any:

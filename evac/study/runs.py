@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,6 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
 from evac.base.phases import Progress
 from evac.results.ending import EVERYBODY_OUT, FAILED
-from evac.results.results import Results
 from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
 from evac.study.points import SEEDS, Point, Seeds
 from evac.study.shared import GroundFile, shared_ground, simulation_of
@@ -27,33 +26,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Order:
-    """The data that a process needs to execute runs of a point; picklable.
-
-    Attributes
-    ----------
-    point : int
-    where : str
-        Words that name the point in messages; empty if it is the only one.
-    digest : str
-        Digest of the case, which is loaded only once in each process.
-    table, source, plugin_files
-        The case, see `evac.case.loading.case_from`.
-    seeds : Seeds
-    key : str
-        Key of the ground.
-    ground : GroundFile or None
-        File of the ground, if it has been written.
-    """
+    """The data that a process needs to execute runs of a point; picklable."""
 
     point: int
-    where: str
-    digest: str
-    table: Mapping[str, Any]
+    where: str  # words that name the point in messages; empty if it is the only one
+    digest: str  # of the case, which is loaded only once in each process
+    table: Mapping[str, Any]  # the case, see `evac.case.loading.case_from`
     source: Path
     plugin_files: tuple[Path, ...]
     seeds: Seeds
-    key: str
-    ground: GroundFile | None = None
+    key: str  # of the ground
+    ground: GroundFile | None = None  # if it has been written
 
 
 @dataclass(frozen=True)
@@ -89,13 +72,13 @@ class Row:
     seed: int
     population_seed: int | None
     ended: str
-    time: float
-    last_out: float
-    exits: tuple[tuple[str, int, float], ...]
-    exit_time: FloatArray
-    exit_used: NDArray[np.int16]
-    quality_warnings: tuple[str, ...]
-    wall_time: float
+    time: float = math.nan
+    last_out: float = math.nan
+    exits: tuple[tuple[str, int, float], ...] = ()
+    exit_time: FloatArray = field(default_factory=lambda: np.empty(0))
+    exit_used: NDArray[np.int16] = field(default_factory=lambda: np.empty(0, np.int16))
+    quality_warnings: tuple[str, ...] = ()
+    wall_time: float = 0.0
     error: EvacError | None = None
 
     @property
@@ -106,16 +89,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Task:
-    """Some runs of a point, for one process.
+    """Some runs of a point, for one process; or, with `only_check`, whether these runs are refused.
 
-    Attributes
-    ----------
-    order : Order
-    runs : tuple of int
-        Numbers of the runs.
-    only_check : bool
-        Only check whether the runs are refused: whether their people can be placed, have ways, and are accepted by
-        the contact model.
+    They are refused if their people cannot be placed, have no ways, or are not accepted by the contact model.
     """
 
     order: Order
@@ -129,15 +105,11 @@ def make_rows(task: Task, case: "Case | None" = None, tick: Callable[[Progress],
     Parameters
     ----------
     task : Task
+        If it only checks, there are rows of the runs that are refused alone.
     case : Case, optional
         The case of the order, if it is already loaded.
     tick : callable, optional
         Called at every tick of each run.
-
-    Returns
-    -------
-    list of Row
-        A row for each run; of a task that only checks, those of the runs that are refused.
     """
     base = case if case is not None else _case_of(task.order)
     if task.only_check:
@@ -170,8 +142,25 @@ def _make_run(order: Order, base: "Case", run: int, tick: Callable[[Progress], N
         results = simulation.run(tick)
     except EvacError as error:
         return _failed_row(order, run, error, time.perf_counter() - start)
-    wall_time = time.perf_counter() - start - made
-    return row_of(results, order.point, run, case.simulation.population_seed, wall_time)
+    crowd = results.crowd
+    exits = []
+    for exit_ in results.building.exits:
+        times = crowd.exit_time[crowd.exit_used == exit_.index]
+        exits.append((exit_.name, len(times), float(times.max()) if len(times) else math.nan))
+    return Row(
+        order.point,
+        run,
+        results.seed,
+        case.simulation.population_seed,
+        results.ended,
+        time=results.time,
+        last_out=float(crowd.exit_time.max()) if results.ended == EVERYBODY_OUT else math.inf,
+        exits=tuple(exits),
+        exit_time=crowd.exit_time,
+        exit_used=crowd.exit_used.astype(np.int16),
+        quality_warnings=tuple(results.quality_warnings),
+        wall_time=time.perf_counter() - start - made,
+    )
 
 
 def _failed_row(order: Order, run: int, error: EvacError, wall_time: float = 0.0) -> Row:
@@ -182,44 +171,8 @@ def _failed_row(order: Order, run: int, error: EvacError, wall_time: float = 0.0
     for note in getattr(error, "__notes__", ()):
         told.add_note(note)
     told.add_note(f"in the run with {', '.join(f'{key} = {seed}' for key, seed in changes.items())}{order.where}")
-    return Row(
-        point=order.point,
-        run=run,
-        seed=changes[SEEDS[0]],
-        population_seed=changes.get(SEEDS[1]),
-        ended=FAILED,
-        time=math.nan,
-        last_out=math.nan,
-        exits=(),
-        exit_time=np.empty(0),
-        exit_used=np.empty(0, np.int16),
-        quality_warnings=(),
-        wall_time=wall_time,
-        error=told,
-    )
-
-
-def row_of(results: Results, point: int, run: int, population_seed: int | None, wall_time: float) -> Row:
-    """Return the row of a run."""
-    crowd = results.crowd
-    exits = []
-    for exit_ in results.building.exits:
-        times = crowd.exit_time[crowd.exit_used == exit_.index]
-        exits.append((exit_.name, len(times), float(times.max()) if len(times) else math.nan))
-    return Row(
-        point=point,
-        run=run,
-        seed=results.seed,
-        population_seed=population_seed,
-        ended=results.ended,
-        time=results.time,
-        last_out=float(crowd.exit_time.max()) if results.ended == EVERYBODY_OUT else math.inf,
-        exits=tuple(exits),
-        exit_time=crowd.exit_time,
-        exit_used=crowd.exit_used.astype(np.int16),
-        quality_warnings=tuple(results.quality_warnings),
-        wall_time=wall_time,
-    )
+    seeds = changes[SEEDS[0]], changes.get(SEEDS[1])
+    return Row(order.point, run, *seeds, FAILED, wall_time=wall_time, error=told)
 
 
 def order_of(point: Point, seeds: Seeds, digest: str, key: str) -> Order:

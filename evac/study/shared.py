@@ -10,7 +10,6 @@ import hashlib
 import mmap
 import pickle
 from collections import OrderedDict
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,20 +33,11 @@ ALIGNMENT = 64
 
 @dataclass(frozen=True)
 class GroundFile:
-    """Location of a ground on disk.
-
-    Attributes
-    ----------
-    folder : str
-    digest : str
-        Digest of the pickle, which is part of the names of the files.
-    spans : tuple of (int, int)
-        First byte and length of each array.
-    """
+    """Location of a ground on disk."""
 
     folder: str
-    digest: str
-    spans: tuple[tuple[int, int], ...]
+    digest: str  # of the pickle; part of the names of the files
+    spans: tuple[tuple[int, int], ...]  # first byte and length of each array
 
     @property
     def frame(self) -> Path:
@@ -134,13 +124,7 @@ def shared_ground(case: "Case", key: str, file: GroundFile | None = None) -> Gro
     return GROUNDS.get(key, file) or GROUNDS.keep(key, make_shared(case))
 
 
-def simulation_of(
-    case: "Case",
-    key: str = "",
-    file: GroundFile | None = None,
-    compiling: Callable[[int, int], None] | None = None,
-    **options: Any,
-) -> Simulation:
+def simulation_of(case: "Case", key: str = "", file: GroundFile | None = None, **options: Any) -> Simulation:
     """Return a simulation of a case; its ground is taken from the cache or the file, or computed and cached.
 
     Parameters
@@ -149,14 +133,12 @@ def simulation_of(
     key : str
         The case's key from `evac.simulation.identity.ground_key`.
     file : GroundFile, optional
-    compiling : callable, optional
-        As for `Simulation`.
     **options
         Further arguments of `Simulation`.
     """
     key = key or ground_key(case)
     ground = GROUNDS.get(key, file)
-    simulation = Simulation(case, ground=ground, compiling=compiling, **options)
+    simulation = Simulation(case, ground=ground, **options)
     if ground is None:
         GROUNDS.keep(key, simulation.scene.ground)
     return simulation

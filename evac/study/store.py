@@ -10,7 +10,7 @@ SQLite (rows, not columns) nor Parquet (not readable without its end) is suitabl
 import math
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from hashlib import file_digest
@@ -39,6 +39,9 @@ GROUP_BYTES = 16 * 2**20
 
 #: Columns that tell which runs there are.
 INDEXED = ("point", "run", "ended", "last_out")
+
+#: Columns that are fields of `Row`.
+SAME = ("point", "run", "seed", "population_seed", "ended", "exit_time", "exit_used")
 
 EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("last_out", pa.float64())]))
 
@@ -199,18 +202,15 @@ class Store:
             raise OSError("the disk is full")
         self._end += len(data)
 
-    def _digests(self) -> list[str]:
-        """Return the digests that the Parquet file may have; two while it is replaced."""
-        try:
-            return self._digest_path.read_text(encoding="ascii").split()
-        except (OSError, ValueError) as error:
-            raise ResultError(f"{self._digest_path}: cannot be read: {error}; start the study again") from error
-
     def _index_parquet(self) -> None:
         with self._parquet_path.open("rb") as file:
             self._digest = file_digest(file, "sha256").hexdigest()
-            if self._digest not in self._digests():
-                raise ResultError(f"{self._parquet_path}: damaged, it has another digest; start the study again")
+        try:
+            digests = self._digest_path.read_text(encoding="ascii").split()  # two while the file is replaced
+        except (OSError, ValueError) as error:
+            raise ResultError(f"{self._digest_path}: cannot be read: {error}; start the study again") from error
+        if self._digest not in digests:
+            raise ResultError(f"{self._parquet_path}: damaged, it has another digest; start the study again")
         try:
             with pq.ParquetFile(self._parquet_path) as parquet:
                 self._check_schema(parquet.schema_arrow, self._parquet_path)
@@ -290,12 +290,8 @@ class Store:
 
     def _batch(self, row: Row) -> pa.RecordBatch:
         """Return a row as a record batch."""
-        values: Mapping[str, Any] = {
-            "point": row.point,
-            "run": row.run,
-            "seed": row.seed,
-            "population_seed": row.population_seed,
-            "ended": row.ended,
+        values: dict[str, Any] = {
+            **{name: getattr(row, name) for name in SAME},
             "blocked": row.is_blocked,
             "time": _number(row.time),
             "people": len(row.exit_time),
@@ -304,33 +300,24 @@ class Store:
             "exits": [{"name": name, "people": people, "last_out": _number(last)} for name, people, last in row.exits],
             "quality_warnings": list(row.quality_warnings),
             "error": None if row.error is None else text_of(row.error),
-            "exit_time": row.exit_time,
-            "exit_used": row.exit_used,
         }
-        parameters = self._points[row.point].parameters
-        columns = []
-        for field in self.schema:
-            value = values[field.name] if field.name in values else _plain(parameters.get(field.name), field.type)
-            columns.append(pa.array([value], field.type))
+        for key, value in self._points[row.point].parameters.items():
+            is_text = value is not None and pa.types.is_string(self.schema.field(key).type)
+            values[key] = str(value) if is_text else value
+        columns = [pa.array([values.get(field.name)], field.type) for field in self.schema]
         return pa.RecordBatch.from_arrays(columns, schema=self.schema)
 
 
 def _kind(values: Sequence[Any]) -> pa.DataType:
     """Return the type of a column for the values of a parameter; text, unless all are numbers or all are booleans."""
     kinds = {type(value) for value in values if value is not None}
-    if kinds == {bool}:
-        return pa.bool_()
-    if kinds == {int}:
-        return pa.int64()
+    if kinds in ({bool}, {int}):
+        return pa.bool_() if kinds == {bool} else pa.int64()
     return pa.float64() if kinds <= {int, float} else pa.string()
 
 
 def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _plain(value: Any, kind: pa.DataType) -> Any:
-    return str(value) if value is not None and pa.types.is_string(kind) else value
 
 
 def _value(column: pa.Array, k: int) -> Any:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, partial
 from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,10 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import EvacError
+from evac.base.errors import EvacError, ResultError, in_one_line
+from evac.folder.files import STUDY_NAME
+from evac.results.reading import recorded_case
 from evac.study import imo
 from evac.study.conduct import Conductor
-from evac.study.identity import check_identity, definition_of, digest_of, identity_of, key_of, write_identity
+from evac.study.identity import (
+    check_identity,
+    definition_of,
+    digest_of,
+    identity_of,
+    key_of,
+    read_identity,
+    write_identity,
+)
 from evac.study.points import STEP, Point, Seeds
 from evac.study.runs import Order, Row, order_of
 from evac.study.statistics import MEDIAN, Estimate, Statistics, difference, statistics
@@ -69,8 +79,6 @@ class Study:
     @classmethod
     def read(cls, folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> "Study":
         """Open a study from its folder; the short form is `evac.read_study`, which explains it."""
-        from evac.study.reading import read_study
-
         return read_study(folder, plugin_files)
 
     @classmethod
@@ -279,6 +287,49 @@ class Study:
             if missing:
                 return missing
         return []
+
+
+def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Study:
+    """Open a study from its folder: a result of `evac.repeat` or `evac.sweep`, also of an interrupted or running one.
+
+    Nothing is changed in the folder, and no code that it names is executed. The case is read only when it is needed,
+    for `Study.case_of` and `Study.run_again`, from what the folder contains and the file of the building.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Result folder, or the folder ``RESULT.running`` of a study that is not complete.
+    plugin_files : iterable of path
+        Plugin files of the case. They are executed when the case is needed; none is necessary to read the results.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    ResultError
+        The folder contains no study, or a file is damaged.
+
+    Examples
+    --------
+    >>> study = read_study("classroom-runs")  # doctest: +SKIP
+    >>> study.statistics[0].mean  # doctest: +SKIP
+    """
+    place = Path(folder)
+    identity, definition = read_identity(place)
+    files = tuple(Path(path).resolve() for path in plugin_files)
+    try:
+        bases = [
+            cache(partial(recorded_case, place, one["table"], one["source"], one["plugin_files"], files))
+            for one in definition["cases"]
+        ]
+        places = zip(definition["case_of_point"], identity["parameters"], strict=True)
+        points = [Point(k, bases[number], parameters) for k, (number, parameters) in enumerate(places)]
+        seeds = Seeds(identity["first_seed"], identity["repetitions"])
+        return Study(points, seeds, Rule(**definition["rule"]), place)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise ResultError(f"{place / STUDY_NAME}: not that of a study: {in_one_line(error)}") from error
 
 
 def _place(row: Row) -> tuple[int, int]:

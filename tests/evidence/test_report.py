@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -254,3 +255,9 @@ def test_commit_is_that_of_a_file_that_git_knows(tmp_path, monkeypatch):
 
 def test_machine_tells_cores_and_system():
     assert "cores" in machine()
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_results_are_in_the_order_of_the_items(quick, tmp_path):
+    # A function that a new process can import: `tests` is importable only where pytest runs.
+    assert Evidence("scaling", tmp_path, quick).map(math.factorial, [3, 1, 2]) == [6, 1, 2]

@@ -14,7 +14,6 @@ from evac.analysis.congestion import DENSITY
 from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.folder.files import RUNS_STREAM_NAME
 from evac.report.study import study_report
-from evac.study.executors import in_processes
 from evac.study.identity import read_identity, write_identity
 
 
@@ -446,11 +445,3 @@ def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
     study = evac.repeat(case, 8, workers=2)
     assert mark.exists()
     assert study.table().equals(evac.repeat(case, 8, workers=1).table())
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_processes_keep_the_order_of_the_items(workers):
-    import math
-
-    # A function that a new process can import: `tests` is importable only where pytest runs.
-    assert list(in_processes(math.factorial, [3, 1, 2], workers)) == [6, 1, 2]
