@@ -97,7 +97,7 @@ def prepare(case: "Case") -> None:
     If the first run is refused, the study tells why, after it has checked the others.
     """
     from evac.base.errors import EvacError
-    from evac.study.shared import simulation_of
+    from evac.simulation.shared import simulation_of
 
     warnings: tuple[str, ...] = ()
     with Display() as display, suppress(EvacError):

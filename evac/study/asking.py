@@ -15,11 +15,11 @@ from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
 from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
+from evac.simulation.shared import simulation_of
 from evac.study import points
 from evac.study.executors import warn_alone
 from evac.study.points import Point, Seeds
 from evac.study.remarks import quality_of, remarks_of
-from evac.study.shared import simulation_of
 from evac.study.stopping import LEAST_RUNS, MOST_OF_STUDY, Rule, fixed, until_known
 from evac.study.study import Study, StudyProgress
 

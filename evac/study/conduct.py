@@ -14,10 +14,10 @@ from evac.base.errors import EvacError, SimulationError, in_one_line
 from evac.base.phases import Progress
 from evac.base.processes import Pool
 from evac.results.ending import Stopped
+from evac.simulation.shared import GroundFile, shared_ground, write_ground
 from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, died, warn_alone, workers_of
 from evac.study.points import Point
 from evac.study.runs import Order, Row, Task, make_rows
-from evac.study.shared import GroundFile, shared_ground, write_ground
 
 #: Start-up cost of a further process: it is started only if there is at least this much work for it [s].
 JOINING = 1.5

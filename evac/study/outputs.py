@@ -54,7 +54,9 @@ def write_outputs(study: "Study") -> None:
         rows = statistics_rows(study)
         write_csv(folder / STATISTICS_NAME, rows[0], (map(_field, row.values()) for row in rows))
         measures = [convergence(curves(study, point.index)) for point in study.points]
-        _write_convergence(measures, folder / CONVERGENCE_NAME)
+        names = ("runs", "TET", "SD", "ERD", "EPC", "SC")
+        lines = ([k, *(_field(row[name]) for name in names)] for k, found in enumerate(measures) for row in found)
+        write_csv(folder / CONVERGENCE_NAME, ("point", *names), lines)
         egress_curves = [egress(study, point.index) for point in study.points]
         _write_egress(study, egress_curves, folder / EGRESS_NAME)
         if study.points[0].case.output.picture:
@@ -129,9 +131,7 @@ def parameter_keys(study: "Study") -> list[str]:
 
 def write_runs(study: "Study", path: Path) -> None:
     """Write runs.csv: a row for each run, even a failed one, with two columns for each exit, without single people."""
-    names: dict[str, None] = {}
-    for row in study.rows(columns=["exits"]):
-        names.update(dict.fromkeys(exit_["name"] for exit_ in row["exits"]))
+    names = dict.fromkeys(exit_["name"] for row in study.rows(columns=["exits"]) for exit_ in row["exits"])
     own = ["point", "run", "seed", *parameter_keys(study), *RUN_COLUMNS]
     if study.seeds.repetitions > 1:
         own.insert(3, "population_seed")
@@ -175,12 +175,6 @@ def curves(study: "Study", point: int) -> Iterator[FloatArray]:
     for row in study.rows(point, ["blocked", "exit_time"]):
         if not row["blocked"]:
             yield np.sort(row["exit_time"])
-
-
-def _write_convergence(measures: Sequence[list[dict[str, Any]]], path: Path) -> None:
-    columns = ("runs", "TET", "SD", "ERD", "EPC", "SC")
-    rows = ([point, *(_field(row[name]) for name in columns)] for point, found in enumerate(measures) for row in found)
-    write_csv(path, ("point", *columns), rows)
 
 
 def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], path: Path) -> None:

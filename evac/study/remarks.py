@@ -27,11 +27,17 @@ def quality_of(study: "Study") -> list[str]:
     found: dict[str, list[str]] = {}
     for row in study.rows(columns=["point", "seed", "quality_warnings"]):
         for line in row["quality_warnings"]:
-            found.setdefault(_kind(line), []).append(f"{_where(study, row)}: {line}")
+            kind = "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
+            found.setdefault(kind, []).append(f"{_where(study, row)}: {line}")
+    return _first_of_each(found, " with such a warning")
+
+
+def _first_of_each(found: Mapping[object, list[str]], which: str = "") -> list[str]:
+    """Return the first line of each kind, with the number of other runs."""
     told = []
     for lines in list(found.values())[:MOST_WARNINGS]:
         others = counted(len(lines) - 1, "more run")
-        told.append(lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else ""))
+        told.append(lines[0] + (f" (and {others}{which}, in runs.csv)" if len(lines) > 1 else ""))
     return told
 
 
@@ -42,10 +48,7 @@ def _failed(study: "Study") -> list[str]:
         for row in study.rows(columns=["point", "seed", "error"], failed=True):
             if row["error"] is not None:
                 found.setdefault(row["point"], []).append(f"failed: {_where(study, row)}: {row['error']}")
-    told = []
-    for lines in list(found.values())[:MOST_WARNINGS]:
-        others = counted(len(lines) - 1, "more run")
-        told.append(lines[0] + (f" (and {others}, in runs.csv)" if len(lines) > 1 else ""))
+    told = _first_of_each(found)
     if len(found) > MOST_WARNINGS:
         told.append(f"failed: runs of {len(found) - MOST_WARNINGS} more points, in runs.csv")
     return told
@@ -108,8 +111,3 @@ def _too_wide(study: "Study") -> list[str]:
                 f"{reached}, required {100 * (rule.until or 0.0):g} %; {found.note or 'raise --most'}"
             )
     return lines
-
-
-def _kind(line: str) -> str:
-    """Return the words with which a warning begins, without numbers."""
-    return "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())

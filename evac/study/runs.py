@@ -16,8 +16,8 @@ from evac.base.errors import EvacError
 from evac.base.phases import Progress
 from evac.results.ending import EVERYBODY_OUT, FAILED
 from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
+from evac.simulation.shared import GroundFile, shared_ground, simulation_of
 from evac.study.points import SEEDS, Point, Seeds
-from evac.study.shared import GroundFile, shared_ground, simulation_of
 
 if TYPE_CHECKING:
     from evac.case.case import Case

@@ -150,7 +150,7 @@ class Study:
         if progress is not None:
             progress(StudyProgress(self.done, sum(self._wanted), None))
         try:
-            for row in sorted(refused, key=_place):
+            for row in sorted(refused, key=lambda row: (row.point, row.run)):
                 on_row(row)
             known = {(row.point, row.run) for row in refused}
             for order, runs in zip(self._orders, missing, strict=True):
@@ -332,12 +332,8 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
         raise ResultError(f"{place / STUDY_NAME}: not that of a study: {in_one_line(error)}") from error
 
 
-def _place(row: Row) -> tuple[int, int]:
-    return row.point, row.run
-
-
 def _first_error(failed: Sequence[Row]) -> EvacError:
     """Return the error of the first point and seed that failed."""
-    error = min(failed, key=_place).error
+    error = min(failed, key=lambda row: (row.point, row.run)).error
     assert error is not None
     return error

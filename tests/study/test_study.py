@@ -71,13 +71,12 @@ def test_a_sweep_has_the_same_seeds_at_each_point(case):
 
 
 def test_buildings_are_made_once(case, monkeypatch):
-    from evac.simulation import assembly
-    from evac.study.shared import GROUNDS
+    from evac.simulation import assembly, shared
 
     made = []
     make_building = assembly.make_building
     monkeypatch.setattr(assembly, "make_building", lambda case: made.append(case) or make_building(case))
-    monkeypatch.setattr(GROUNDS, "_kept", type(GROUNDS._kept)())
+    monkeypatch.setattr(shared, "GROUNDS", type(shared.GROUNDS)())
     evac.sweep(case, {"contact.model": ["nsm2", "dem"], "directions.spacing": [0.1, 0.12]}, 2, workers=1)
     assert len(made) == 2
 

@@ -12,9 +12,9 @@ from evac.case.loading import load_case
 from evac.evidence.certainty.coverage import Drawn, covered, truth
 from evac.evidence.report import WORKERS, Evidence, new_figure
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
+from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from evac.study.asking import repeat, sweep
-from evac.study.shared import simulation_of
 from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, percentile_of, share_interval
 from evac.study.stopping import GROWTH, STOPPED_CONFIDENCE, until_known
 from evac.study.study import Study

@@ -86,31 +86,27 @@ def read_ground(file: GroundFile) -> Ground:
     return ground
 
 
-class Grounds:
-    """Cache of the grounds of this process, by key."""
-
-    def __init__(self) -> None:
-        self._kept: OrderedDict[str, Ground] = OrderedDict()
-
-    def get(self, key: str, file: GroundFile | None = None) -> Ground | None:
-        """Return a cached ground, or else that of a file if it can be read, or else None."""
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            return self._kept[key]
-        if file is not None:
-            with suppress(OSError):
-                return self.keep(key, read_ground(file))
-        return None
-
-    def keep(self, key: str, ground: Ground) -> Ground:
-        """Cache a ground, and discard the least recently used one if there are too many."""
-        self._kept[key] = ground
-        while len(self._kept) > MOST_GROUNDS:
-            self._kept.popitem(last=False)
-        return ground
+#: The grounds that this process has used last, by key.
+GROUNDS: OrderedDict[str, Ground] = OrderedDict()
 
 
-GROUNDS = Grounds()
+def _kept(key: str, file: GroundFile | None) -> Ground | None:
+    """Return a cached ground, or else that of a file if it can be read, or else None."""
+    if key in GROUNDS:
+        GROUNDS.move_to_end(key)
+        return GROUNDS[key]
+    if file is not None:
+        with suppress(OSError):
+            return _keep(key, read_ground(file))
+    return None
+
+
+def _keep(key: str, ground: Ground) -> Ground:
+    """Cache a ground, and discard the least recently used one if there are too many."""
+    GROUNDS[key] = ground
+    while len(GROUNDS) > MOST_GROUNDS:
+        GROUNDS.popitem(last=False)
+    return ground
 
 
 def shared_ground(case: "Case", key: str, file: GroundFile | None = None) -> Ground:
@@ -121,7 +117,7 @@ def shared_ground(case: "Case", key: str, file: GroundFile | None = None) -> Gro
     EvacError
         As for `evac.simulation.assembly.make_shared`.
     """
-    return GROUNDS.get(key, file) or GROUNDS.keep(key, make_shared(case))
+    return _kept(key, file) or _keep(key, make_shared(case))
 
 
 def simulation_of(case: "Case", key: str = "", file: GroundFile | None = None, **options: Any) -> Simulation:
@@ -137,8 +133,8 @@ def simulation_of(case: "Case", key: str = "", file: GroundFile | None = None, *
         Further arguments of `Simulation`.
     """
     key = key or ground_key(case)
-    ground = GROUNDS.get(key, file)
+    ground = _kept(key, file)
     simulation = Simulation(case, ground=ground, **options)
     if ground is None:
-        GROUNDS.keep(key, simulation.scene.ground)
+        _keep(key, simulation.scene.ground)
     return simulation

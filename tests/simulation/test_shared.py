@@ -9,8 +9,8 @@ import pytest
 import evac
 from evac.case.loading import case_from
 from evac.simulation.identity import ground_key
+from evac.simulation.shared import read_ground, write_ground
 from evac.simulation.simulation import Simulation
-from evac.study.shared import read_ground, write_ground
 
 
 @pytest.fixture(scope="module")
