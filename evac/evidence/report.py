@@ -18,7 +18,7 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from os import cpu_count
@@ -112,10 +112,15 @@ class Evidence:
 
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Return ``[function(item) for item in items]``, in processes unless the run is quick."""
+        return list(self.results(function, items))
+
+    def results(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """Yield what `map` returns, each result when it and those before it are there."""
         if self.quick:
-            return list(map(function, items))
+            yield from map(function, items)
+            return
         with Pool(min(WORKERS, cores())) as pool:
-            return [future.result() for future in [pool.submit(function, item) for item in items]]
+            yield from (future.result() for future in [pool.submit(function, item) for item in items])
 
     def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
         """Measure, write NAME.csv with full precision, and return its rows; with `page_only` only read them.

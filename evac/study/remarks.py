@@ -32,7 +32,7 @@ def quality_of(study: "Study") -> list[str]:
     return _first_of_each(found, " with such a warning")
 
 
-def _first_of_each(found: Mapping[object, list[str]], which: str = "") -> list[str]:
+def _first_of_each(found: Mapping[Any, list[str]], which: str = "") -> list[str]:
     """Return the first line of each kind, with the number of other runs."""
     told = []
     for lines in list(found.values())[:MOST_WARNINGS]:

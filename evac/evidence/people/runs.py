@@ -20,11 +20,10 @@ from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.evidence.models import model_overrides
 from evac.evidence.people.measures import MEASURES, Track
 from evac.evidence.people.scenes import NARROW_DOOR, SCENES, TWO_WAY_2, Scene, imo_8_name
-from evac.evidence.report import WORKERS, Evidence, Row
+from evac.evidence.report import Evidence, Row
 from evac.folder.digests import digest_of_data, digest_of_file
 from evac.folder.files import replacing
 from evac.simulation.simulation import Simulation
-from evac.study.executors import in_processes
 
 #: The movement models: behaviours of the case.
 SETTINGS: Mapping[str, Mapping[str, Any]] = {"walking": {"walking": {}}, "headway": {"headway": {}}, "paper": {}}
@@ -128,7 +127,7 @@ def measure_runs(evidence: Evidence) -> list[Row]:
         _writer(file).writeheader()
         _writer(file).writerows(found.values())
     with path.open("a", newline="", encoding="utf-8") as file:
-        for row in in_processes(run_job, missing, 1 if evidence.quick else WORKERS):
+        for row in evidence.results(run_job, missing):
             _writer(file).writerow(row)
             file.flush()
             found[tuple(row[key] for key in KEY)] = row
