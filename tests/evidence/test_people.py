@@ -11,7 +11,7 @@ from evac.evidence.people.runs import LEFT, Job, jobs, measure_runs, run_job
 from evac.evidence.people.scenes import IMO_8, SCENES
 from evac.evidence.people.values import VALUES, Value, by_seed, found_row
 from evac.evidence.report import Evidence
-from evac.evidence.verdicts import MET, NOT_MET, REPORTED
+from evac.evidence.verdicts import MET, MOST_ROWS, NOT_MET, REPORTED
 from evac.study.statistics import mean_interval
 
 TICK = 0.1
@@ -229,6 +229,29 @@ def test_quick_page_of_two_scenes_tells_means_beside_blocked_runs(tmp_path, monk
         assert "0 of 2 blocked" in line
     page.run(Evidence("people", tmp_path, page_only=True))
     assert (tmp_path / "README.md").read_text() == text
+
+
+def test_full_page_of_made_up_runs_judges_the_default_and_never_the_mean_of_runs_that_block(tmp_path, monkeypatch):
+    def make(job):
+        blocks = job.setting == "paper" and job.scene == "door 0.5 m"
+        told = dict(zip(runs.KEY, job.key, strict=True)) | {LEFT: 5 * blocks, runs.CODE: runs.code()}
+        return told if blocks else told | dict.fromkeys(measures.MEASURES, 1.0 + 0.01 * job.seed)
+
+    monkeypatch.setattr(runs, "in_processes", lambda function, items, workers: map(make, items))
+    monkeypatch.setattr(runs, "RUNS", 2)
+    page.run(Evidence("people", tmp_path))
+    head, body = (tmp_path / "README.md").read_text().split("\n## ", maxsplit=1)
+    rows = [line for line in head.splitlines() if line.startswith("| [")]
+    assert len(rows) <= MOST_ROWS
+    assert any(row.startswith("| [door 0.5 m: runs not blocked]") and "100 of 100" in row for row in rows)
+    narrow = [line for line in body.splitlines() if line.startswith("| door 0.5 m: flow [1/s]")]
+    assert len(narrow) == len(runs.SETTINGS) == 3
+    assert narrow[-1].count("-; 2 of 2 blocked") == len(runs.MODELS) == 3
+    with (tmp_path / "values.csv").open() as file:
+        found = [
+            row for row in csv.DictReader(file) if row["setting"] == "paper" and row["value"].startswith("door 0.5")
+        ]
+    assert {(row["mean"], row["share blocked"]) for row in found} == {("", "1.0")}
 
 
 def test_a_run_is_what_its_seed_makes_it_and_ends_when_all_are_through():

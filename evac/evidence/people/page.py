@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 from evac.evidence.people import scenes
 from evac.evidence.people.runs import DEFAULT, KEY, LEFT, MODELS, NEVER_BLOCKED, TABLE, jobs, measure_runs
@@ -37,10 +36,11 @@ def run(evidence: Evidence) -> None:
     for setting in dict.fromkeys(setting for setting, _ in subjects):
         _report_setting(evidence, setting, values, [row for row in found if row["setting"] == setting])
     evidence.heading(BLOCKED)
-    blocked = [
-        blocked_row(scene, *own, runs) for own in subjects for scene in dict.fromkeys(row["scene"] for row in runs)
+    shares = [
+        {"scene": scene} | {", ".join(own): _share(*blocked(scene, *own, runs)) for own in subjects}
+        for scene in dict.fromkeys(row["scene"] for row in runs)
     ]
-    evidence.table("blocked", blocked, f"Runs in which people are left; intervals of {100 * CONFIDENCE:.0f} %.")
+    evidence.table("blocked", shares, f"Runs in which people are left, with intervals of {100 * CONFIDENCE:.0f} %.")
     evidence.write_page(
         "People as measured: doors, corridors, stairs, oncoming people",
         """Flows, speeds, exit times and headings of people in experiments, beside those of simulated people with each
@@ -71,8 +71,9 @@ def verdicts(values: Sequence[Value], found: Sequence[Row], runs: Sequence[Row])
         later = sum(None not in pair and pair[0] < pair[1] for pair in pairwise(last))
         rows.append(all_of(f"{scenes.IMO_8}: later, the more come towards", later, len(last) - 1, section))
     for scene in NEVER_BLOCKED:
-        if total := (row := blocked_row(scene, setting, model, runs))["runs"]:
-            rows.append(all_of(f"{scene}: runs not blocked", total - row["blocked"], total, BLOCKED))
+        count, total = blocked(scene, setting, model, runs)
+        if total:
+            rows.append(all_of(f"{scene}: runs not blocked", total - count, total, BLOCKED))
     rows.append(
         all_of("targets of values held out", *_met([row for row in found if row["setting"] == setting], True), HELD)
     )
@@ -84,9 +85,9 @@ def verdicts(values: Sequence[Value], found: Sequence[Row], runs: Sequence[Row])
 
 def _judge(question: str, share: float | None, rows: Sequence[Row], section: str) -> Finding:
     """Return the verdict on values of one question; where runs block, on these, since means would flatter."""
-    runs, blocked = sum(row["runs"] for row in rows), sum(row["blocked"] for row in rows)
-    if blocked:
-        return all_of(f"{question}: runs not blocked", runs - blocked, runs, section)
+    total, count = sum(row["runs"] for row in rows), sum(row["blocked"] for row in rows)
+    if count:
+        return all_of(f"{question}: runs not blocked", total - count, total, section)
     if share is None:
         return all_of(f"{question}: in the target", *_met(rows), section)
     deviations = [abs(row["deviation [%]"]) for row in rows if row["mean"] is not None]
@@ -99,13 +100,15 @@ def _met(rows: Sequence[Row], held_out: bool = False) -> tuple[int, int]:
     return sum(verdict.startswith(MET) for verdict in judged), len(judged)
 
 
-def blocked_row(scene: str, setting: str, model: str, runs: Sequence[Row]) -> dict[str, Any]:
-    """Return the share of blocked runs of a scene with its interval."""
+def blocked(scene: str, setting: str, model: str, runs: Sequence[Row]) -> tuple[int, int]:
+    """Return how many runs of a scene are blocked, and how many there are."""
     left = [run[LEFT] for run in runs if tuple(run[key] for key in KEY[:3]) == (scene, setting, model)]
-    blocked = sum(count > 0 for count in left)
-    low, high = share_interval(blocked, len(left)) if left else (None, None)
-    found = {"runs": len(left), "blocked": blocked, "from": low, "to": high}
-    return dict(zip(KEY, (scene, setting, model), strict=False)) | found
+    return sum(count > 0 for count in left), len(left)
+
+
+def _share(count: int, total: int) -> str:
+    low, high = share_interval(count, total)
+    return f"{count} of {total} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], found: Sequence[Row]) -> None:
@@ -126,13 +129,13 @@ def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], f
 
 def _cell(row: Row) -> str:
     """Return a mean with everything without which it must not be read."""
-    blocked = f"{row['blocked']} of {row['runs']} blocked"
+    shares = f"{row['blocked']} of {row['runs']} blocked"
     if row["mean"] is None:
-        return f"-; {blocked}"
+        return f"-; {shares}"
     interval = f" ({row['from']:.3g} to {row['to']:.3g})" if row["from"] is not None else ""
     deviation = f"; {row['deviation [%]']:+.0f} %" if row["deviation [%]"] is not None else ""
     verdict = "" if row["verdict"] == REPORTED else f"; {row['verdict']}"
-    return f"{row['mean']:.3g}{interval}{deviation}; {blocked}{verdict}"
+    return f"{row['mean']:.3g}{interval}{deviation}; {shares}{verdict}"
 
 
 def _report_scenes(evidence: Evidence, found: Sequence[Row]) -> None:

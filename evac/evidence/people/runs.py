@@ -42,6 +42,7 @@ DURATION, NO_PROGRESS = 600.0, 60.0
 TABLE = "runs"
 KEY = ("scene", "setting", "model", "seed")
 LEFT, CODE = "people left", "code"
+COLUMNS = (*KEY, LEFT, "CPU time [s]", *MEASURES, CODE)
 
 #: Parts of evac that do not affect the runs.
 OTHER_PARTS = ("cli", "conformance", "evidence", "export", "pictures", "replay", "report")
@@ -132,16 +133,11 @@ def measure_runs(evidence: Evidence) -> list[Row]:
             file.flush()
             found[tuple(row[key] for key in KEY)] = row
     first = [found.pop(job.key) for job in wanted]
-    return [{name: row.get(name) for name in columns()} for row in (*first, *found.values())]
-
-
-def columns() -> tuple[str, ...]:
-    """Return the columns of the table."""
-    return (*KEY, LEFT, "CPU time [s]", *MEASURES, CODE)
+    return [{name: row.get(name) for name in COLUMNS} for row in (*first, *found.values())]
 
 
 def _writer(file: TextIO) -> "csv.DictWriter[str]":
-    return csv.DictWriter(file, columns(), lineterminator="\n")
+    return csv.DictWriter(file, COLUMNS, lineterminator="\n")
 
 
 def _kept(path: Path) -> Iterator[dict[str, str]]:
