@@ -41,7 +41,8 @@ class Ending:
     kept while another route is followed, so that alternating between routes counts only until each has been tried.
     Decreases of the least time are added up, and the sum counts once it exceeds `PROGRESS`; `PROGRESS` is subtracted
     from the sum in every `no_progress` (or `STANDING`, if that is longer), so that the creep of a blocked crowd does
-    not count. People who have not started count as making progress.
+    not count. People who have not started count as making progress, and so does everybody for whom a way is left when
+    the scene changes, see `begin_anew`.
 
     Parameters
     ----------
@@ -58,7 +59,11 @@ class Ending:
         self._gained = np.zeros(people)  # below the least remaining travel time, since the last progress [s]
         self._progress_at = np.zeros(people)  # time of the last progress [s]
 
-    def reason(self, step: int, crowd: Crowd, fields: Fields) -> str:
+    def begin_anew(self) -> None:
+        """Forget the least travel times: the scene has changed, and other ways may be longer."""
+        self._least[:] = np.inf
+
+    def reason(self, step: int, crowd: Crowd, fields: Fields, can_change: bool = False) -> str:
         """Return why the run ends with this tick; an empty string if it continues.
 
         Parameters
@@ -67,6 +72,8 @@ class Ending:
             Number of steps made.
         crowd : Crowd
         fields : Fields
+        can_change : bool
+            Whether the scene is going to change, so that a crowd that is blocked may still get out.
 
         Returns
         -------
@@ -76,9 +83,9 @@ class Ending:
         over = self.over(step, crowd)
         if over:
             return over
-        if step % self._steps_per_check == 0 and self._is_stuck(step * self._settings.step, crowd, fields):
-            return NO_PROGRESS
-        return ""
+        is_checked = step % self._steps_per_check == 0
+        is_stuck = is_checked and self._is_stuck(step * self._settings.step, crowd, fields)
+        return NO_PROGRESS if is_stuck and not can_change else ""
 
     def over(self, step: int, crowd: Crowd) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""

@@ -62,7 +62,7 @@ class Loop:
         one, crowd, watch = simulation, simulation.population.crowd, simulation.watch
         self.operations = [
             Operation("changes", "behaviours", one.scene.apply_waiting),
-            Operation("behaviours", "behaviours", lambda: one.deciding.act(one.time)),
+            Operation("behaviours", "behaviours", self._decide),
             Operation("physics", "physics", self._move),
             Operation("settling", "recording", self._settle),
             Operation(
@@ -107,6 +107,12 @@ class Loop:
     def _is_at_output(self) -> bool:
         return self._is_output
 
+    def _decide(self) -> None:
+        simulation = self._simulation
+        if simulation.deciding.version != simulation.scene.version:
+            simulation.ending.begin_anew()
+        simulation.deciding.act(simulation.time)
+
     def _move(self) -> None:
         simulation, settings = self._simulation, self._settings
         crowd, first = simulation.population.crowd, simulation.step
@@ -135,8 +141,9 @@ class Loop:
                 simulation.recording.start(simulation)
 
     def _end_run(self) -> None:
-        simulation = self._simulation
-        simulation.ended = simulation.ending.reason(simulation.step, simulation.population.crowd, simulation.fields)
+        simulation, crowd = self._simulation, self._simulation.population.crowd
+        can_change = simulation.scene.changes_before(self._settings.duration)
+        simulation.ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, can_change)
 
     def _show(self) -> None:
         simulation, population = self._simulation, self._simulation.population

@@ -145,6 +145,10 @@ class Scene:
         for change in waiting:
             self.apply(change)
 
+    def changes_before(self, time: float) -> bool:
+        """Return whether a change lies ahead that is made before a time [s]."""
+        return any(change.time < time for change in self._waiting)
+
     def add_field(self, name: str, unit: str, spacing: float) -> LevelField:
         """Return a new field for its owner, which writes its values; see `BehaviourScene.level_field`."""
         refusals = {

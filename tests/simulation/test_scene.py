@@ -167,3 +167,43 @@ def test_people_too_wide_for_a_gap_or_an_exit_take_another_and_go_on_to_the_same
     assert 0 < wide.sum() < 12
     assert (results[0].crowd.exit_used[wide] == 0).all()
     assert (results[0].crowd.exit_used[~wide] == 1).any()
+
+
+@pytest.fixture
+def corridor():
+    """Return a case of two people 3 m from the west end of a corridor with an exit at either end."""
+    exits = [
+        {"name": "west", "storey": "f", "segment": [[0, 0.5], [0, 1.7]]},
+        {"name": "east", "storey": "f", "segment": [[20, 0.5], [20, 1.7]]},
+    ]
+    storey = {"name": "f", "polygons": ["POLYGON ((0 0, 20 0, 20 2, 0 2, 0 0))"]}
+    table = {
+        "building": {"plan": {"storeys": [storey], "exits": exits}},
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 60.0, "no_progress": 5.0},
+        "people": [{"name": "people", "level": "f", "positions": [[3.0, 1.0], [5.0, 1.0]]}],
+    }
+    return evac.load(table)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        pytest.param([(3.0, "close", "west")], id="a longer way"),
+        pytest.param([(0, "close", "west"), (0, "close", "east"), (15.0, "open", "east")], id="an opening to come"),
+    ],
+)
+def test_a_run_goes_on_where_a_change_of_the_scene_leaves_a_way(corridor, changes):
+    simulation = Simulation(corridor)
+    for change in changes:
+        simulation.scene.apply(evac.Change(*change))
+    results = simulation.run()
+    assert results.ended == "everybody out"
+    assert results.exits["east"]["people"] > 0
+
+
+def test_a_run_ends_where_no_change_is_to_come_in_time(corridor):
+    simulation = Simulation(corridor)
+    for change in [(0, "close", "west"), (0, "close", "east"), (60.0, "open", "east")]:
+        simulation.scene.apply(evac.Change(*change))
+    assert simulation.run().ended == "no progress"
