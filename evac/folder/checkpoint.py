@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, is_one_line
 from evac.folder.files import replacing
 
 #: First bytes of an archive, and the number of the format of its header and arrays.
@@ -26,6 +26,8 @@ FORMAT = 3
 #: Name of the array that is the header, and kinds of the others: booleans, integers and floats.
 HEADER = "header"
 _KINDS = "biuf"
+#: Greatest length of a name of an array.
+_LONGEST = 1000
 #: Errors of numpy, zipfile and json about content that no checkpoint has.
 INVALID: tuple[type[Exception], ...] = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 INVALID += (RuntimeError, MemoryError, EOFError, zipfile.BadZipFile, tokenize.TokenError)
@@ -89,11 +91,13 @@ def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
     Raises
     ------
     ResultError
-        The file cannot be written, in which case the previous one is kept, or an array has another type.
+        The file cannot be written, in which case the previous one is kept, or an array has another type or an odd name.
     """
     for name, array in arrays.items():
         if array.dtype.kind not in _KINDS:
             raise ResultError(f"{path}: array {name!r} has type {array.dtype}; use booleans, integers or floats")
+        if not is_one_line(name) or len(name) > _LONGEST:
+            raise ResultError(f"{path}: array {name!r:.80}: names are one line of at most {_LONGEST} characters")
     text = json.dumps({**header, "format": FORMAT}, default=_plain)
     archive = io.BytesIO()
     np.savez(archive, **{**arrays, HEADER: np.frombuffer(text.encode(), np.uint8)})  # type: ignore[arg-type]
@@ -139,7 +143,7 @@ def _arrays(archive: memoryview) -> dict[str, NDArray[Any]]:
             raise ValueError("its arrays are compressed")
         if sum(one.file_size for one in file.zip.infolist()) > len(archive):
             raise ValueError("its arrays are larger than the file")
-        arrays = {name: file[name] for name in file.files}
+        arrays = {name.removesuffix(".npy"): file[name] for name in file.zip.namelist()}
     for name, array in arrays.items():
         if array.dtype.kind not in _KINDS:
             raise ValueError(f"array {name!r} is of type {array.dtype}")

@@ -80,6 +80,7 @@ class Scene:
         self.changes: list[Change] = []
         self.ground = ground
         self.has_begun = False
+        self._planned: list[Change] = []  # what behaviours have applied before the run
         self._waiting: list[Change] = []
         self._owned: dict[str, LevelField] = {}
         self._solve = solve
@@ -116,6 +117,8 @@ class Scene:
             raise ScenarioError(f"change of {change.what!r}: there is no kind {change.kind!r}; {hint}")
         kind = KINDS[change.kind]
         kind.check(self, change)
+        if not self.has_begun:
+            self._planned.append(change)
         if change.time > self.time + AT_ONCE:
             self._waiting.append(change)
         elif kind.act(self, change):
@@ -172,8 +175,8 @@ class Scene:
         return fields
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the indices of the closed links, the changes so far and to come as JSON, and the values of fields."""
-        rows = {"changes": self.changes, "waiting": self._waiting}
+        """Return the indices of the closed links, changes so far, planned and to come as JSON, and values of fields."""
+        rows = {"changes": self.changes, "planned": self._planned, "waiting": self._waiting}
         texts = {name: json.dumps([change.as_row() for change in changes]) for name, changes in rows.items()}
         state: dict[str, NDArray[Any]] = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
         state |= {f"field.{name}": field.values.copy() for name, field in self._owned.items()}
@@ -182,6 +185,8 @@ class Scene:
     def restore(self, state: Mapping[str, NDArray[Any]], time: float) -> None:
         """Restore the arrays that `state` returned at a time [s].
 
+        What the behaviours of a changed case plan replaces what those of the case before had planned.
+
         Raises
         ------
         SavedError
@@ -189,7 +194,11 @@ class Scene:
         """
         closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_links - 1)
         self.time = time
-        self.changes, self._waiting = _changes_in(state, "changes"), _changes_in(state, "waiting")
+        self.changes, before, waiting = (_changes_in(state, name) for name in ("changes", "planned", "waiting"))
+        if before != self._planned:
+            waiting = [change for change in waiting if change not in before or change in self._planned]
+            waiting += [change for change in self._planned if change not in before]
+        self._waiting = waiting
         for name, field in self._owned.items():
             if f"field.{name}" in state:  # not if a changed case has added the behaviour
                 field.values[:] = taken(state, f"field.{name}", np.float64, field.values.shape)

@@ -158,7 +158,7 @@ def fields_from_json(data: Any, building: Building) -> tuple[LevelField, ...]:
         try:
             found[name] = LevelField(building, name, unit, _number(row, key, "spacing", 0.0, COORDINATE_MAX))
         except ValueError as error:
-            raise HeaderError(f"{key}.spacing: {error}") from error
+            raise HeaderError(f"{key}: {error}") from error
     return tuple(found.values())
 
 

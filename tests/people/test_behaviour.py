@@ -115,7 +115,7 @@ def test_what_a_behaviour_may_not_do_with_a_field_is_told(smoky, more, words):
         Simulation(smoky(more)).advance_tick()
 
 
-@pytest.mark.parametrize("spacing", [0.0001, float("nan")])
+@pytest.mark.parametrize("spacing", [0.0001, float("nan"), float("inf"), 1e300, 10**400, -1.0])
 def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
     scene = Simulation(smoky(), will_run=False).scene
     scene.has_begun = False
@@ -123,6 +123,14 @@ def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
         scene.add_field("fog", "1/m", spacing)
     with pytest.raises(ValueError, match=r"'smoke'.* exists"):
         scene.add_field("smoke", "1/m", 1.0)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("a\0b", "m"), ("\ud800", "m"), ("x" * 201, "m"), (5, "m"), ("fog", None)])
+def test_names_and_units_that_files_cannot_contain_are_refused(smoky, name, unit):
+    scene = Simulation(smoky(), will_run=False).scene
+    scene.has_begun = False
+    with pytest.raises(ValueError, match="one line of at most 200 characters"):
+        scene.add_field(name, unit, 1.0)
 
 
 def test_a_behaviour_that_changes_the_scene_and_owns_a_field_passes_the_checks(smoky):

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import LONGEST_NAME
+from evac.base.errors import is_one_line
 from evac.building.model.building import Building, Level
 
-#: Least side of the cells of a field [m], and greatest number of cells of all levels.
-LEAST_SPACING, MOST_CELLS = 0.05, 1_000_000
+#: Least and greatest side of the cells of a field [m], and greatest number of cells of all levels.
+LEAST_SPACING, MOST_SPACING, MOST_CELLS = 0.05, 1e6, 1_000_000
 
 #: Greatest number of fields of a run.
 MOST_FIELDS = 100
@@ -84,16 +86,23 @@ class LevelField:
     Raises
     ------
     ValueError
-        The cells are too small or too many.
+        The cells are too small, too large or too many, or name or unit are not short texts.
     """
 
     def __init__(
         self, building: Building, name: str, unit: str, spacing: float, values: FloatArray | None = None
     ) -> None:
+        for text in (name, unit):
+            if not (isinstance(text, str) and is_one_line(text) and len(text) <= LONGEST_NAME):
+                wrong = f"field {name!r:.80}: name and unit are one line of at most {LONGEST_NAME} characters"
+                raise ValueError(f"{wrong}, not {text!r:.80}")
+        if not LEAST_SPACING <= spacing <= MOST_SPACING:
+            remedy = f"use {LEAST_SPACING:g} m or more, and {MOST_SPACING:g} m or less"
+            raise ValueError(f"field {name!r}: its cells cannot have {spacing!r:.20} m; {remedy}")
         low = np.array([level.polygon.bounds for level in building.levels])
         area = float(np.prod(low[:, 2:] - low[:, :2] + 2.0 * spacing, axis=1).sum())
-        if not (LEAST_SPACING <= spacing < math.inf and area <= MOST_CELLS * spacing**2):
-            least = max(LEAST_SPACING, 1.1 * math.sqrt(area / MOST_CELLS))
+        if area > MOST_CELLS * spacing**2:
+            least = 1.1 * math.sqrt(area / MOST_CELLS)
             raise ValueError(f"field {name!r}: cells of {spacing:g} m are too small; use {least:.2g} m or more")
         self.name, self.unit, self.spacing = name, unit, float(spacing)
         self.cells = [Cells(level, spacing) for level in building.levels]
