@@ -32,6 +32,10 @@ class Change:
         if not math.isfinite(self.time):
             raise ValueError(f"time of the change {self.kind!r} of {self.what!r}: {self.time} is not a finite number")
 
+    def __str__(self) -> str:
+        done = {"open": "opened", "close": "closed"}.get(self.kind, self.kind)
+        return f"{self.what!r} {done} at {self.time:g} s"
+
     def as_row(self) -> dict[str, Any]:
         """Return the change as a dictionary that can be written as JSON."""
         return {"time": self.time, "kind": self.kind, "what": self.what, "values": dict(self.values)}

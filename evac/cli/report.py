@@ -17,7 +17,7 @@ MOST_LISTED = 20
 def show_results(results: Results) -> None:
     """Show the results of a run: egress, exits, stairs and people left inside, then contact and wall time by phase."""
     summary = results.summary()
-    _show_outcome(summary, results.crowd)
+    _show_outcome(summary, results)
     _show_places(summary, results)
     _show_left(summary, results)
     _show_contact(summary["contact"])
@@ -41,9 +41,10 @@ def response_times(crowd: Crowd) -> str:
     return f"{times.min():.4g} to {times.max():.4g} s"
 
 
-def _show_outcome(summary: dict[str, Any], crowd: Crowd) -> None:
+def _show_outcome(summary: dict[str, Any], results: Results) -> None:
     last, left = summary["last_out"], summary["people"] - summary["evacuated"]
     note = f", the last of those who are out; people left: {left}" if left else ""
+    changes = {"changes": ", ".join(map(str, results.changes))} if results.changes else {}
     show_facts(
         {
             "case": summary["title"],
@@ -51,7 +52,8 @@ def _show_outcome(summary: dict[str, Any], crowd: Crowd) -> None:
             "people": summary["people"],
             "out": summary["evacuated"],
             "movement": _movement(summary["keeps_distance"]),
-            "response times": response_times(crowd),
+            "response times": response_times(results.crowd),
+            **changes,
             "last out": None if last is None else f"{last:.2f} s{note}",
             "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
         }

@@ -256,10 +256,10 @@ class Registry:
         return [f"{entry.plugin} {entry.version}" for entry in self.provenance if entry.plugin in owners]
 
     def provided_by(self, path: Path) -> list[tuple[str, str]]:
-        """Return kind and name of all that a plugin file (resolved) provides; nothing if it has hooks of every run."""
-        if any(hasattr(self._manager.get_plugin(str(path)), hook) for hook in RUN_HOOKS):
-            return []
-        return [key for key, owner in self._owners.items() if owner == str(path)]
+        """Return kind and name of all that a plugin file (resolved) provides, and its hooks of every run as "hook"."""
+        module = self._manager.get_plugin(str(path))
+        hooks = [("hook", hook) for hook in RUN_HOOKS if hasattr(module, hook)]
+        return [key for key, owner in self._owners.items() if owner == str(path)] + hooks
 
     def describe(self) -> list[dict[str, Any]]:
         """Return one dict per plugin: plugin, source, origin, version, and what it provides with its parameters."""

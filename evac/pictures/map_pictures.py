@@ -35,8 +35,7 @@ COLOURS = {
 #: Colours of floors where a map has no value, and of cells that are never cleared.
 NO_VALUE, NEVER = "#eef0f3", "#7a0177"
 
-#: Kinds of change that titles tell, in words, and the greatest number of letters for them.
-LINK_CHANGES = {"open": "opened", "close": "closed"}
+#: Greatest number of letters of a title for changes of the scene.
 MOST_SAID = 80
 
 #: The formats that a picture of a map can have.
@@ -52,7 +51,7 @@ def draw_map(
 ) -> Figure:
     """Draw the map of one quantity on the plans of the storeys, with links as they are at the end of its time.
 
-    The title names links that opened or closed during this time.
+    The title names what changed during this time.
 
     Parameters
     ----------
@@ -89,8 +88,7 @@ def draw_map(
     title = f"{trajectory.header.get('title', '')}\n{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s"
     if quantity == "flow":
         title += "; labels: people who passed the line, and people per second and metre"
-    changes = [c for c in trajectory.changes if any_map.start < c.time <= any_map.end and c.kind in LINK_CHANGES]
-    said = ", ".join(f"{c.what!r} {LINK_CHANGES[c.kind]} at {c.time:g} s" for c in changes)
+    said = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
     title += textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
     plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False)
     norm = Normalize(0.0, _top(grids.values()))

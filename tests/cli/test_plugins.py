@@ -21,6 +21,33 @@ def test_what_passes_all_checks_is_listed(evac, capsys):
     assert said.err == ""
 
 
+CLOSING = """
+from evac import Change, hookimpl
+evac_interface = 3
+
+
+@hookimpl
+def evac_prepare(simulation):
+    simulation.scene.apply(Change(1.0, "close", "door"))
+    simulation.scene.apply(Change(2.0, "open", "door"))
+"""
+
+
+def test_hooks_are_named_and_hide_no_class_of_their_file(evac, capsys):
+    Path("closing.py").write_text(BEHAVIOUR + CLOSING)
+    assert evac("plugins", "--check", "closing.py") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["behaviour tried", "hook evac_prepare"]
+    Path("closing.py").write_text(BEHAVIOUR.replace(DO, "self.count = time") + CLOSING)
+    assert evac("plugins", "--check", "closing.py") == 2
+
+
+def test_a_run_says_what_a_hook_has_changed(evac, capsys):
+    Path("closing.py").write_text(CLOSING)
+    assert evac("run", "square_room", "--plugin", "closing.py", "--set", "output.replay=false") == 0
+    assert re.search(r"^changes +'door' closed at 1 s, 'door' opened at 2 s *$", capsys.readouterr().out, re.MULTILINE)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
