@@ -85,6 +85,8 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         The folder contains no study, or its file is damaged.
     """
     path = usable_path(folder, ResultError) / STUDY_NAME
+    if not path.is_file():
+        raise ResultError(f"{path}: no such file; name a result folder of `evac repeat` or `evac sweep`")
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         digest, definition = found.pop("digest"), found["definition"]

@@ -444,3 +444,8 @@ def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
     study = evac.repeat(case, 8, workers=2)
     assert mark.exists()
     assert study.table().equals(evac.repeat(case, 8, workers=1).table())
+
+
+def test_a_folder_without_a_study_is_said_to_be_none(tmp_path):
+    with pytest.raises(ResultError, match=r"study\.json: no such file; .*evac repeat"):
+        evac.read_study(tmp_path)
