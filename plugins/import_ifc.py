@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.base.parameters import Parameter
-from evac.building.importer import Importer
+from evac.building.importer import Importer, optional_library
 from evac.building.model.findings import Finding
 
 if TYPE_CHECKING:
@@ -64,10 +64,11 @@ class IfcImporter(Importer):
     cut_slabs = Parameter(False, "whether slabs that block a stair are cut")
 
     def read(self, path: Path) -> "Plan":
-        """Read the bodies; raise ValueError if the file is not IFC, or the library is missing."""
+        """Read the bodies; raise ValueError if the file is not IFC."""
         from evac.building.recover.bodies import Rules, plan_of_bodies
 
         findings: list[Finding] = []
+        optional_library(path, "ifclite_geom", "ifc")
         elements, shapes = _read(path.read_bytes(), findings)
         bodies = _bodies(elements, shapes, findings)
         storeys = [
@@ -81,10 +82,8 @@ class IfcImporter(Importer):
 
 def _read(content: bytes, findings: list[Finding]) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
     """Return the entities and the shapes of a file, by number; messages of the library become warnings."""
-    try:
-        import ifclite_geom
-    except ImportError as error:
-        raise ValueError("IFC files require ifclite-geom, which is not installed: pip install 'evac[ifc]'") from error
+    import ifclite_geom
+
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise ValueError("not an IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
     if b"END-ISO-10303-21" not in content[-1000:]:
