@@ -384,7 +384,7 @@ class Results:
 
         return Summary.model_validate(self.summary())
 
-    def write(self, folder: Path) -> None:
+    def write(self, folder: str | Path) -> None:
         """Write summary.json and the tables to `folder`, which is created if missing.
 
         Raises
@@ -392,6 +392,7 @@ class Results:
         ResultError
             The folder or a file cannot be written.
         """
+        folder = Path(folder)
         with writing("the results", folder):
             folder.mkdir(parents=True, exist_ok=True)
         self.write_tables(folder)

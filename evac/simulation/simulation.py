@@ -1,6 +1,6 @@
 """The simulation: all parts of a run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from evac.base.errors import naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
 from evac.building.model.building import Building
 from evac.building.model.narrow import narrow_places
+from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
@@ -43,10 +44,11 @@ class Simulation:
 
     Parameters
     ----------
-    case : Case
-        A checked case; see `evac.load`.
-    folder : Path, optional
-        Result folder for the recorders; None writes no files.
+    case : Case, str, Path or mapping
+        A case from `evac.load`, or an argument of `evac.load`.
+    folder : str or Path, optional
+        Folder for the trajectory and the replay, and for files of other recorders; None writes no files. Tables and
+        summary.json are written by `Results.write`, a whole result folder by `evac.run`.
     full : bool
         Include the parts that the scene does not need: identical results, slower.
     ground : Ground, optional
@@ -93,8 +95,8 @@ class Simulation:
 
     def __init__(
         self,
-        case: "Case",
-        folder: Path | None = None,
+        case: "Case | str | Path | Mapping[str, Any]",
+        folder: str | Path | None = None,
         full: bool = False,
         *,
         ground: Ground | None = None,
@@ -102,9 +104,9 @@ class Simulation:
         threads: int | None = 1,
         compiling: Compiling | None = None,
     ) -> None:
-        self.case = case = run_plugin_files(case)
+        self.case = case = run_plugin_files(as_case(case))
         self.registry: Registry = case.registry
-        self.folder, self.full, self._threads = folder, full, threads
+        self.folder, self.full, self._threads = None if folder is None else Path(folder), full, threads
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []

@@ -13,7 +13,9 @@ import pytest
 from evac.base.errors import ScenarioError
 from evac.case.loading import load_case
 from evac.results.ending import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS
+from evac.results.reading import read_results
 from evac.simulation.simulation import Simulation
+from evac.trajectory.trajectory import read_trajectory
 from tests.runs import MODELS, SQUEEZED, assert_same_bits, in_the_room, model_of, run_ticks
 
 
@@ -30,6 +32,13 @@ def test_square_room_empties(model):
     assert ((crowd.exit_time > 0) & (crowd.exit_time <= simulation.time)).all()
     assert results.report["unconverged_steps"] == 0
     assert results.report["wall_crossings_prevented"] == 0
+
+
+def test_a_simulation_takes_the_name_of_a_case_and_of_a_folder(tmp_path):
+    results = Simulation("square_room", str(tmp_path / "walk")).run()
+    assert len(read_trajectory(tmp_path / "walk")) > 0
+    results.write(str(tmp_path / "walk"))
+    assert read_results(tmp_path / "walk").last_out == results.last_out
 
 
 @pytest.mark.parametrize("model", MODELS)
