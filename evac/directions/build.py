@@ -162,37 +162,19 @@ def build_fields(
 
 @dataclass(frozen=True)
 class _Solved:
-    """The fields of a class of bodies, of each route on the levels that it leads out from.
-
-    Attributes
-    ----------
-    grids : BuildingGrids
-    barred : float
-        Gaps narrower than this are walls of the grids [m].
-    reaching : tuple of tuple of int
-        Levels that each route leads out from.
-    directions : list of (n, 2) float64
-    travel_times : list of (n,) float64
-        In seconds.
-    nodes : (k,) int64
-        Nodes whose travel times are not as marched.
-    costs : list of (k,) float64
-        Marched travel times of these nodes [s].
-    misled : list of (m,) int64
-        Nodes from which the way of a route leads through a gap, portal or exit that no body fits through.
-    blocked : list of (b,) int64
-        Nodes from which no way of a route is as wide as the bodies.
-    """
+    """The fields of a class of bodies, of each route on the levels that it leads out from."""
 
     grids: BuildingGrids
-    barred: float
-    reaching: tuple[tuple[int, ...], ...]
-    directions: list[FloatArray]
-    travel_times: list[FloatArray]
-    nodes: IndexArray
-    costs: list[FloatArray]
+    barred: float  # gaps narrower than this are walls of the grids [m]
+    reaching: tuple[tuple[int, ...], ...]  # levels that each route leads out from
+    directions: list[FloatArray]  # list of (n, 2) float64
+    travel_times: list[FloatArray]  # list of (n,) float64: in seconds
+    nodes: IndexArray  # (k,) int64: nodes whose travel times are not as marched
+    costs: list[FloatArray]  # list of (k,) float64: marched travel times of these nodes [s]
+    # list of (m,) int64: nodes from which the way of a route leads through a gap, portal or exit that no body fits
+    # through
     misled: list[IndexArray]
-    blocked: list[IndexArray]
+    blocked: list[IndexArray]  # list of (b,) int64: nodes from which no way of a route is as wide as the bodies
 
     def travel_time_on(self, route: int) -> FloatArray:
         """Return the travel times (nodes,) of a route on all grids [s]."""

@@ -1,7 +1,8 @@
 """Small scenes without mesh files: walled rooms with given directions and positions of people."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ from evac.directions.routes import Route
 from evac.evidence.models import make_engine
 from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import CompiledEngine
-from evac.physics.state import Crowd, copy_of
+from evac.physics.state import Crowd, copy_of, make_crowd
 from evac.physics.world import make_world, set_open
 
 Bounds = tuple[float, float, float, float]
@@ -22,24 +23,13 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Scene:
-    """People in a rectangular room with walls on all sides except for its exits.
+    """People in a rectangular room with walls on all sides except for its exits."""
 
-    Attributes
-    ----------
-    room : (x1, y1, x2, y2) [m]
-    building : Building
-    fields : Fields
-    crowd : Crowd
-        The initial state; `start` returns copies.
-    is_closed : bool
-        Whether the exits are closed.
-    """
-
-    room: Bounds
+    room: Bounds  # (x1, y1, x2, y2) [m]
     building: Building
     fields: Fields
-    crowd: Crowd
-    is_closed: bool = False
+    crowd: Crowd  # the initial state; `start` returns copies
+    is_closed: bool = False  # whether the exits are closed
 
     def start(self) -> tuple[CompiledEngine, Crowd]:
         """Return a new engine and a copy of the crowd."""
@@ -49,9 +39,18 @@ class Scene:
             set_open(world, link, False)
         return make_engine(world, len(crowd.level)), crowd
 
+    def changed(self, **arrays: FloatArray) -> "Scene":
+        """Return the scene with other arrays of the crowd."""
+        return replace(self, crowd=self.crowd.replace(**arrays))
+
     def border(self, step: float, explicit: bool) -> BorderScene:
         """Return the data with which contact models check a step [s]."""
         return border_scene(self.crowd, step, explicit)
+
+
+def people_in(bounds: Bounds, position: ArrayLike, velocity: ArrayLike = 0.0, **settings: Any) -> Scene:
+    """Return people in a room without exits who head along x; further arguments as for `make_crowd`."""
+    return Scene(bounds, room(bounds), one_direction(bounds), make_crowd(position, velocity, **settings))
 
 
 def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] = ()) -> Building:

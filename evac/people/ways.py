@@ -106,16 +106,10 @@ def check_ways(
 
 @dataclass
 class _Ends:
-    """Where the walks of some people end that do not arrive.
+    """Where the walks of some people end that do not arrive."""
 
-    Attributes
-    ----------
-    rows : (n,) int64
-    place : (people, 3) float64
-        Coordinates x, y [m] and level of everybody's end; the level of others is -1.
-    """
-
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64]  # (n,) int64
+    # (people, 3) float64: coordinates x, y [m] and level of everybody's end; the level of others is -1
     place: FloatArray
 
 

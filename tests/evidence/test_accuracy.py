@@ -7,10 +7,9 @@ import pytest
 
 from evac.evidence.accuracy import rows as rows_part
 from evac.evidence.accuracy import targets
-from evac.evidence.accuracy.data import order_of
 from evac.evidence.accuracy.fields import _fields, plain_directions
 from evac.evidence.accuracy.goals import factor_rows, race_rows, time_to, win_rows
-from evac.evidence.accuracy.orders import EXACT, order_rows, orders_off
+from evac.evidence.accuracy.orders import EXACT, order_of, order_rows, orders_off
 from evac.evidence.accuracy.orders import draw as draw_orders
 from evac.evidence.accuracy.overlap import FINISHED, cheapest_rows
 from evac.evidence.accuracy.overlap import draw as draw_overlap

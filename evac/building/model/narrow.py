@@ -128,28 +128,14 @@ def gaps_between_walls(building: Building, level: Level, width: float) -> FloatA
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Corners of an outline, each with a side within some distance.
+    """Corners of an outline, each with a side within some distance."""
 
-    Attributes
-    ----------
-    lines : (s,) linestrings
-        The sides of all rings.
-    ring : (s,) int64
-        Ring of each side.
-    length : (s,) float64
-        Length of each side [m].
-    corner, side : (m,) int64
-        For each pair, the side that starts at the corner, and the side near it.
-    ends : (m, 2, 2) float64
-        The corner, and the point of the side nearest to it [m].
-    """
-
-    lines: NDArray[Any]
-    ring: NDArray[np.int64]
-    length: FloatArray
-    corner: NDArray[np.int64]
-    side: NDArray[np.int64]
-    ends: FloatArray
+    lines: NDArray[Any]  # (s,) linestrings: the sides of all rings
+    ring: NDArray[np.int64]  # (s,) int64: ring of each side
+    length: FloatArray  # (s,) float64: length of each side [m]
+    corner: NDArray[np.int64]  # (m,): for each pair, the side that starts at the corner
+    side: NDArray[np.int64]  # (m,): for each pair, the side near it
+    ends: FloatArray  # (m, 2, 2) float64: the corner, and the point of the side nearest to it [m]
 
     def arcs(self, amount: FloatArray) -> FloatArray:
         """Return what lies along both ways (m, 2) from the corner to the nearest point; inf on different rings.

@@ -13,7 +13,7 @@ from evac.case.schema import DirectionSettings
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
-from evac.evidence.accuracy.data import order_of
+from evac.evidence.accuracy.orders import order_of
 from evac.evidence.accuracy.plans import PLANS, Plan
 from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
 from evac.evidence.report import Evidence, new_figure

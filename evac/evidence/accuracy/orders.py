@@ -7,18 +7,30 @@ from typing import Any
 import numpy as np
 
 from evac.case.schema import SimulationSettings
-from evac.evidence.accuracy.data import STYLES, colour_of, order_of
-from evac.evidence.report import new_figure
+from evac.evidence.report import MODEL_COLOURS, new_figure
 
 Row = dict[str, Any]
 
 DRIVES = ("exponential", "explicit")
+
+#: Marker, marker size and line width of each line, such that lines on top of each other remain visible.
+STYLES = (("o", 9.0, 4.0), ("s", 6.5, 2.6), ("^", 5.5, 1.8), ("D", 4.0, 1.3), (".", 4.0, 0.8))
 
 #: Errors below this are due to solver and rounding, not to the step [m].
 EXACT = 1e-8
 
 #: Orders that differ by no more than this count as equal.
 CLOSE = 0.3
+
+
+def order_of(steps: Sequence[float], errors: Sequence[float]) -> float:
+    """Return the measured order of convergence: the slope of log error over log step, least squares."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def colour_of(variant: str) -> str:
+    """Return the colour of the contact model that a label such as ``"NSM2, K_N = 0"`` begins with."""
+    return next(colour for model, colour in MODEL_COLOURS.items() if variant.startswith(model))
 
 
 def order_rows(rows: Sequence[Row]) -> list[Row]:

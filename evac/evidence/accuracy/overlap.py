@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.errors import SimulationError
-from evac.evidence.accuracy.data import colour_of
+from evac.evidence.accuracy.orders import colour_of
 from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure

@@ -19,31 +19,16 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Plan:
-    """A building with one exit whose travel times at 1 m/s along the slope are known.
-
-    Attributes
-    ----------
-    name : str
-    building : Building
-    level : int
-        Where people stand.
-    points : (p, 2) [m]
-    time : (p,) [s]
-    direction : (p, 2)
-        Unit directions of the shortest paths.
-    lead : (p,) [m]
-        See `evac.evidence.accuracy.reference.geodesics`; inf if there is only one path.
-    wall_distance : (p,) [m]
-    """
+    """A building with one exit whose travel times at 1 m/s along the slope are known."""
 
     name: str
     building: Building
-    level: int
-    points: FloatArray
-    time: FloatArray
-    direction: FloatArray
-    lead: FloatArray
-    wall_distance: FloatArray
+    level: int  # where people stand
+    points: FloatArray  # (p, 2) [m]
+    time: FloatArray  # (p,) [s]
+    direction: FloatArray  # (p, 2): unit directions of the shortest paths
+    lead: FloatArray  # (p,) [m]: see `evac.evidence.accuracy.reference.geodesics`; inf if there is only one path
+    wall_distance: FloatArray  # (p,) [m]
 
 
 def l_corner(points: int, generator: np.random.Generator) -> Plan:

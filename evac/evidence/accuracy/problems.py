@@ -70,21 +70,13 @@ LAWS = (
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """The contact problem of one step.
-
-    Attributes
-    ----------
-    law : Law
-    state : State
-        Of an engine that has just made the step: contacts, masses and free velocities are those of the problem.
-        ``contacts.percussion`` is where a solver starts, ``bodies.solved`` where it writes.
-    warm : (c,) [N s]
-        Percussions of the previous step for contacts that existed then.
-    """
+    """The contact problem of one step."""
 
     law: Law
+    # of an engine that has just made the step: contacts, masses and free velocities are those of the problem.
+    # ``contacts.percussion`` is where a solver starts, ``bodies.solved`` where it writes.
     state: State
-    warm: FloatArray
+    warm: FloatArray  # (c,) [N s]: percussions of the previous step for contacts that existed then
 
     @property
     def size(self) -> int:

@@ -27,21 +27,12 @@ ROW = 0.42
 
 @dataclass
 class DoorCrowd:
-    """A crowd in a room with a door, ready for its next step.
-
-    Attributes
-    ----------
-    kind : str
-    engine : CompiledEngine
-    crowd : Crowd
-    step : int
-        Steps made so far.
-    """
+    """A crowd in a room with a door, ready for its next step."""
 
     kind: str
     engine: CompiledEngine
     crowd: Crowd
-    step: int = 0
+    step: int = 0  # steps made so far
 
     def copy(self, kind: str = "") -> "DoorCrowd":
         """Return an independent copy, with its own door and a new engine."""

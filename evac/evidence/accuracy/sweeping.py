@@ -31,18 +31,10 @@ MEETING = 0.9
 
 @dataclass(frozen=True)
 class CleanWays:
-    """Directions, and the distance to places where they are ambiguous.
+    """Directions, and the distance to places where they are ambiguous."""
 
-    Attributes
-    ----------
-    direction : (p, 2)
-        Unit vectors of the directions.
-    to_meeting : (p,) [m]
-        Distance to the nearest place where two equally fast paths meet.
-    """
-
-    direction: FloatArray
-    to_meeting: FloatArray
+    direction: FloatArray  # (p, 2): unit vectors of the directions
+    to_meeting: FloatArray  # (p,) [m]: distance to the nearest place where two equally fast paths meet
 
 
 def clean_ways(building: Building, places: FloatArray, clearance: float, spacing: float = FINE) -> CleanWays:

@@ -50,24 +50,14 @@ BOUNDS = (-8.0, -6.0, 8.0, 6.0)
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem with a known or converging solution.
-
-    Attributes
-    ----------
-    name : str
-    duration : float [s]
-    scene : callable
-        Scene by shift [m].
-    exact : callable or None
-        Positions (n, 2) at the end by (plugin, parameters, shift); None: computed with the smallest step.
-    second_order : frozenset of (model, drive)
-        Where theory promises order 2; elsewhere order 1.
-    """
+    """A problem with a known or converging solution."""
 
     name: str
-    duration: float
-    scene: Callable[[float], Scene]
+    duration: float  # [s]
+    scene: Callable[[float], Scene]  # scene by shift [m]
+    # positions (n, 2) at the end by (plugin, parameters, shift); None: computed with the smallest step
     exact: Callable[[str, dict[str, Any], float], FloatArray] | None = None
+    # frozenset of (model, drive): where theory promises order 2; elsewhere order 1
     second_order: frozenset[tuple[str, str]] = frozenset()
 
 

@@ -20,30 +20,17 @@ OTHER_RESAMPLES = 1000
 
 @dataclass(frozen=True)
 class Drawn:
-    """A number of studies to be drawn: a task of one process.
+    """A number of studies to be drawn: a task of one process."""
 
-    Attributes
-    ----------
-    times : (runs,) or (populations, repetitions) float64 [s]
-        Evacuation times that studies are drawn from, with replacement; infinite where people are left. Of repetitions,
-        populations are drawn.
-    statistic : str
-    studies, seed : int
-    runs : int
-        Number of runs, or of populations, of each study, if it is fixed.
-    until : float or None
-        Relative half-width at which a study stops.
-    method : str
-        `"ours"`, or one of `OTHERS`.
-    """
-
+    # (runs,) or (populations, repetitions) float64 [s]: evacuation times that studies are drawn from, with replacement;
+    # infinite where people are left. Of repetitions, populations are drawn.
     times: FloatArray
     statistic: str
     studies: int
     seed: int
-    runs: int = 0
-    until: float | None = None
-    method: str = "ours"
+    runs: int = 0  # number of runs, or of populations, of each study, if it is fixed
+    until: float | None = None  # relative half-width at which a study stops
+    method: str = "ours"  # `"ours"`, or one of `OTHERS`
 
 
 def truth(times: FloatArray, statistic: str) -> float:

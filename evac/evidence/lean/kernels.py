@@ -35,21 +35,12 @@ AS_IT_IS, ALL_IN = "as it is", "all in"
 
 @dataclass(frozen=True)
 class KernelCase:
-    """A shipped case with a model, and parts that it can name without needing them.
-
-    Attributes
-    ----------
-    scene, model : str
-    overrides : mapping
-        Overrides that choose the model.
-    named : mapping
-        Overrides that name forces and behaviours, for the run with all parts.
-    """
+    """A shipped case with a model, and parts that it can name without needing them."""
 
     scene: str
     model: str
-    overrides: Mapping[str, Any]
-    named: Mapping[str, Any]
+    overrides: Mapping[str, Any]  # overrides that choose the model
+    named: Mapping[str, Any]  # overrides that name forces and behaviours, for the run with all parts
 
 
 def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:

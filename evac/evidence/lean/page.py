@@ -33,27 +33,15 @@ TANGENTIAL = 1.0
 
 @dataclass(frozen=True)
 class Part:
-    """An optional part, and how it is forced in.
+    """An optional part, and how it is forced in."""
 
-    Attributes
-    ----------
-    name : str
-        As `evac explain` lists it.
-    overrides : mapping
-        Overrides that name it in a case that does not need it.
-    full : bool
-        Whether unused fields, forces and behaviours are forced in (``evac run --full``).
-    loop : tuple of str
-        Parts forced into the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and
-        ``"tests"``, unnecessary tests.
-    base : Part, optional
-        The part whose run it is compared with, which has everything else; None for no comparison.
-    """
-
-    name: str
-    overrides: Mapping[str, Any] = field(default_factory=dict)
-    full: bool = False
+    name: str  # as `evac explain` lists it
+    overrides: Mapping[str, Any] = field(default_factory=dict)  # overrides that name it in a case that does not need it
+    full: bool = False  # whether unused fields, forces and behaviours are forced in (``evac run --full``)
+    # parts forced into the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and ``"tests"``,
+    # unnecessary tests
     loop: tuple[str, ...] = ()
+    # the part whose run it is compared with, which has everything else; None for no comparison
     base: "Part | None" = None
 
 

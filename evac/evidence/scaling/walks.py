@@ -34,23 +34,13 @@ SETTLING = 2
 
 @dataclass(frozen=True)
 class Variant:
-    """A contact model with the settings of a walk.
+    """A contact model with the settings of a walk."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the tables.
-    model : ContactModel
-        The model that is timed.
-    rough : ContactModel
-        The model for the walk into the jam: NSM1, whose solve is the most expensive, with a coarse tolerance.
-    step : float [s]
-    """
-
-    name: str
-    model: ContactModel
+    name: str  # name in the tables
+    model: ContactModel  # the model that is timed
+    # the model for the walk into the jam: NSM1, whose solve is the most expensive, with a coarse tolerance
     rough: ContactModel
-    step: float
+    step: float  # [s]
 
 
 def make_variant(name: str, step: float, label: str = "", **parameters: Any) -> Variant:
@@ -90,37 +80,19 @@ class Walk:
         return float(np.median(speed / self.crowd.speed[inside, 0])) if len(speed) else 0.0
 
     def advance(self, model: ContactModel, ticks: int = 1) -> None:
-        """Make some ticks.
-
-        Raises
-        ------
-        SimulationError
-            The model cannot make a step.
-        """
+        """Make some ticks."""
         for _ in range(ticks):
             self._before[:] = self.crowd.position
             self.engine.advance(model, self.crowd, self.made, self.per_tick, self.step, False, False)
             self.made += self.per_tick
 
     def freely(self, variant: Variant, ticks: int) -> str:
-        """Walk for a time; return why the walk ended.
-
-        Raises
-        ------
-        SimulationError
-            The model cannot make a step.
-        """
+        """Walk for a time; return why the walk ended."""
         self.advance(variant.model, ticks)
         return "time"
 
     def into_a_jam(self, variant: Variant) -> str:
-        """Walk until the crowd is jammed and has settled; return why the walk ended.
-
-        Raises
-        ------
-        SimulationError
-            The model cannot make a step.
-        """
+        """Walk until the crowd is jammed and has settled; return why the walk ended."""
         people = len(self.crowd.level)
         ended = ""
         while not ended:
@@ -149,13 +121,7 @@ class Cost:
 
 
 def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
-    """Take the CPU time of some ticks of a walk, Python's part included, in turns with the minimal kernel.
-
-    Raises
-    ------
-    SimulationError
-        The model cannot make a step.
-    """
+    """Take the CPU time of some ticks of a walk, Python's part included, in turns with the minimal kernel."""
     minimal = start_minimal(walk.crowd, walk.engine.state.world.fields, walk.per_tick, walk.step)
     before = walk.engine.report()
     inside, spans, least = [], [], []

@@ -1,18 +1,16 @@
 """NSM2 over its whole range of dissipation, standing crowds, static overlaps and forces."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
 from evac.evidence import scenes
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
-from evac.evidence.scenes import Bounds, Scene
+from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, cell_rows
 from evac.evidence.stability.trial import (
     REFUSED,
@@ -29,7 +27,6 @@ from evac.evidence.stability.trial import (
 )
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact.model import ContactModel
-from evac.physics.state import Crowd, make_crowd
 
 #: Greatest speed of a crowd that stands [m/s].
 STANDS = 0.005
@@ -71,8 +68,10 @@ def dissipation(evidence: Evidence) -> list[str]:
 def _dissipation_rows(quick: bool) -> list[dict[str, Any]]:
     """Return the row of each K_N and solver."""
     values = [0.0, 1e2, 1e5, np.inf] if quick else [0.0, *10.0 ** np.arange(0.0, 9.1), np.inf]
-    pair = _without_walking(ROOM, [(2.5, 2.0), (2.92, 2.0)], [(1.5, 0.0), (-1.0, 0.0)], mass=np.array([60.0, 100.0]))
-    wall = _without_walking(ROOM, [(5.7, 2.0)], [(1.5, 0.0)], mass=80.0)
+    # without driving force: they keep their velocity until they touch
+    mass = np.array([60.0, 100.0])
+    pair = scenes.people_in(ROOM, [(2.5, 2.0), (2.92, 2.0)], [(1.5, 0.0), (-1.0, 0.0)], tau=1e12, mass=mass)
+    wall = scenes.people_in(ROOM, [(5.7, 2.0)], [(1.5, 0.0)], tau=1e12, mass=80.0)
     rows: list[dict[str, Any]] = []
     for value in values:
         for solver in plugins().solvers:
@@ -85,7 +84,8 @@ def _dissipation_rows(quick: bool) -> list[dict[str, Any]]:
                 trial = attempt(model, scene, 0.01, 0.3, every=0.01)
                 expected = restitution(value, mass)
                 row |= {f"{name}: restitution": rebound(trial), f"{name}: theory": expected}
-                row[name] = judge(trial, partial(_off, rebound, expected), SMALL_SPEED, SMALL_SPEED, "").kind
+                error = abs(rebound(trial) - expected)
+                row[name] = judge(trial, lambda _, error=error: error, SMALL_SPEED, SMALL_SPEED, "").kind
             rows.append(row | _try_squeeze(model))
     return rows
 
@@ -97,18 +97,11 @@ def restitution(dissipation: float, mass: float) -> float:
     return max(0.0, (0.5 * dissipation - mass) / (0.5 * dissipation + mass))
 
 
-def _without_walking(bounds: Bounds, position: ArrayLike, velocity: ArrayLike, **of: Any) -> Scene:
-    """Return people without driving force, who keep their velocity until they touch."""
-    crowd = make_crowd(position, velocity, tau=1e12, **of)
-    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
-
-
 def squeeze() -> Scene:
     """Return five people who overlap each other and both walls of a corridor, moving to and fro."""
     bounds = (0.0, 0.0, 1.9, 1.0)
     line = np.column_stack([np.linspace(0.18, 1.72, 5), np.full(5, 0.5)])
-    crowd = make_crowd(line, [(0.1 * (-1.0) ** k, 0.0) for k in range(5)], speed=2.0, mass=80.0)
-    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+    return scenes.people_in(bounds, line, [(0.1 * (-1.0) ** k, 0.0) for k in range(5)], speed=2.0, mass=80.0)
 
 
 def _try_squeeze(model: ContactModel) -> dict[str, Any]:
@@ -140,11 +133,6 @@ def _pair_rebound(trial: Trial) -> float:
     return float(-relative[1] / relative[0])
 
 
-def _off(rebound: Callable[[Trial], float], expected: float, trial: Trial) -> float:
-    """Return how far the restitution of a trial is from theory."""
-    return abs(rebound(trial) - expected)
-
-
 def _draw_restitution(rows: Sequence[dict[str, Any]]) -> Any:
     """Draw measured and theoretical restitution over K_N."""
     figure, axis = new_figure(6.5, 4.0)
@@ -164,9 +152,9 @@ def _draw_restitution(rows: Sequence[dict[str, Any]]) -> Any:
 def standing_crowd() -> Scene:
     """Return 40 people, 2 cm apart, who fill the width of a corridor and walk against its end."""
     bounds = (0.0, 0.0, 6.0, 2.2)
-    crowd = make_crowd(scenes.packed(5 * COLUMNS, 5, 0.2, 5.99, 0.0, 0.0), speed=WALKING)
-    crowd.position[:, 0] -= 0.02 * np.arange(5 * COLUMNS) // 5
-    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+    places = scenes.packed(5 * COLUMNS, 5, 0.2, 5.99, 0.0, 0.0)
+    places[:, 0] -= 0.02 * np.arange(5 * COLUMNS) // 5
+    return scenes.people_in(bounds, places, speed=WALKING)
 
 
 def standing(evidence: Evidence) -> list[str]:
@@ -214,8 +202,7 @@ def try_standing(variant: str, solver: str, explicit: bool, step: float) -> Verd
     scene, duration = standing_crowd(), 10.0
     if step < 5e-4:
         before = attempt(model, scene, 1e-3, duration, explicit=explicit, every=duration)
-        crowd: Crowd = scene.crowd.replace(position=before.position[-1], velocity=before.velocity[-1])
-        scene, duration = Scene(scene.room, scene.building, scene.fields, crowd), 2.0
+        scene, duration = scene.changed(position=before.position[-1], velocity=before.velocity[-1]), 2.0
     trial = attempt(model, scene, step, duration, explicit=explicit)
     return judge(trial, last_speed, STANDS, tolerable_jitter(variant, step), "m/s")
 
@@ -261,8 +248,7 @@ def _static_rows() -> list[dict[str, Any]]:
     cases += [(1.2e5, 2.0, 0.01, drive) for drive in ("explicit", "exponential")]
     rows = []
     for stiffness, speed, step, drive in cases:
-        crowd = make_crowd([(5.8, 2.0)], tau=tau, speed=speed)
-        scene = Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+        scene = scenes.people_in(ROOM, [(5.8, 2.0)], tau=tau, speed=speed)
         trial = attempt(make_model("DEM", stiffness=stiffness), scene, step, 4.0, explicit=drive == "explicit")
         load = 80.0 * speed / tau
         share = 1.0 if drive == "explicit" else -float(np.expm1(-step / tau)) * tau / step
@@ -319,7 +305,7 @@ def pressed_forces(variant: str, step: float, explicit: bool) -> FloatArray | No
     """Return the contact force at the wall over 9 m v / tau, at 100 moments; None if the model refuses the step."""
     bounds = (0.0, 0.0, 6.0, 1.0)
     places = [(5.8 - 0.4 * k, 0.5) for k in range(5)]
-    scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), make_crowd(places, speed=WALKING))
+    scene = scenes.people_in(bounds, places, speed=WALKING)
     model = make_model(variant)
     engine, crowd = scene.start()
     try:

@@ -13,7 +13,7 @@ from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed
 from evac.evidence.stability.trial import STIFFNESS, Trial, Verdict, attempt, judge, last_overlap, make_model
 from evac.evidence.verdicts import all_of, reported
-from evac.physics.state import Crowd, make_crowd
+from evac.physics.state import make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
 
@@ -29,17 +29,13 @@ PRESS = 0.05
 def crowd_in_corridor(number: int, rows: int, mass: float, radius: float = 0.2, tau: float = 0.5) -> Scene:
     """Return people in a triangular packing that fills a corridor's width, walking against its end."""
     bounds = (0.0, 0.0, 8.0, (2 * rows + 1) * radius)
-    crowd = make_crowd(
-        scenes.packed(number, rows, radius, 8.0, 0.0), radius=radius, mass=mass, tau=tau, speed=PRESS * tau / 0.5
-    )
-    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+    places = scenes.packed(number, rows, radius, 8.0, 0.0)
+    return scenes.people_in(bounds, places, radius=radius, mass=mass, tau=tau, speed=PRESS * tau / 0.5)
 
 
 def pair_at_wall() -> Scene:
     """Return two people behind each other, walking against a wall."""
-    bounds = (0.0, 0.0, 8.0, 4.0)
-    crowd = make_crowd([(7.8, 2.0), (7.4, 2.0)], mass=60.0, speed=PRESS)
-    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+    return scenes.people_in((0.0, 0.0, 8.0, 4.0), [(7.8, 2.0), (7.4, 2.0)], mass=60.0, speed=PRESS)
 
 
 def ring_around_big() -> Scene:
@@ -61,34 +57,32 @@ def settled(scene: Scene, stiffness: float) -> Scene:
     crowd = scene.crowd
     period = float(np.sqrt(crowd.mass.min() / stiffness))
     tau = 8.0 * period
-    hurried = crowd.replace(tau=np.full_like(crowd.tau, tau), speed=crowd.speed * (tau / crowd.tau)[:, None])
-    start = Scene(scene.room, scene.building, scene.fields, hurried)
+    start = scene.changed(tau=np.full_like(crowd.tau, tau), speed=crowd.speed * (tau / crowd.tau)[:, None])
     step = 0.1 * period
     model = make_model("DEM", stiffness=stiffness)
     rest = attempt(model, start, step, 12_000 * step, every=6_000 * step, checked=False)
-    return Scene(scene.room, scene.building, scene.fields, crowd.replace(position=rest.position[-1]))
+    return scene.changed(position=rest.position[-1])
 
 
 def nudged(scene: Scene, generator: np.random.Generator) -> Scene:
     """Return the scene with small random velocities."""
-    crowd: Crowd = scene.crowd.replace(velocity=NUDGE * generator.standard_normal(scene.crowd.position.shape))
-    return Scene(scene.room, scene.building, scene.fields, crowd)
+    return scene.changed(velocity=NUDGE * generator.standard_normal(scene.crowd.position.shape))
 
 
 def try_step(scene: Scene, stiffness: float, step: float, explicit: bool, checked: bool) -> Verdict:
     """Return the verdict on a nudged crowd after `STEPS` steps, beside the same crowd without the nudge."""
-    plain = scene.crowd.replace(velocity=np.zeros_like(scene.crowd.velocity))
+    plain = scene.changed(velocity=np.zeros_like(scene.crowd.velocity))
     trials = [
         attempt(
             make_model("DEM", stiffness=stiffness),
-            Scene(scene.room, scene.building, scene.fields, crowd),
+            start,
             step,
             STEPS * step,
             explicit=explicit,
             every=STEPS * step,
             checked=checked,
         )
-        for crowd in (scene.crowd, plain)
+        for start in (scene, plain)
     ]
 
     def growth(trial: Trial) -> float:
@@ -211,10 +205,9 @@ def _hardened_rows(hardening: float, quick: bool) -> list[dict[str, Any]]:
     rows = []
     for load in (5e3, 2e5) if quick else (5e3, 1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6):
         exact = hardened_overlap(load, STIFFNESS, HEAVY_RADIUS, hardening)
-        bounds = (0.0, 0.0, 8.0, 4.0)
-        place, speed = (8.0 - HEAVY_RADIUS + 0.98 * exact, 2.0), load * tau / HEAVY_MASS
-        crowd = make_crowd([place], radius=HEAVY_RADIUS, mass=HEAVY_MASS, tau=tau, speed=speed)
-        scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+        place = (8.0 - HEAVY_RADIUS + 0.98 * exact, 2.0)
+        of = {"radius": HEAVY_RADIUS, "mass": HEAVY_MASS, "tau": tau, "speed": load * tau / HEAVY_MASS}
+        scene = scenes.people_in((0.0, 0.0, 8.0, 4.0), [place], **of)
         trial = attempt(make_model("DEM"), scene, step, 20.0, explicit=True, every=10.0)
         rows.append(
             {

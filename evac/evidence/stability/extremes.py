@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from evac.base.errors import EvacError
 from evac.evidence import scenes
 from evac.evidence.report import Evidence
-from evac.evidence.scenes import Bounds, Scene
+from evac.evidence.scenes import Scene
 from evac.evidence.stability.trial import (
     REFUSED,
     RIGHT,
@@ -57,12 +56,12 @@ class Extreme:
 
 def coincident() -> Scene:
     """Return two people at the same place."""
-    return _in_room(ROOM, [(2.0, 2.0), (2.0, 2.0)], speed=1.0)
+    return scenes.people_in(ROOM, [(2.0, 2.0), (2.0, 2.0)], speed=1.0)
 
 
 def half_overlapping() -> Scene:
     """Return four people who overlap by half."""
-    return _in_room(ROOM, [(2.0, 2.0), (2.2, 2.0), (2.1, 2.2), (2.0, 1.8)], speed=1.0)
+    return scenes.people_in(ROOM, [(2.0, 2.0), (2.2, 2.0), (2.1, 2.2), (2.0, 1.8)], speed=1.0)
 
 
 def denser_than_discs() -> Scene:
@@ -70,7 +69,7 @@ def denser_than_discs() -> Scene:
     bounds = (0.0, 0.0, 2.0, 2.0)
     grid = np.linspace(0.26, 1.74, 7)
     places = np.array([(x, y + 0.01 * k) for k, x in enumerate(grid) for y in grid[:6]])[:40]
-    return _in_room(bounds, places, radius=0.25, speed=1.0)
+    return scenes.people_in(bounds, places, radius=0.25, speed=1.0)
 
 
 def closed_door(people: int) -> Scene:
@@ -101,23 +100,18 @@ def narrow_door() -> Scene:
 
 def squeezed() -> Scene:
     """Return three people of 0.4 m between two walls 0.3 m apart."""
-    return _in_room((0.0, 0.0, 6.0, 0.3), [(1.0, 0.15), (2.0, 0.1), (3.0, 0.2)], speed=1.0)
+    return scenes.people_in((0.0, 0.0, 6.0, 0.3), [(1.0, 0.15), (2.0, 0.1), (3.0, 0.2)], speed=1.0)
 
 
 def far_from_origin(gap: float, east: float = 5e5, north: float = 5e6) -> Scene:
     """Return people `gap` [m] apart who walk against a wall, at UTM coordinates."""
     bounds = (east, north, east + 6.0, north + 4.0)
-    return _in_room(bounds, scenes.packed(12, 4, 0.2, east + 5.9, north + 1.0, gap), speed=1.5)
+    return scenes.people_in(bounds, scenes.packed(12, 4, 0.2, east + 5.9, north + 1.0, gap), speed=1.5)
 
 
 def standing_room() -> Scene:
     """Return 20 people who walk against a wall without limit of time."""
-    return _in_room((0.0, 0.0, 6.0, 1.8), scenes.packed(20, 4, 0.2, 5.9, 0.0, 0.0), speed=1.5)
-
-
-def _in_room(bounds: Bounds, position: ArrayLike, **settings: Any) -> Scene:
-    crowd = make_crowd(position, **settings)
-    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+    return scenes.people_in((0.0, 0.0, 6.0, 1.8), scenes.packed(20, 4, 0.2, 5.9, 0.0, 0.0), speed=1.5)
 
 
 def extremes(quick: bool) -> dict[str, Extreme]:
@@ -136,12 +130,17 @@ def extremes(quick: bool) -> dict[str, Extreme]:
             1.0,
         ),
         "door narrower than a body": Extreme(
-            "people who came through, right up to 0", narrow_door, _bounded(_people_out, 0.0, 0.0, "people"), 10.0
+            "people who came through, right up to 0",
+            narrow_door,
+            _bounded(lambda trial: float((trial.crowd.level < 0).sum()), 0.0, 0.0, "people"),
+            10.0,
         ),
         "squeezed between two walls": Extreme(
             "speed beyond the desired one, right up to 0.02 m/s",
             squeezed,
-            _bounded(_speed_beyond, 0.02, sideways, "m/s"),
+            _bounded(
+                lambda trial: max(0.0, float(trial.speed().max() - trial.crowd.speed.max())), 0.02, sideways, "m/s"
+            ),
         ),
         "UTM coordinates": Extreme(
             "greatest distance to the same run at the origin, both solved to 1e-9 m/s, right up to 1e-6 m",
@@ -184,15 +183,6 @@ def _overlap_to_remove(make: Callable[[], Scene], duration: float) -> Extreme:
 def _overlap_left(trial: Trial) -> float:
     """Return the overlap at the end [m], infinite if the report conceals the start's."""
     return last_overlap(trial) if np.isfinite(greatest_overlap(trial)) else np.inf
-
-
-def _speed_beyond(trial: Trial) -> float:
-    """Return by how much the greatest speed exceeds the greatest desired one [m/s]."""
-    return max(0.0, float(trial.speed().max() - trial.crowd.speed.max()))
-
-
-def _people_out(trial: Trial) -> float:
-    return float((trial.crowd.level < 0).sum())
 
 
 def _far_and_near(trial: Trial, gap: float) -> tuple[float, float]:
@@ -267,18 +257,11 @@ def _scene_rows(quick: bool) -> list[dict[str, Any]]:
     rows = []
     for name, extreme in extremes(quick).items():
         variants = VARIANTS if extreme.make().crowd.radius.size < 1000 and extreme.duration < 1000.0 else LARGE
-        rows += [_scene_row(name, variant, extreme.words, try_extreme(extreme, variant)) for variant in variants]
-    for name in ("dem", "nsm1", "nsm2"):
-        rows.append(_scene_row("building of one triangle", name, "people still inside after 30 s", try_triangle(name)))
-    return rows
-
-
-def _scene_row(scene: str, model: str, judged_by: str, verdict: Verdict) -> dict[str, Any]:
-    return {
-        "scene": scene,
-        "model": model,
-        "verdict": verdict.kind,
-        "judged by": judged_by,
-        "error": verdict.error,
-        "words": verdict.words,
-    }
+        rows += [(name, variant, extreme.words, try_extreme(extreme, variant)) for variant in variants]
+    for model in ("dem", "nsm1", "nsm2"):
+        rows.append(("building of one triangle", model, "people still inside after 30 s", try_triangle(model)))
+    columns = ("scene", "model", "verdict", "judged by", "error", "words")
+    return [
+        dict(zip(columns, (scene, model, found.kind, by, found.error, found.words), strict=True))
+        for scene, model, by, found in rows
+    ]

@@ -85,10 +85,11 @@ def show_map(
         return compute(evidence)
 
     rows = evidence.measured(name, lambda: cell_rows(mapped()[0], axes))
+    panels = dict.fromkeys(row["panel"] for row in rows)
     evidence.plot(name, lambda: _draw(*mapped(), axes, columns), caption)
     evidence.table(
         f"{name}_sums",
-        [_sums(panel, [row for row in rows if row["panel"] == panel]) for panel in _panels(rows)],
+        [_sums(panel, [row for row in rows if row["panel"] == panel]) for panel in panels],
         f"Cells by verdict; every cell with its error and words is in [{name}.csv]({name}.csv).",
     )
     return [row["verdict"] for row in rows]
@@ -107,10 +108,6 @@ def cell_rows(cells: Sequence[Cell], axes: tuple[str, str]) -> list[dict[str, An
         }
         for cell in cells
     ]
-
-
-def _panels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    return list(dict.fromkeys(row["panel"] for row in rows))
 
 
 def _sums(panel: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str | int | float]:

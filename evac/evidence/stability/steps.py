@@ -23,7 +23,6 @@ from evac.evidence.stability.trial import (
     make_model,
 )
 from evac.evidence.verdicts import reported
-from evac.physics.state import make_crowd
 
 #: Steps over which the overlap is tabulated [s].
 OVERLAP_STEPS = (0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4)
@@ -41,8 +40,7 @@ def refusal(tau: float, explicit: bool = False, mass: float = 80.0) -> float:
 
 def walk_against_wall(speed: float, tau: float = 0.5) -> Scene:
     """Return twelve people half a metre from a wall, walking towards it."""
-    crowd = make_crowd(scenes.packed(12, 4, 0.2, 5.5, 1.0, 0.05), speed=speed, tau=tau)
-    return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+    return scenes.people_in(ROOM, scenes.packed(12, 4, 0.2, 5.5, 1.0, 0.05), speed=speed, tau=tau)
 
 
 def tau_cells(evidence: Evidence) -> Mapped:
@@ -58,8 +56,7 @@ def tau_cells(evidence: Evidence) -> Mapped:
 
             midpoint = variant.startswith("NSM2")
             for tau in taus:
-                crowd = make_crowd([(1.0, 2.0)], speed=speed, tau=tau)
-                scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+                scene = scenes.people_in(bounds, [(1.0, 2.0)], speed=speed, tau=tau)
 
                 def lag(trial: Trial, tau: float = tau) -> float:
                     exact = 1.0 + speed * (trial.time + tau * np.expm1(-trial.time / tau))
@@ -173,8 +170,7 @@ def mass_cells(evidence: Evidence) -> Mapped:
 
     def pack(ratio: float) -> Scene:
         mass = 80.0 * np.sqrt(ratio) ** np.tile([-1.0, 1.0], 10)
-        crowd = make_crowd(scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
-        return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+        return scenes.people_in(ROOM, scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
 
     ratios = [1.0, 1e3, 1e6] if evidence.quick else [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6]
     limits = [step_limit(np.sqrt(6.0 * STIFFNESS * np.sqrt(ratio) / 80.0), 0.5, False) for ratio in ratios]
@@ -199,8 +195,7 @@ def radius_cells(evidence: Evidence) -> Mapped:
     def mix(ratio: float) -> Scene:
         radius = np.geomspace(0.25, 0.25 / ratio, 30)
         places = scenes.scattered(30, bounds, radius, evidence.generator("radius", str(ratio)))
-        crowd = make_crowd(places, radius=radius, speed=1.5)
-        return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+        return scenes.people_in(bounds, places, radius=radius, speed=1.5)
 
     ratios = [1.0, 100.0] if evidence.quick else [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
     return _ratio_cells(evidence, ratios, mix), {"DEM": [_packing_limit(ratios)]} | _half_paths(ratios)

@@ -75,33 +75,17 @@ CONCEALED = 1e-4
 
 @dataclass(frozen=True)
 class Trial:
-    """The outcome of a run.
-
-    Attributes
-    ----------
-    model : ContactModel
-    scene : Scene
-    message : str
-        Why the run was refused or stopped; empty if it is complete.
-    time, position, velocity : (f,), (f, n, 2), (f, n, 2)
-        Frames, the first at the start [s], [m], [m/s]; the velocity is the contact model's own.
-    crowd : Crowd
-        At the end.
-    outside : int
-        Frames times people at which a centre was beyond an outer wall.
-    report : dict
-        The engine's sums.
-    """
+    """The outcome of a run."""
 
     model: ContactModel
     scene: Scene
-    message: str
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    crowd: Crowd
-    outside: int
-    report: Mapping[str, float]
+    message: str  # why the run was refused or stopped; empty if it is complete
+    time: FloatArray  # (f,) of the frames, the first at the start [s]
+    position: FloatArray  # (f, n, 2) [m]
+    velocity: FloatArray  # (f, n, 2) [m/s], the contact model's own
+    crowd: Crowd  # at the end
+    outside: int  # frames times people at which a centre was beyond an outer wall
+    report: Mapping[str, float]  # the engine's sums
 
     def is_finite(self) -> bool:
         """Return whether all numbers of all frames are finite."""

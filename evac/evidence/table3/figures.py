@@ -60,7 +60,8 @@ def _figure_2() -> tuple[list[dict[str, Any]], Any]:
         position, velocity = _hit_ground(name)
         step = np.arange(len(position))
         axes[0].plot(position[:, 0], position[:, 1], ".-", color=MODEL_COLOURS[name], label=name)
-        axes[1].step(step * STEP, velocity[:, 1], ".-", where=_jump(name), color=MODEL_COLOURS[name], label=name)
+        jump: Any = "mid" if name == "NSM2" else "pre"  # where between two steps the velocity changes
+        axes[1].step(step * STEP, velocity[:, 1], ".-", where=jump, color=MODEL_COLOURS[name], label=name)
         before = int(HIT / STEP)
         rows.append(
             {
@@ -122,11 +123,6 @@ def _figure_3() -> tuple[list[dict[str, Any]], Any]:
     axes[1].set(xlabel="t [s]", ylabel="velocity along x of the first [m/s]")
     axes[0].legend(frameon=False)
     return rows, figure
-
-
-def _jump(name: str) -> Any:
-    """Return where between two steps a model's velocity changes, as a draw style of matplotlib."""
-    return "mid" if name == "NSM2" else "pre"
 
 
 def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:

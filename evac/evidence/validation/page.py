@@ -3,7 +3,7 @@
 Each test covers the whole process from a mesh file to the table of people.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -106,8 +106,8 @@ class Job:
     """A task of one process: a call with a trial."""
 
     call: Callable[[Trial], Any]
-    subject: Trial
     runs: int
+    subject: Trial
     seed: int
 
     @property
@@ -159,28 +159,21 @@ def run(evidence: Evidence) -> None:
 
 
 def survey(evidence: Evidence) -> Surveyed:
-    """Run all tests, stairs and doors with every subject."""
-    tests, subjects = (QUICK_TESTS, QUICK_SUBJECTS) if evidence.quick else (TESTS, SUBJECTS)
-    jobs = [Job(test, subject, runs, evidence.seed) for test, runs in tests.items() for subject in subjects]
-    checks = [check for found in evidence.map(carry_out, jobs) for check in found]
-    stairs, doors = survey_stairs(evidence, subjects), survey_doors(evidence, subjects)
+    """Run all tests, and the stairs and doors of every width, with every subject."""
+    quick = evidence.quick
+    tests, subjects = (QUICK_TESTS, QUICK_SUBJECTS) if quick else (TESTS, SUBJECTS)
+
+    def made(calls: Iterable[tuple[Callable[[Trial], Any], int]]) -> list[Any]:
+        return evidence.map(carry_out, [Job(*call, subject, evidence.seed) for call in calls for subject in subjects])
+
+    checks = [check for found in made(tests.items()) for check in found]
+    widths, runs = (QUICK_STAIRS, QUICK_RUNS) if quick else (capacity.STAIR_WIDTHS, STAIR_RUNS)
+    stairs = made((partial(capacity.run_stair, width=one, way=way), runs) for way in capacity.WAYS for one in widths)
+    widths, runs = (QUICK_DOORS, QUICK_RUNS) if quick else (capacity.DOOR_WIDTHS, DOOR_RUNS)
+    doors = made((partial(capacity.run_door, width=one), runs) for one in widths)
     for subject in subjects:
         checks += capacity.stair_checks([stair for stair in stairs if stair.trial.name == subject.name])
     return Surveyed(checks + capacity.door_checks(doors), stairs, doors)
-
-
-def survey_stairs(evidence: Evidence, subjects: Sequence[Trial]) -> list[capacity.Stair]:
-    """Run the stairs of every width, both ways, with every subject."""
-    runs, widths = (QUICK_RUNS, QUICK_STAIRS) if evidence.quick else (STAIR_RUNS, capacity.STAIR_WIDTHS)
-    calls = [partial(capacity.run_stair, width=width, way=way) for way in capacity.WAYS for width in widths]
-    return evidence.map(carry_out, [Job(call, subject, runs, evidence.seed) for call in calls for subject in subjects])
-
-
-def survey_doors(evidence: Evidence, subjects: Sequence[Trial]) -> list[capacity.Door]:
-    """Run the doors of every width with every subject."""
-    runs, widths = (QUICK_RUNS, QUICK_DOORS) if evidence.quick else (DOOR_RUNS, capacity.DOOR_WIDTHS)
-    calls = [partial(capacity.run_door, width=width) for width in widths]
-    return evidence.map(carry_out, [Job(call, subject, runs, evidence.seed) for call in calls for subject in subjects])
 
 
 def check_row(check: Check) -> dict[str, Any]:

@@ -24,25 +24,13 @@ from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 @dataclass(frozen=True)
 class Criterion:
-    """The criterion of a test: a quantity, the range in which it must lie, and the source.
+    """The criterion of a test: a quantity, the range in which it must lie, and the source."""
 
-    Attributes
-    ----------
-    test : str
-        Common name of the test, such as "RiMEA 2".
-    quantity : str
-        The measured quantity, with its unit.
-    source : str
-        Source of the range.
-    low, high : float
-        The range; infinite if it is open.
-    """
-
-    test: str
-    quantity: str
-    source: str
-    low: float = -np.inf
-    high: float = np.inf
+    test: str  # common name of the test, such as "RiMEA 2"
+    quantity: str  # the measured quantity, with its unit
+    source: str  # source of the range
+    low: float = -np.inf  # the range; infinite if it is open
+    high: float = np.inf  # the range; infinite if it is open
 
     @property
     def band(self) -> str:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk
 from evac.evidence.scaling.peers.evac_walk import EvacWalk, HeadwayWalk, MinimalWalk
 from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
-from evac.evidence.scaling.peers.program import Program
 from evac.evidence.scaling.peers.rvo2_walk import HORIZON, NEIGHBOURS, REACH, WALL_HORIZON, OrcaWalk
 from evac.evidence.scaling.walks import TICK
 from evac.evidence.verdicts import reported
@@ -34,6 +33,18 @@ FAILURES = (SimulationError, RuntimeError, ArithmeticError, IndexError)
 BASE, LEAST = "evac, DEM", "minimal kernel"
 
 SECTION = "Beside other programs"
+
+
+class Program(Protocol):
+    """A program that walks a copy of the crowd of a hall."""
+
+    @property
+    def inside(self) -> int:
+        """Number of people for whom a step is made."""
+
+    def advance(self) -> float:
+        """Make the steps of a tick; return their CPU time [s]."""
+
 
 #: From a hall and the length of a step [s].
 Maker = Callable[[Hall, float], Program]
