@@ -29,19 +29,11 @@ FEWEST = 1e-3
 
 
 class Quantity(NamedTuple):
-    """The quantity of a map.
-
-    Attributes
-    ----------
-    label : str
-    unit : str
-    doc : str
-        Definition.
-    """
+    """The quantity of a map."""
 
     label: str
     unit: str
-    doc: str
+    doc: str  # definition
 
 
 #: The maps, by the name of the array of `LevelMaps`.

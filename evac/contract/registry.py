@@ -38,24 +38,12 @@ FILE_PREFIX = "evac_plugin_"
 
 @dataclass(frozen=True)
 class Provenance:
-    """The origin of a plugin.
+    """The origin of a plugin."""
 
-    Attributes
-    ----------
-    plugin : str
-        Name of its module, path of its file, or module and name of its class.
-    source : str
-        ``"built-in"``, ``"distribution"``, ``"file"`` or ``"class"``.
-    origin : str
-        The distribution's name, the file's path, or the class's module.
-    version : str
-        Version of the distribution; digest of the file's text; empty for a class.
-    """
-
-    plugin: str
-    source: str
-    origin: str
-    version: str
+    plugin: str  # name of its module, path of its file, or module and name of its class
+    source: str  # ``"built-in"``, ``"distribution"``, ``"file"`` or ``"class"``
+    origin: str  # the distribution's name, the file's path, or the class's module
+    version: str  # version of the distribution; digest of the file's text; empty for a class
 
 
 class _Manager(pluggy.PluginManager):

@@ -15,18 +15,10 @@ STEPS, ROUNDING = (1e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5), 1e-6
 
 
 class BodyClass(NamedTuple):
-    """Bodies that fit through the same gaps.
+    """Bodies that fit through the same gaps."""
 
-    Attributes
-    ----------
-    width : float
-        Greatest width of a body of the class below [m].
-    barred : float
-        Gaps narrower than this are walls for the class [m].
-    """
-
-    width: float
-    barred: float
+    width: float  # greatest width of a body of the class below [m]
+    barred: float  # gaps narrower than this are walls for the class [m]
 
 
 def find_classes(building: Building, narrowest: float, widest: float) -> tuple[BodyClass, ...]:

@@ -19,25 +19,15 @@ class CellWalls(Struct):
     """The walls through each grid cell, so that interpolation can exclude nodes on the other side of a wall.
 
     Cell (ix, iy) of a level, from node (ix, iy) to (ix + 1, iy + 1), has the index ``offset + ix * ny + iy``.
-
-    Attributes
-    ----------
-    offset : (levels, columns) int32
-        Index of the first cell of each level; gaps that a class of bodies does not fit through are walls for it.
-    cell : (c,) int64
-        Indices of the cells that walls pass through, ascending.
-    start : (c + 1,) int64
-        First wall of each of these cells in `wall`.
-    wall : (w, 4) float64 [m]
-    steepest : float
-        Largest increase of a travel time [s] or length [m] per metre in plan.
     """
 
+    # (levels, columns) int32: index of the first cell of each level; gaps that a class of bodies does not fit through
+    # are walls for it
     offset: IntGrid
-    cell: Longs
-    start: Longs
-    wall: Quads
-    steepest: float
+    cell: Longs  # (c,) int64: indices of the cells that walls pass through, ascending
+    start: Longs  # (c + 1,) int64: first wall of each of these cells in `wall`
+    wall: Quads  # (w, 4) float64 [m]
+    steepest: float  # largest increase of a travel time [s] or length [m] per metre in plan
 
 
 #: Cell walls of fields without walls.

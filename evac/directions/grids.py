@@ -30,41 +30,26 @@ MARGIN = 4
 
 @dataclass(frozen=True)
 class LevelGrid:
-    """The grid of one level.
-
-    Attributes
-    ----------
-    level : int
-    window : Window
-    sheet : (nx, ny) int32
-        ``NOTHING``, ``OWN``, or 1 + link for a node of the neighbour behind a portal or of the strip behind an exit.
-    source : (nx, ny) int64
-        Packed index of the node that a node represents: itself, or the neighbour's own node; -1 for none.
-    offset : int
-        Packed index of node (0, 0).
-    ring : (r,) int64
-        Packed indices of the own nodes and strips that may be nearer to a wall than the clearance.
-    distance : (r,) float64
-        Their distance to the nearest wall, at most the clearance [m].
-    seams : dict of int to (2, s) int64
-        Packed indices of the own nodes exactly on a portal, by portal: on this grid and on the grid of the
-        neighbour, where they are own nodes as well.
-    strip_rows : dict of int to int
-        Number of rows of the strip behind each open exit, by exit index; 0 if there is no room for a strip.
-    stands_for : (3, m) int64
-        Packed indices of nodes of the level that are excluded from marching, each with the visible own node that
-        represents it and the next one in line; see `evac.directions.lattice.walkable_nodes`.
-    """
+    """The grid of one level."""
 
     level: int
     window: Window
+    # (nx, ny) int32: ``NOTHING``, ``OWN``, or 1 + link for a node of the neighbour behind a portal or of the strip
+    # behind an exit
     sheet: IntArray
+    # (nx, ny) int64: packed index of the node that a node represents: itself, or the neighbour's own node; -1 for none
     source: NDArray[np.int64]
-    offset: int
+    offset: int  # packed index of node (0, 0)
+    # (r,) int64: packed indices of the own nodes and strips that may be nearer to a wall than the clearance
     ring: IndexArray
-    distance: FloatArray
+    distance: FloatArray  # (r,) float64: their distance to the nearest wall, at most the clearance [m]
+    # dict of int to (2, s) int64: packed indices of the own nodes exactly on a portal, by portal: on this grid and on
+    # the grid of the neighbour, where they are own nodes as well
     seams: dict[int, NDArray[np.int64]]
+    # number of rows of the strip behind each open exit, by exit index; 0 if there is no room for a strip
     strip_rows: dict[int, int]
+    # (3, m) int64: packed indices of nodes of the level that are excluded from marching, each with the visible own node
+    # that represents it and the next one in line; see `evac.directions.lattice.walkable_nodes`
     stands_for: IndexArray
 
     @property
@@ -75,30 +60,17 @@ class LevelGrid:
 
 @dataclass(frozen=True)
 class BuildingGrids:
-    """The grids of all levels on a common lattice.
+    """The grids of all levels on a common lattice."""
 
-    Attributes
-    ----------
-    building : Building
-        With portals and exits closed that are treated as closed.
-    lattice, levels
-    walls : tuple of (w, 4) float64
-        Walls of each level, including closed portals and exits and gaps that are treated as closed [m].
-    clearance : float
-        Distance from walls up to which the slowness is increased [m].
-    size : int
-        Total number of nodes of all grids.
-    margin : int
-        Number of nodes around each level; strips behind exits have at most one row less.
-    """
-
-    building: Building
+    building: Building  # with portals and exits closed that are treated as closed
     lattice: Lattice
     levels: tuple[LevelGrid, ...]
+    # tuple of (w, 4) float64: walls of each level, including closed portals and exits and gaps that are treated as
+    # closed [m]
     walls: tuple[FloatArray, ...]
-    clearance: float
-    size: int
-    margin: int
+    clearance: float  # distance from walls up to which the slowness is increased [m]
+    size: int  # total number of nodes of all grids
+    margin: int  # number of nodes around each level; strips behind exits have at most one row less
 
     def portals_of(self, level: int) -> list[Portal]:
         """Return the open portals of a level."""

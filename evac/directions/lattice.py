@@ -22,15 +22,10 @@ class Lattice:
 
     The anchor is the corner of the building, so that walls and corners with round coordinates are on
     nodes. Such nodes are walkable, so that paths pass such corners exactly.
-
-    Attributes
-    ----------
-    anchor : position (x, y) of node (0, 0) [m]
-    spacing : distance of neighbouring nodes [m]
     """
 
-    anchor: tuple[float, float]
-    spacing: float
+    anchor: tuple[float, float]  # position (x, y) of node (0, 0) [m]
+    spacing: float  # distance of neighbouring nodes [m]
 
     def window(self, bounds: Iterable[float], margin: int) -> "Window":
         """Return the window of the box (x_min, y_min, x_max, y_max) with `margin` nodes around it."""
@@ -128,19 +123,12 @@ class Window:
 
 @dataclass(frozen=True)
 class Links:
-    """Links between neighbouring nodes that segments cross, each once.
+    """Links between neighbouring nodes that segments cross, each once."""
 
-    Attributes
-    ----------
-    near, far : (c,) int64, (c,) int64
-        First and second indices of the nodes at their ends.
-    fraction : (c,) float64
-        Share of each link, from its near end, at the crossing.
-    """
-
+    # near, far: (c,) int64, (c,) int64: first and second indices of the nodes at their ends
     near: tuple[IndexArray, IndexArray]
     far: tuple[IndexArray, IndexArray]
-    fraction: FloatArray
+    fraction: FloatArray  # (c,) float64: share of each link, from its near end, at the crossing
 
     def some(self, which: BoolArray) -> "Links":
         """Return some of the links."""

@@ -18,44 +18,27 @@ CHUNK = 2**17
 
 @dataclass(frozen=True)
 class MarchedClass:
-    """The part of `Marched` for a class of bodies.
+    """The part of `Marched` for a class of bodies."""
 
-    Attributes
-    ----------
-    barred : float
-        Gaps narrower than this are walls [m].
-    nodes : (k,) int64
-        Packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from marching.
-    costs : tuple of (k,) float64
-        Marched travel times of these nodes, for each route [s].
-    blocked : tuple of (b,) int64
-        For each route, the nodes from which no way is as wide as the bodies; empty if there is none for any route.
-    """
-
-    barred: float
+    barred: float  # gaps narrower than this are walls [m]
+    # (k,) int64: packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from
+    # marching
     nodes: IndexArray
-    costs: tuple[FloatArray, ...]
+    costs: tuple[FloatArray, ...]  # tuple of (k,) float64: marched travel times of these nodes, for each route [s]
+    # tuple of (b,) int64: for each route, the nodes from which no way is as wide as the bodies; empty if there is none
+    # for any route
     blocked: tuple[IndexArray, ...]
 
 
 @dataclass(frozen=True)
 class Marched:
-    """Data that lengths are computed from, in addition to the travel times.
+    """Data that lengths are computed from, in addition to the travel times."""
 
-    Attributes
-    ----------
-    building : Building
-        With the portals and exits that were closed.
-    spacing, clearance : float
-        Of the grids [m].
-    rates : tuple of (3,) float64
-        Cost of a metre along the slope in each use, for each route [s/m].
-    classes : tuple of MarchedClass
-    """
-
-    building: Building
+    building: Building  # with the portals and exits that were closed
+    # spacing, clearance: of the grids [m]
     spacing: float
     clearance: float
+    # tuple of (3,) float64: cost of a metre along the slope in each use, for each route [s/m]
     rates: tuple[FloatArray, ...]
     classes: tuple[MarchedClass, ...]
 

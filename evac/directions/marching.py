@@ -25,20 +25,11 @@ RING = 3
 
 @dataclass(frozen=True)
 class Metric:
-    """The cost that is minimised along paths.
+    """The cost that is minimised along paths."""
 
-    Attributes
-    ----------
-    slowness : (levels, 3) float64
-        Cost per metre in plan, by level and use (flat, up, down) [s/m].
-    factor : (nodes,) float64
-        Factor of the slowness at each node; at least 1.
-    is_plain : bool
-        Whether the cost per metre is uniform on each level, except for gaps that nobody fits through.
-    """
-
-    slowness: FloatArray
-    factor: FloatArray
+    slowness: FloatArray  # (levels, 3) float64: cost per metre in plan, by level and use (flat, up, down) [s/m]
+    factor: FloatArray  # (nodes,) float64: factor of the slowness at each node; at least 1
+    # whether the cost per metre is uniform on each level, except for gaps that nobody fits through
     is_plain: bool = True
 
 

@@ -19,30 +19,18 @@ _NO_CELLS = np.zeros((0, 1), dtype=np.int64)
 
 @dataclass(frozen=True)
 class PolyData:
-    """Points, cells and their data arrays.
+    """Points, cells and their data arrays."""
 
-    Attributes
-    ----------
-    points : (n, 3) float64
-        Coordinates [m]; float32 would be too coarse far from the origin.
-    vertices, lines, polygons : (c, corners) int
-        Rows of `points`; cells are numbered in this order.
-    point_arrays, cell_arrays : mapping of str to (n,) or (n, components) array
-        Arrays of int32 or float32, by name.
-    texts : mapping of str to sequence of str
-        String arrays of the whole file, by name.
-    shown : str
-        Name of the point array that viewers show by default, empty for none.
-    """
-
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  # (n, 3) float64: coordinates [m]; float32 would be too coarse far from the origin
+    # vertices, lines, polygons: (c, corners) int: rows of `points`; cells are numbered in this order
     vertices: NDArray[np.integer] = field(default_factory=lambda: _NO_CELLS)
     lines: NDArray[np.integer] = field(default_factory=lambda: _NO_CELLS)
     polygons: NDArray[np.integer] = field(default_factory=lambda: _NO_CELLS)
+    # point_arrays, cell_arrays: mapping of str to (n,) or (n, components) array: arrays of int32 or float32, by name
     point_arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     cell_arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    texts: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    shown: str = ""
+    texts: Mapping[str, Sequence[str]] = field(default_factory=dict)  # string arrays of the whole file, by name
+    shown: str = ""  # name of the point array that viewers show by default, empty for none
 
 
 def write_polydata(data: PolyData, path: Path) -> None:

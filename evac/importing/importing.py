@@ -40,34 +40,16 @@ CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report
 
 @dataclass(frozen=True)
 class Imported:
-    """The result of an import.
-
-    Attributes
-    ----------
-    files : tuple of Path
-    folder : Path
-        Folder with case.toml, building.msh, levels.png and report.md.
-    building : Building
-    findings : tuple of Finding
-        Findings of the importer, on the building and on the case.
-    openings : tuple of Opening
-        Possible exits.
-    rooms : tuple of Room
-        Rooms in which people start.
-    options : dict
-        Values of all options of the importers and the building.
-    fault : str
-        Why the case cannot be run yet; empty if it can.
-    """
+    """The result of an import."""
 
     files: tuple[Path, ...]
-    folder: Path
+    folder: Path  # folder with case.toml, building.msh, levels.png and report.md
     building: Building
-    findings: tuple[Finding, ...]
-    openings: tuple[Opening, ...]
-    rooms: tuple[Room, ...]
-    options: dict[str, Any]
-    fault: str
+    findings: tuple[Finding, ...]  # findings of the importer, on the building and on the case
+    openings: tuple[Opening, ...]  # possible exits
+    rooms: tuple[Room, ...]  # rooms in which people start
+    options: dict[str, Any]  # values of all options of the importers and the building
+    fault: str  # why the case cannot be run yet; empty if it can
 
 
 def import_building(

@@ -25,22 +25,12 @@ LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 @dataclass(frozen=True)
 class Opening:
-    """A part of an outline that can become an exit.
+    """A part of an outline that can become an exit."""
 
-    Attributes
-    ----------
-    number : int
-        Number in lists, from 1.
-    level : int
-    segment : (4,) float64
-        x1, y1, x2, y2 [m].
-    width : float [m]
-    """
-
-    number: int
+    number: int  # number in lists, from 1
     level: int
-    segment: FloatArray
-    width: float
+    segment: FloatArray  # (4,) float64: x1, y1, x2, y2 [m]
+    width: float  # [m]
 
     def exit(self, building: Building) -> dict[str, Any]:
         """Return the opening as an exit of a case."""

@@ -36,20 +36,11 @@ LONGEST, EXTRA = 3.0, 200.0
 
 
 class Measures(Struct):
-    """Lengths of walks along the slope, flat, up and down [m]; without rows, walks are not measured.
+    """Lengths of walks along the slope, flat, up and down [m]; without rows, walks are not measured."""
 
-    Attributes
-    ----------
-    length : (n, 3) float64
-        Of the walk of each person.
-    remaining : (cells, 3) float64
-        From each cell on the way of somebody who arrived.
-    pace, use : (steps,) float64, (steps,) int32
-        Length of each step of one walk [m] and its use.
-    """
-
-    length: Triples
-    remaining: Triples
+    length: Triples  # (n, 3) float64: of the walk of each person
+    remaining: Triples  # (cells, 3) float64: from each cell on the way of somebody who arrived
+    # pace, use: (steps,) float64, (steps,) int32: length of each step of one walk [m] and its use
     pace: Floats
     use: Ints
 

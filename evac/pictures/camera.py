@@ -64,19 +64,11 @@ class Camera:
 
 @dataclass(frozen=True)
 class Aimed:
-    """A camera with all parameters set for a building.
+    """A camera with all parameters set for a building."""
 
-    Attributes
-    ----------
-    axes : (3, 3) float64
-        Unit vectors to the right and up in the picture, and towards the camera.
-    stretch : float
-    elevation : float [rad]
-    """
-
-    axes: FloatArray
+    axes: FloatArray  # (3, 3) float64: unit vectors to the right and up in the picture, and towards the camera
     stretch: float
-    elevation: float
+    elevation: float  # [rad]
 
 
 def aim(building: Building, levels: Sequence[Level], camera: Camera) -> Aimed:

@@ -33,27 +33,15 @@ SAMPLES = 40
 
 @dataclass(frozen=True)
 class Colouring:
-    """Colours of people in every frame.
+    """Colours of people in every frame."""
 
-    Attributes
-    ----------
-    of : callable
-        Returns the colours (c, 3) uint8 of the people in a frame.
-    names, colours : tuple of str
-        Legend of groups; empty for quantities, for a single group and for too many.
-    top : float or None
-        Upper end of the colour scale, which begins at 0; None for groups.
-    label : str
-    scale : (256, 3) uint8
-        Colours of the scale; none for groups.
-    """
-
-    of: Callable[[Frame], NDArray[np.uint8]]
+    of: Callable[[Frame], NDArray[np.uint8]]  # returns the colours (c, 3) uint8 of the people in a frame
+    # names, colours: legend of groups; empty for quantities, for a single group and for too many
     names: tuple[str, ...]
     colours: tuple[str, ...]
-    top: float | None
+    top: float | None  # upper end of the colour scale, which begins at 0; None for groups
     label: str
-    scale: NDArray[np.uint8]
+    scale: NDArray[np.uint8]  # (256, 3) uint8: colours of the scale; none for groups
 
     @property
     def has_legend(self) -> bool:

@@ -29,22 +29,12 @@ MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
 
 @dataclass(frozen=True)
 class Plans:
-    """A figure with a plan of each storey.
-
-    Attributes
-    ----------
-    figure : Figure
-    axes : tuple of Axes
-        Axes of each storey, from the bottom to the top, with x and y in plan [m].
-    levels : tuple of tuple of Level
-        The levels in each of them.
-    side : (4,) float
-        Left, bottom, width and height of the space for a legend or a colour bar, as fractions of the figure.
-    """
+    """A figure with a plan of each storey."""
 
     figure: Figure
-    axes: tuple[Axes, ...]
-    levels: tuple[tuple[Level, ...], ...]
+    axes: tuple[Axes, ...]  # axes of each storey, from the bottom to the top, with x and y in plan [m]
+    levels: tuple[tuple[Level, ...], ...]  # the levels in each of them
+    # (4,) float: left, bottom, width and height of the space for a legend or a colour bar, as fractions of the figure
     side: tuple[float, float, float, float]
 
 

@@ -25,23 +25,13 @@ FINE = 4
 
 
 class Pawn(NamedTuple):
-    """The image of a figure: arrays (h, w).
+    """The image of a figure: arrays (h, w)."""
 
-    Attributes
-    ----------
-    opacity : float64
-        0 beside the figure, 1 on it, in between on its edge.
-    shade : float64
-        Factor for its colour.
-    nearness : float64 [pixels]
-        Nearness of its surface to the camera, relative to its centre on the ground.
-    column, row : int
-        Pixel of its centre on the ground.
-    """
-
-    opacity: FloatArray
-    shade: FloatArray
+    opacity: FloatArray  # 0 beside the figure, 1 on it, in between on its edge
+    shade: FloatArray  # factor for its colour
+    # float64 [pixels]: nearness of its surface to the camera, relative to its centre on the ground
     nearness: FloatArray
+    # column, row: pixel of its centre on the ground
     column: int
     row: int
 

@@ -21,53 +21,26 @@ class Projection(Protocol):
 
 @dataclass(frozen=True)
 class Label:
-    """A text in a picture.
-
-    Attributes
-    ----------
-    text : str
-    place : (2,) float64
-        Column and row [pixels].
-    anchor : str
-        Part of the text that is at the place, by the names of Pillow: ``"rm"`` is right and middle.
-    colour : str
-    """
+    """A text in a picture."""
 
     text: str
-    place: FloatArray
-    anchor: str
+    place: FloatArray  # (2,) float64: column and row [pixels]
+    anchor: str  # part of the text that is at the place, by the names of Pillow: ``"rm"`` is right and middle
     colour: str
 
 
 @dataclass(frozen=True)
 class View:
-    """A picture of a building into which people are drawn.
+    """A picture of a building into which people are drawn."""
 
-    Attributes
-    ----------
-    image : (h, w, 3) uint8
-        The building.
-    nearness : (h, w) float64 or None
-        Nearness, as in `project`, of the visible surface in each pixel, which hides people behind it; None if people
-        are never hidden.
-    project : Projection
-    scale : float
-        Pixels per metre, across the picture.
-    elevation : float
-        Angle of the view above the horizontal [rad]; pi / 2 is straight down.
-    labels : tuple of Label
-        Names of floors and exits.
-    outlines : tuple of (colour, (p, 2) float64)
-        Closed lines drawn over people: exits.
-    side : tuple of int
-        Left, top, right and bottom of the space for a legend [pixels].
-    """
-
-    image: NDArray[np.uint8]
+    image: NDArray[np.uint8]  # (h, w, 3) uint8: the building
+    # (h, w) float64 or None: nearness, as in `project`, of the visible surface in each pixel, which hides people behind
+    # it; None if people are never hidden
     nearness: FloatArray | None
     project: Projection
-    scale: float
-    elevation: float
-    labels: tuple[Label, ...]
+    scale: float  # pixels per metre, across the picture
+    elevation: float  # angle of the view above the horizontal [rad]; pi / 2 is straight down
+    labels: tuple[Label, ...]  # names of floors and exits
+    # tuple of (colour, (p, 2) float64): closed lines drawn over people: exits
     outlines: tuple[tuple[str, FloatArray], ...]
-    side: tuple[int, int, int, int]
+    side: tuple[int, int, int, int]  # left, top, right and bottom of the space for a legend [pixels]

@@ -130,14 +130,7 @@ class Checkpoints:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A checkpoint read from a file.
-
-    Attributes
-    ----------
-    path : Path
-    header : Header
-    arrays : mapping of str to array
-    """
+    """A checkpoint read from a file."""
 
     path: Path
     header: Header

@@ -15,26 +15,14 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Operation:
-    """Something that happens at ticks.
-
-    Attributes
-    ----------
-    name : str
-    phase : str
-        The phase of `evac.base.phases.PHASES` to which its wall time belongs.
-    act : callable
-        Called without arguments at each tick at which it is due.
-    is_due : callable, optional
-        Its trigger: returns whether it is due, when the operations before it have acted; None: at every tick.
-    begin : callable, optional
-        Called once, before the first tick, in the order of the list.
-    """
+    """Something that happens at ticks."""
 
     name: str
-    phase: str
-    act: Callable[[], object]
+    phase: str  # the phase of `evac.base.phases.PHASES` to which its wall time belongs
+    act: Callable[[], object]  # called without arguments at each tick at which it is due
+    # its trigger: returns whether it is due, when the operations before it have acted; None: at every tick
     is_due: Callable[[], bool] | None = None
-    begin: Callable[[], object] | None = None
+    begin: Callable[[], object] | None = None  # called once, before the first tick, in the order of the list
 
 
 class Loop:

@@ -22,28 +22,14 @@ FAR_OUTSIDE = 1000.0
 
 
 class Rows(NamedTuple):
-    """What is recorded at one time; the arrays are views of the file.
+    """What is recorded at one time; the arrays are views of the file."""
 
-    Attributes
-    ----------
-    time : float [s]
-    person : (c,) unsigned or int32
-        Those who are inside, in ascending order.
-    level : (c,) unsigned or int32
-    motion : (c, 5) float32
-        The numbers `FIELDS` from x on.
-    changes : tuple of Change
-        Changes of the scene since the frame before.
-    fields : tuple of (m,) float32
-        Values of the fields of behaviours.
-    """
-
-    time: float
-    person: NDArray[Any]
-    level: NDArray[Any]
-    motion: NDArray[np.float32]
-    changes: tuple[Change, ...]
-    fields: tuple[NDArray[np.float32], ...]
+    time: float  # [s]
+    person: NDArray[Any]  # (c,) unsigned or int32: those who are inside, in ascending order
+    level: NDArray[Any]  # (c,) unsigned or int32
+    motion: NDArray[np.float32]  # (c, 5) float32: the numbers `FIELDS` from x on
+    changes: tuple[Change, ...]  # changes of the scene since the frame before
+    fields: tuple[NDArray[np.float32], ...]  # tuple of (m,) float32: values of the fields of behaviours
 
 
 class FrameError(ValueError):

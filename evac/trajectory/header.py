@@ -29,19 +29,12 @@ class HeaderError(ValueError):
 
 @dataclass(frozen=True)
 class People:
-    """The people in a trajectory.
+    """The people in a trajectory."""
 
-    Attributes
-    ----------
-    radius, height : (n,) float64 [m]
-    group : (n,) int32
-        Index in ``groups`` of each person, -1 for none.
-    groups : tuple of str
-    """
-
+    # radius, height: (n,) float64 [m]
     radius: FloatArray
     height: FloatArray
-    group: IntArray
+    group: IntArray  # (n,) int32: index in ``groups`` of each person, -1 for none
     groups: tuple[str, ...]
 
 

@@ -21,22 +21,12 @@ DECIMALS, TOLERANCE = 6, 1e-6
 
 @dataclass(frozen=True)
 class Conforming:
-    """Vertices, triangles and edges.
+    """Vertices, triangles and edges."""
 
-    Attributes
-    ----------
-    points : list of (x, y, z)
-    triangles : list of [int, int, int]
-    surface : list of int
-        Row of the surface of each triangle.
-    chains : list of list of [int, int]
-        Edges that each given edge was divided into.
-    """
-
-    points: list[Point]
-    triangles: list[list[int]]
-    surface: list[int]
-    chains: list[list[list[int]]]
+    points: list[Point]  # list of (x, y, z)
+    triangles: list[list[int]]  # list of [int, int, int]
+    surface: list[int]  # row of the surface of each triangle
+    chains: list[list[list[int]]]  # list of list of [int, int]: edges that each given edge was divided into
 
 
 def conform(

@@ -36,52 +36,25 @@ Lines = NDArray[np.object_]
 
 @dataclass(frozen=True)
 class Faces:
-    """Faces enclosed by lines.
+    """Faces enclosed by lines."""
 
-    Attributes
-    ----------
-    pieces : (n,) array of LineString [m]
-        The lines, divided where they meet, and the lines that close gaps.
-    faces : list of polygon [m]
-        Enclosed faces, without those narrower than the gap, which come from lines drawn twice.
-    closed : (c, 4) float64 [m]
-        Gaps that were closed.
-    loose : list of LineString [m]
-        Lines that enclose nothing.
-    """
-
-    pieces: Lines
+    pieces: Lines  # (n,) array of LineString [m]: the lines, divided where they meet, and the lines that close gaps
+    # list of polygon [m]: enclosed faces, without those narrower than the gap, which come from lines drawn twice
     faces: list[BaseGeometry]
-    closed: FloatArray
-    loose: list[BaseGeometry]
+    closed: FloatArray  # (c, 4) float64 [m]: gaps that were closed
+    loose: list[BaseGeometry]  # list of LineString [m]: lines that enclose nothing
 
 
 @dataclass(frozen=True)
 class Rooms:
-    """Rooms enclosed by walls.
+    """Rooms enclosed by walls."""
 
-    Attributes
-    ----------
-    floor : shapely polygon or multipolygon [m]
-        Union of the rooms and the doors between them.
-    closed : (c, 4) float64 [m]
-        Gaps in walls that were closed.
-    doors : (d, 4) float64 [m]
-        Openings with floor on both sides.
-    openings : (o, 4) float64 [m]
-        Openings with floor on one side only.
-    loose : list of LineString [m]
-        Walls outside the rooms that enclose nothing.
-    left_out : list of polygon [m]
-        Enclosed faces that are neither rooms nor the interior of walls.
-    """
-
-    floor: BaseGeometry
-    closed: FloatArray
-    doors: FloatArray
-    openings: FloatArray
-    loose: list[BaseGeometry]
-    left_out: list[BaseGeometry]
+    floor: BaseGeometry  # shapely polygon or multipolygon [m]: union of the rooms and the doors between them
+    closed: FloatArray  # (c, 4) float64 [m]: gaps in walls that were closed
+    doors: FloatArray  # (d, 4) float64 [m]: openings with floor on both sides
+    openings: FloatArray  # (o, 4) float64 [m]: openings with floor on one side only
+    loose: list[BaseGeometry]  # list of LineString [m]: walls outside the rooms that enclose nothing
+    left_out: list[BaseGeometry]  # list of polygon [m]: enclosed faces that are neither rooms nor the interior of walls
 
 
 def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:

@@ -16,19 +16,11 @@ COLLINEAR = 1e-4
 
 @dataclass(frozen=True)
 class EdgeTable:
-    """All sides of all triangles, directed with the cell on their left.
+    """All sides of all triangles, directed with the cell on their left."""
 
-    Attributes
-    ----------
-    ends : (3 t, 2) int64
-    cell : (3 t,) int64
-    partner : (3 t,) int64
-        Cell on the other side, -1 at a free edge.
-    """
-
-    ends: IndexArray
-    cell: IndexArray
-    partner: IndexArray
+    ends: IndexArray  # (3 t, 2) int64
+    cell: IndexArray  # (3 t,) int64
+    partner: IndexArray  # (3 t,) int64: cell on the other side, -1 at a free edge
 
 
 def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> EdgeTable:

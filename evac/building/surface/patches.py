@@ -17,25 +17,13 @@ SAME_RISE, SAME_HEIGHT = 1e-3, 2e-3
 
 @dataclass(frozen=True)
 class Patch:
-    """Adjacent coplanar cells of one body with the same tags.
+    """Adjacent coplanar cells of one body with the same tags."""
 
-    Attributes
-    ----------
-    body : int
-        Vertex-connected component of the mesh that the patch belongs to.
-    tags : frozenset of str
-    plan : shapely polygon or multipolygon [m]
-    rise : (2,) float64
-        Gradient (dz/dx, dz/dy).
-    z : float [m]
-        Height of the plane at x = y = 0.
-    """
-
-    body: int
+    body: int  # vertex-connected component of the mesh that the patch belongs to
     tags: frozenset[str]
-    plan: BaseGeometry
-    rise: FloatArray
-    z: float
+    plan: BaseGeometry  # shapely polygon or multipolygon [m]
+    rise: FloatArray  # (2,) float64: gradient (dz/dx, dz/dy)
+    z: float  # [m]: height of the plane at x = y = 0
 
     @property
     def is_flat(self) -> bool:

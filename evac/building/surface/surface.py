@@ -31,36 +31,18 @@ MOST_RISER, UPRIGHT = 0.5, 85.0
 
 @dataclass(frozen=True)
 class Surface:
-    """The walkable cells of a building.
+    """The walkable cells of a building."""
 
-    Attributes
-    ----------
-    vertices : (v, 3) float64 [m]
-        In the order of (x, y, z).
-    triangles : (t, 3) int64
-        Counter-clockwise in plan, smallest vertex first, sorted by their vertices.
-    gradient : (t, 2) float64
-        Gradient (dz/dx, dz/dy) of each cell.
-    is_sloped : (t,) bool
-        False on flat cells.
-    cell_tags : dict of str to (t,) bool
-    exit_edges : dict of str to (e, 2) int64
-        Tagged edges; ``exit:NAME`` is the key.
-    obstacles : dict of str to (o, 3, 3) float64 [m]
-        Corners of the cells of each tag ``obstacle:``; they are not in `triangles`.
-    findings : tuple of Finding
-    doors : tuple of (str, (2, 3) float64) [m]
-        Name and ends of each door between rooms.
-    """
-
-    vertices: FloatArray
-    triangles: IndexArray
-    gradient: FloatArray
-    is_sloped: BoolArray
-    cell_tags: dict[str, BoolArray]
-    exit_edges: dict[str, IndexArray]
+    vertices: FloatArray  # (v, 3) float64 [m]: in the order of (x, y, z)
+    triangles: IndexArray  # (t, 3) int64: counter-clockwise in plan, smallest vertex first, sorted by their vertices
+    gradient: FloatArray  # (t, 2) float64: gradient (dz/dx, dz/dy) of each cell
+    is_sloped: BoolArray  # (t,) bool: false on flat cells
+    cell_tags: dict[str, BoolArray]  # dict of str to (t,) bool
+    exit_edges: dict[str, IndexArray]  # dict of str to (e, 2) int64: tagged edges; ``exit:NAME`` is the key
+    # dict of str to (o, 3, 3) float64 [m]: corners of the cells of each tag ``obstacle:``; they are not in `triangles`
     obstacles: dict[str, FloatArray]
     findings: tuple[Finding, ...]
+    # tuple of (str, (2, 3) float64) [m]: name and ends of each door between rooms
     doors: tuple[tuple[str, FloatArray], ...] = ()
 
 

@@ -22,22 +22,12 @@ NOTCH = 2.5e-3
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A solid as a triangle mesh.
+    """A solid as a triangle mesh."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `evac.building.recover.bodies.conversion.KINDS`.
-    name : str
-        Name in the file.
-    points : (v, 3) float64 [m]
-    triangles : (t, 3) int64
-    """
-
-    kind: str
-    name: str
-    points: FloatArray
-    triangles: IndexArray
+    kind: str  # one of `evac.building.recover.bodies.conversion.KINDS`
+    name: str  # name in the file
+    points: FloatArray  # (v, 3) float64 [m]
+    triangles: IndexArray  # (t, 3) int64
 
     @cached_property
     def corners(self) -> FloatArray:

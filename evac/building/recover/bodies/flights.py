@@ -50,24 +50,14 @@ class End:
 
 @dataclass
 class FoundStair:
-    """A stair: flights, each given by its two ends, and the landings between them.
-
-    Attributes
-    ----------
-    name : str
-    bodies : str
-        Names of its parts in the file, for messages.
-    flights : list of (End, End)
-        Lower and upper end of each flight.
-    landings : list of (polygon, float [m])
-    ground : list of (Floor, polygon)
-        Ground by which floors are extended to meet the stair.
-    """
+    """A stair: flights, each given by its two ends, and the landings between them."""
 
     name: str
-    bodies: str
+    bodies: str  # names of its parts in the file, for messages
+    # list of (End, End): lower and upper end of each flight
     flights: list[tuple[End, End]] = field(default_factory=list)
-    landings: list[tuple[BaseGeometry, float]] = field(default_factory=list)
+    landings: list[tuple[BaseGeometry, float]] = field(default_factory=list)  # list of (polygon, float [m])
+    # list of (Floor, polygon): ground by which floors are extended to meet the stair
     ground: list[tuple[Floor, BaseGeometry]] = field(default_factory=list)
 
     @property

@@ -27,24 +27,13 @@ LEAST_VOID = 0.25
 
 @dataclass
 class Floor:
-    """The ground at one height.
+    """The ground at one height."""
 
-    Attributes
-    ----------
-    name : str
-        Name of its storey, followed by the height if the storey has several floors.
-    z : float [m]
-    ground : polygon or multipolygon
-    slabs : polygon or multipolygon
-        Tops of slabs at its height, including ground under obstacles.
-    rooms : list of (str, polygon or multipolygon)
-        Name and plan of each space on it.
-    """
-
-    name: str
-    z: float
+    name: str  # name of its storey, followed by the height if the storey has several floors
+    z: float  # [m]
     ground: BaseGeometry
-    slabs: BaseGeometry
+    slabs: BaseGeometry  # tops of slabs at its height, including ground under obstacles
+    # list of (str, polygon or multipolygon): name and plan of each space on it
     rooms: list[tuple[str, BaseGeometry]] = field(default_factory=list)
 
 

@@ -27,23 +27,13 @@ MOST_TURN = 25.0
 
 @dataclass(frozen=True)
 class Run:
-    """Consecutive treads in one direction.
+    """Consecutive treads in one direction."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the bodies that the treads belong to.
-    treads : list of (polygon, float [m])
-        Plan and height of each tread, from bottom to top.
-    direction : (2,) float64
-        Unit vector uphill.
-    riser : float [m]
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names of the bodies that the treads belong to
+    # list of (polygon, float [m]): plan and height of each tread, from bottom to top
     treads: list[tuple[BaseGeometry, float]]
-    direction: FloatArray
-    riser: float
+    direction: FloatArray  # (2,) float64: unit vector uphill
+    riser: float  # [m]
 
     def edge(self, upper: bool, *, before_last: bool = False) -> FloatArray:
         """Return the front edge (2, 2) of the first tread, or the back edge of the last or second-to-last tread [m]."""
