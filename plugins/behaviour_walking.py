@@ -230,6 +230,8 @@ def decide(world, crowd, sights, motion, rule, turn, i):  # type: ignore[no-unty
     wanted = sights.wanted[i]
     is_inside = sights.level[i] < sights.levels
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
+    if ex == 0.0 and ey == 0.0:  # no way is open
+        return
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
     length, gap = rule.length, rule.time_gap
     if is_inside:

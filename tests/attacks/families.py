@@ -17,6 +17,7 @@ from tests.attacks import (
     streams,
     tables,
     texts,
+    timetables,
     trajectories,
 )
 
@@ -57,5 +58,6 @@ FAMILIES = {
     "kernels": Family(kernels.cases, kernels.run, 60, 2),
     "checkpoints": Family(checkpoints.cases, checkpoints.run, 700, 12),
     "tables": Family(tables.cases, tables.run, 300, 12),
+    "timetables": Family(timetables.cases, timetables.run, 600, 3),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
 }

@@ -143,6 +143,19 @@ def test_a_run_goes_on_to_the_same_bits():
     assert_same_bits(one, other)
 
 
+@pytest.mark.parametrize("step", [0.0, 3.0])
+def test_people_without_an_open_way_stand_until_one_opens(step):
+    simulation = Simulation(room(0.8, 20, side_step=step))
+    for change in [(1.0, "close"), (3.0, "open")]:
+        simulation.scene.apply(evac.Change(*change, "out"))
+    tick, crowd = simulation.case.simulation.tick, simulation.population.crowd
+    run_ticks(simulation, round(2.9 / tick))
+    standing = crowd.position.copy()
+    assert np.hypot(*simulation.displacement_velocity.T).max() < 0.1
+    run_ticks(simulation, round(1.0 / tick))
+    assert np.hypot(*(crowd.position - standing).T).mean() > 0.1
+
+
 def test_bodies_have_the_depth_of_the_chest():
     crowd = Simulation(room(0.8, 20)).population.crowd
     assert (crowd.contact_radius == 0.14).all()

@@ -1,0 +1,167 @@
+"""Attacks by timetables: links of random buildings open and close at random times, and a run is killed and resumed.
+
+`run` raises AssertionError unless nobody passes a closed link, everything that is written names the same changes, and
+a run that was resumed, in its folder or in another one (``branched``), or that has all parts (``full``) gives the same
+bits.
+"""
+
+import json
+import math
+import random
+from pathlib import Path
+from typing import Any
+
+import evac
+from evac import Behaviour, Parameter
+from evac.base.errors import ScenarioError
+from evac.building.model.links import building_at
+from evac.contract.registry import Registry
+from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
+from tests.attacks.commands import MODELS
+from tests.attacks.seeded import in_turn
+
+#: How the second run differs from the first.
+KINDS = ("resumed", "branched", "full")
+TICK, EVERY = 0.1, (0.1, 0.3, 0.5)
+
+cases = in_turn(KINDS)
+
+
+class Killed(BaseException):
+    """Ends a run as a signal does."""
+
+
+class Timetable(Behaviour):
+    """Opens and closes links at given times."""
+
+    name = "timetable"
+    rows = Parameter("[]", "time, kind and name of each change, as JSON")
+
+    def prepare(self, scene: Any) -> None:
+        """Apply the changes."""
+        for time, kind, what in json.loads(self.rows):
+            scene.apply(evac.Change(time, kind, what))
+
+
+def run(case: Any, folder: Path) -> str:
+    """Run a case twice; return how it ended."""
+    generator = random.Random(f"{case}")
+    registry = Registry()
+    registry.add_class(Timetable)
+    try:
+        loaded = evac.load(table_of(generator), registry=registry)
+        one = evac.run(loaded, folder / "one", progress=False)
+    except ScenarioError:
+        return "refused"
+    check(one)
+    names = [PEOPLE_NAME, *({CROSSINGS_NAME} & {path.name for path in one.folder.iterdir()})]
+    if case.kind == "full":
+        two = evac.run(loaded, folder / "two", progress=False, full=True)
+    else:
+        ticks = generator.randrange(1, max(2, round(one.time / TICK)))
+
+        def kill(progress: Any) -> None:
+            if progress.time > (ticks - 0.5) * TICK:
+                raise Killed
+
+        try:
+            evac.run(loaded, folder / "two", progress=kill, checkpoint=0.0)
+        except Killed:
+            out = folder / "branch" if case.kind == "branched" else None
+            two = evac.resume(folder / "two", registry=registry, progress=False, out=out)
+        else:
+            return one.ended
+    if case.kind == "branched":
+        check(two)
+    else:
+        names.append(TRAJECTORY_NAME)
+    for name in names:
+        assert (one.folder / name).read_bytes() == (two.folder / name).read_bytes(), f"{name} differs"
+    assert one.changes == two.changes
+    return one.ended
+
+
+def check(results: Any) -> None:
+    """Check that nobody passed a closed link, and that everything names the same changes."""
+    trajectory, crowd = results.trajectory, results.crowd
+    again = evac.read_results(results.folder)
+    written = json.loads((results.folder / SUMMARY_NAME).read_text(encoding="utf-8"))["changes"]
+    assert list(trajectory.changes) == list(results.changes) == list(again.changes)
+    assert written == [change.as_row() for change in results.changes]
+    start, end = trajectory.building, results.building
+    assert trajectory.building_at(results.time).closed == end.closed == again.building.closed
+    assert trajectory.building_at(-1.0).closed == start.closed
+    for change in results.changes:
+        assert abs(change.time / TICK - round(change.time / TICK)) < 1e-6, change
+    for person, time in enumerate(crowd.exit_time.tolist()):
+        if math.isfinite(time):
+            assert_open(trajectory, start.link_of(start.exits[int(crowd.exit_used[person])]), time, f"person {person}")
+    for person, portal, time in zip(*results.crossings, strict=True):
+        assert_open(trajectory, int(portal), float(time), f"person {person}")
+    for frame, after in zip(trajectory.rows, trajectory.rows[1:], strict=False):
+        for change in after.changes:
+            assert frame.time - 1e-9 <= change.time <= after.time, (frame.time, change)
+    for time in trajectory.time.tolist():
+        assert trajectory.building_at(time).closed == building_at(start, results.changes, time).closed
+
+
+def assert_open(trajectory: Any, link: int, time: float, who: str) -> None:
+    """Check that a link was open in the tick that contains or ends at a time."""
+    tick = max(0, math.ceil(time / TICK - 1e-6) - 1)
+    closed = trajectory.building_at(tick * TICK + 1e-7).closed
+    assert link not in closed, f"{who} passed the closed link {link} at {time} s"
+
+
+def table_of(generator: random.Random) -> dict[str, Any]:
+    """Return a case: two storeys with a stair and up to three exits, people of a model, and a timetable."""
+    wide, deep, slot = generator.uniform(7.0, 10.0), generator.uniform(5.0, 8.0), generator.uniform(0.8, 1.6)
+    exits = [
+        {"name": "main", "storey": "ground", "segment": [[0, 3.0], [0, 3.0 + slot]]},
+        {"name": "back", "storey": "ground", "segment": [[wide, 1.0], [wide, 1.0 + slot]]},
+        {"name": "side", "storey": "first", "segment": [[wide, 2.0], [wide, 2.0 + slot]]},
+    ]
+    floor = [[0, 0], [wide, 0], [wide, deep], [0, deep]]
+    plan = {
+        "storeys": [{"name": "ground", "polygons": [floor]}, {"name": "first", "z": 2.0, "polygons": [floor]}],
+        "stairs": [
+            {
+                **{"name": "stair", "lower": "ground", "lower_edge": [[1, 0.8], [1, 2]], "upper": "first"},
+                **{"length": generator.uniform(3.5, 5.0), "direction": [1, 0]},
+            }
+        ],
+        "exits": generator.sample(exits, generator.randrange(1, 4)),
+    }
+    names = [one["name"] for one in plan["exits"]] + ["stair"]
+    rows = [
+        [time_of(generator), generator.choice(["open", "close", "close"]), generator.choice(names)]
+        for _ in range(generator.randrange(1, 9))
+    ]
+    if generator.random() < 0.2:
+        rows += [[generator.choice([0.0, 1.0, 1.05]), "close", name] for name in names]
+    behaviours: dict[str, Any] = {"timetable": {"rows": json.dumps(rows)}}
+    behaviours |= generator.choice([{"walking": {}}, {"headway": {}}, {}])
+    behaviours |= {"route_choice": {"every": 0.5}} if generator.random() < 0.4 else {}
+    crowd = {"radius": generator.choice([0.2, 0.25]), "speed": generator.choice([0.8, 1.4, 2.0])}
+    people = [
+        {"name": level, "number": generator.randrange(1, 25), "level": level, **crowd} for level in ("ground", "first")
+    ]
+    return {
+        "building": {"plan": plan, "closed": generator.sample(names, generator.choice([0, 0, 1]))},
+        "people": people,
+        "contact": {"model": generator.choice(MODELS)},
+        "behaviours": behaviours,
+        "simulation": {"duration": generator.choice([3.0, 4.03, 6.0]), "tick": TICK, "seed": generator.randrange(99)},
+        "output": {"picture": False, "animation": False, "every": generator.choice(EVERY)},
+    }
+
+
+def time_of(generator: random.Random) -> float:
+    """Return a time before, at or after the start, at or between ticks, and at times after the end [s]."""
+    kinds = [
+        generator.uniform(-1.0, 7.0),
+        TICK * generator.randrange(40),
+        TICK * (generator.randrange(40) + 0.5),
+        math.nextafter(TICK * generator.randrange(1, 40), generator.choice([0.0, 9.0])),
+        generator.choice([-1e300, 1e300, 0.0, -0.0, 5e-324]),
+    ]
+    return generator.choice(kinds)
