@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from evac.base.errors import ResultError, is_one_line
-from evac.folder.files import replacing
+from evac.folder.files import content_of, replacing
 
 #: First bytes of an archive, and the number of the format of its header and arrays.
 ARCHIVE = b"PK"
@@ -115,7 +115,7 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
         The file cannot be read, is damaged, or was written by another version of evac.
     """
     try:
-        data = path.read_bytes()
+        data = content_of(path)
     except OSError as error:
         raise ResultError(f"{path}: cannot read the checkpoint: {error}") from error
     if not data.startswith(ARCHIVE):

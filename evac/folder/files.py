@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -229,8 +230,17 @@ def writing(what: str, place: Path) -> Iterator[None]:
         raise ResultError(f"{place}: cannot write {what}: {error}; {remedy}") from error
 
 
+def content_of(path: Path) -> bytes:
+    """Return the content of a file; a pipe or a device, whose reading might not end, is an OSError."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "not a file")
+    return path.read_bytes()
+
+
 def is_trajectory(path: Path) -> bool:
     """Return whether a file starts like a trajectory of evac, also of earlier versions; False if it cannot be read."""
+    if not path.is_file():  # a pipe, for example
+        return False
     try:
         with path.open("rb") as file:
             prefix = file.read(PREFIX)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from evac.base.errors import ResultError
-from evac.folder.files import replacing
+from evac.folder.files import content_of, replacing
 
 #: Greatest depth of tables and lists in each other, so that code that follows them does not end in an error.
 MOST_NESTED = 60
@@ -54,7 +54,7 @@ def read_json(path: Path) -> dict[str, Any]:
         It is not there, or holds something else.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(content_of(path).decode())
     except FileNotFoundError as error:
         raise ResultError(
             f"{path}: no such file; results are read from a folder whose run has ended or was interrupted: see "

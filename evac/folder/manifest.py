@@ -36,7 +36,8 @@ def read_manifest(folder: Path) -> Manifest:
     state = result = ""
     path = folder / MANIFEST_NAME
     try:
-        lines = [] if path.is_symlink() else path.read_text(encoding="utf-8", errors="replace").splitlines()
+        is_own = path.is_file() and not path.is_symlink()
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if is_own else []
     except OSError:
         lines = []
     for line in lines:

@@ -25,6 +25,7 @@ from evac.folder.files import (
     SUMMARY_NAME,
     TRAJECTORY_NAME,
     WRITTEN,
+    content_of,
     is_trajectory,
     sync_file,
     sync_folder,
@@ -413,7 +414,7 @@ def _is_result(folder: Path) -> bool:
 def _summary(folder: Path) -> dict[str, Any]:
     """Return the summary of a result folder, empty if there is none."""
     try:
-        summary = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
+        summary = json.loads(content_of(folder / SUMMARY_NAME).decode())
     except (OSError, ValueError):
         return {}
     return summary if isinstance(summary, dict) else {}

@@ -1,12 +1,13 @@
 """CSV files: texts that programs would take for formulas are quoted."""
 
 import csv
+import io
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from evac.base.errors import ResultError
-from evac.folder.files import replacing
+from evac.folder.files import content_of, replacing
 
 #: First characters of formulas in spreadsheet programs, and the apostrophe, which marks a quoted text.
 FORMULAS = ("=", "+", "-", "@", "\t", "\r", "'")
@@ -45,8 +46,7 @@ def read_columns(path: Path, wanted: tuple[str, ...]) -> dict[str, list[str]]:
         The file is not there, a column is missing, or a row is cut short.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            head, *rows = list(csv.reader(file)) or [[]]
+        head, *rows = list(csv.reader(io.StringIO(content_of(path).decode(), newline=""))) or [[]]
     except (OSError, ValueError, csv.Error) as error:
         why = getattr(error, "strerror", None) or error
         raise ResultError(f"{path}: cannot be read: {why}; run the case again") from error
