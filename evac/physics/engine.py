@@ -406,7 +406,7 @@ class CompiledEngine(Engine):
         pairs = taken(saved, key, np.int64, (None, 2), (0, -len(self.state.world.wall)), n - 1)
         if len(pairs) > room:
             raise SavedError(f"{key}: {len(pairs)} contacts, with room for {room}")
-        numbers = taken(saved, of_numbers, np.float64, (len(pairs), len(model.memory)))
+        numbers = taken(saved, of_numbers, np.float64, (len(pairs), len(model.memory)), -np.inf, np.inf)
         bodies.row[:], bodies.inside = np.arange(n), n
         remember_by_person(self.state, pairs, numbers)
 

@@ -357,6 +357,15 @@ def test_a_saved_memory_that_cannot_be_is_refused(fault, key):
         engine.restore(saved)
 
 
+def test_an_infinite_number_is_restored():
+    _, saved = half_way()
+    saved["memory.sticking.numbers"][0] = -np.inf
+    _, engine = crowd_at_a_door()
+    engine.load(Sticking())
+    engine.restore(saved)
+    np.testing.assert_array_equal(engine.snapshot()["memory.sticking.numbers"], saved["memory.sticking.numbers"])
+
+
 def test_friction_counts_in_the_energy():
     """Two people who hit each other aslant stick and slip, and part; each loses what percussions account for."""
     crowd = make_crowd([(-0.21, 0.0), (0.21, 0.12)], [(1.5, 0.0), (-1.0, 0.3)], mass=[60.0, 100.0], tau=FREE)
