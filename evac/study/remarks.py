@@ -1,7 +1,7 @@
 """What a study says besides its statistics: failed runs, people left inside, intervals that are too wide, quality."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import counted
@@ -29,13 +29,13 @@ def quality_of(study: "Study") -> list[str]:
         for line in row["quality_warnings"]:
             kind = "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
             found.setdefault(kind, []).append(f"{_where(study, row)}: {line}")
-    return _first_of_each(found, " with such a warning")
+    return _first_of_each(found.values(), " with such a warning")
 
 
-def _first_of_each(found: Mapping[Any, list[str]], which: str = "") -> list[str]:
+def _first_of_each(found: Iterable[list[str]], which: str = "") -> list[str]:
     """Return the first line of each kind, with the number of other runs."""
     told = []
-    for lines in list(found.values())[:MOST_WARNINGS]:
+    for lines in list(found)[:MOST_WARNINGS]:
         others = counted(len(lines) - 1, "more run")
         told.append(lines[0] + (f" (and {others}{which}, in runs.csv)" if len(lines) > 1 else ""))
     return told
@@ -48,7 +48,7 @@ def _failed(study: "Study") -> list[str]:
         for row in study.rows(columns=["point", "seed", "error"], failed=True):
             if row["error"] is not None:
                 found.setdefault(row["point"], []).append(f"failed: {_where(study, row)}: {row['error']}")
-    told = _first_of_each(found)
+    told = _first_of_each(found.values())
     if len(found) > MOST_WARNINGS:
         told.append(f"failed: runs of {len(found) - MOST_WARNINGS} more points, in runs.csv")
     return told

@@ -169,8 +169,8 @@ def survey(evidence: Evidence) -> Surveyed:
     checks = [check for found in made(tests.items()) for check in found]
     widths, runs = (QUICK_STAIRS, QUICK_RUNS) if quick else (capacity.STAIR_WIDTHS, STAIR_RUNS)
     stairs = made((partial(capacity.run_stair, width=one, way=way), runs) for way in capacity.WAYS for one in widths)
-    widths, runs = (QUICK_DOORS, QUICK_RUNS) if quick else (capacity.DOOR_WIDTHS, DOOR_RUNS)
-    doors = made((partial(capacity.run_door, width=one), runs) for one in widths)
+    openings, runs = (QUICK_DOORS, QUICK_RUNS) if quick else (capacity.DOOR_WIDTHS, DOOR_RUNS)
+    doors = made((partial(capacity.run_door, width=one), runs) for one in openings)
     for subject in subjects:
         checks += capacity.stair_checks([stair for stair in stairs if stair.trial.name == subject.name])
     return Surveyed(checks + capacity.door_checks(doors), stairs, doors)
