@@ -24,27 +24,10 @@ INSTALLED = PACKAGE / "report" / EVIDENCE_NAME
 
 
 def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, page_only: bool = False) -> Path:
-    """Recompute one kind of evidence from scratch, or write its page again, and return the page.
+    """Recompute a kind of evidence to the page ``folder / kind``, or with `page_only` write its page again; return it.
 
-    Parameters
-    ----------
-    kind : str
-        One of `evac.evidence.KINDS`.
-    folder : Path
-        The page, tables and plots go to ``folder / kind``; ``folder / README.md`` lists the kinds there. For
-        docs/evidence of a checkout, the verdicts that reports show are written as well.
-    quick : bool
-        Smaller and fewer cases: seconds instead of minutes.
-    seed : int
-    page_only : bool
-        Do not measure: write the page and the index from the tables of an earlier run.
-
-    Raises
-    ------
-    ScenarioError
-        The kind is unknown.
-    ResultError
-        The folder cannot be written, or with `page_only` lacks the tables of an earlier run.
+    ``folder / README.md`` lists the kinds there. For docs/evidence of a checkout, the verdicts that reports show are
+    written as well.
     """
     if kind not in KINDS:
         raise ScenarioError(f"unknown kind of evidence {kind!r}; {did_you_mean(kind, KINDS)}")

@@ -69,24 +69,9 @@ class Timing:
 class Evidence:
     """The measurement of one kind of evidence: its folder, settings, and the page so far.
 
-    Parameters
-    ----------
-    kind : str
-        one of `evac.evidence.KINDS`; part of every generator's name.
-    folder : Path
-        Created if missing. Files with the same names are overwritten.
-    quick : bool
-        Smaller and fewer cases: seconds instead of minutes; stated on the page.
-    seed : int
-        Seed of all random numbers, together with names.
-    page_only : bool
-        Nothing is measured or drawn: the page is written from the tables and run.json of an earlier run in the
-        folder, and has its `quick` and `seed`.
-
-    Raises
-    ------
-    ResultError
-        With `page_only`, the folder lacks a file of an earlier run.
+    A quick run has smaller and fewer cases, which the page says; the seed is that of all random numbers, together with
+    names. With `page_only` nothing is measured or drawn: the page is written from the tables and run.json of an earlier
+    run in the folder, whose `quick` and `seed` it has, and a missing file is a `ResultError`.
     """
 
     def __init__(self, kind: str, folder: Path, quick: bool = False, seed: int = 1, page_only: bool = False) -> None:
@@ -155,19 +140,9 @@ class Evidence:
     ) -> None:
         """Add a table to the page, and write NAME.csv unless `measured` has written it.
 
-        Parameters
-        ----------
-        name : str
-            File name without ending.
-        rows : sequence of dicts
-            Keys are the headings of the columns, with units, in the order of the first row.
-        caption : str
-            Description of the table and of its computation.
-        formats : dict, optional
-            Format specification of a column on the page, e.g. ``{"time [s]": ".2f"}``; otherwise floats have
-            three significant digits.
-        columns : sequence of str
-            Columns of the file that the page shows; by default all.
+        The keys of the first row are the headings of the columns, with units. `formats` has format specifications of
+        columns, such as ``{"time [s]": ".2f"}``; other floats have three significant digits. `columns` are those of the
+        file that the page shows, by default all.
         """
         self._store(name, rows)
         shown = [{key: row[key] for key in columns or row} for row in rows]
@@ -187,14 +162,7 @@ class Evidence:
         self._page.append(f"![{caption}]({name}.png)\n\n*{caption}*")
 
     def write_page(self, title: str, examined: str) -> Path:
-        """Write README.md and run.json: the subject, the verdicts, the conditions, and everything added, in order.
-
-        Parameters
-        ----------
-        title : str
-        examined : str
-            One sentence.
-        """
+        """Write README.md and run.json: the subject, the verdicts, the conditions, and everything added, in order."""
         conditions = self.conditions()
         described = {"title": title, "examined": " ".join(examined.split()), "verdicts": self._findings, **conditions}
         write_whole(self.folder / "run.json", json.dumps(described, indent=2))
@@ -284,20 +252,8 @@ def _cell(value: Any, specification: str) -> str:
 def timed(call: Callable[[], Any], repeats: int = 5, prepare: Callable[[], Any] | None = None) -> Timing:
     """Time a call repeatedly, after one call that is not counted, each next to a reference run.
 
-    Parameters
-    ----------
-    call : callable
-        Function that is timed.
-    repeats : int
-        Number of timed calls.
-    prepare : callable, optional
-        Called before each call without being timed; restores what the call changes.
-
-    Returns
-    -------
-    Timing
-        Median, extremes, and the median of the reference runs in the same period: if it differs between two timings,
-        the machine was busier in one of them.
+    `prepare` is called before each call without being timed; it restores what the call changes. If the times of the
+    reference runs differ between two timings, the machine was busier in one of them.
     """
     spans, references = [], []
     for repeat in range(repeats + 1):

@@ -54,15 +54,9 @@ def people_in(bounds: Bounds, position: ArrayLike, velocity: ArrayLike = 0.0, **
 
 
 def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] = ()) -> Building:
-    """Return one flat level with walls around `bounds` [m].
+    """Return one flat level with walls around `bounds` [m], further walls (w, 4), and exits.
 
-    Parameters
-    ----------
-    bounds : (x1, y1, x2, y2)
-    inner_walls : (w, 4)
-        Further walls.
-    exits : tuple of segments
-        On the right side, x = x2, rising in y; the wall there is left out between their ends.
+    Exits are segments on the right side, x = x2, rising in y; the wall there is left out between their ends.
     """
     x1, y1, x2, y2 = bounds
     ends = [y1, *(y for way_out in exits for y in (way_out[1], way_out[3])), y2]
@@ -134,13 +128,7 @@ def packed(number: int, rows: int, radius: float, right: float, bottom: float, g
 
 
 def scattered(number: int, bounds: Bounds, radius: ArrayLike, generator: np.random.Generator) -> FloatArray:
-    """Return places (n, 2) in `bounds`, drawn one after another so that nobody overlaps; give large radii first.
-
-    Raises
-    ------
-    ValueError
-        No room found after 10,000 draws.
-    """
+    """Return places (n, 2) in `bounds`, drawn one after another so that nobody overlaps; give large radii first."""
     radii = np.broadcast_to(np.asarray(radius, dtype=float), (number,))
     places = np.empty((number, 2))
     low, high = np.array(bounds[:2]), np.array(bounds[2:])

@@ -139,14 +139,9 @@ def exit_times(model: str, crowd: Crowd, step: float) -> FloatArray:
 
 
 def flow(sets: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
-    """Return the flow of one model at one step.
+    """Return the flow of one model at one step, from the sorted exit times (runs, people) [s] of each position set.
 
-    Parameters
-    ----------
-    sets : sequence of (runs, people) [s]
-        Sorted exit times of each position set.
-    generator : numpy Generator
-        Draws the resamples of position sets.
+    The generator draws the resamples of position sets.
     """
     whole = [times[~stopped(times)] for times in sets]
     pooled, mean = _estimates([[times] for times in whole], np.array([1.0]), generator)
@@ -155,17 +150,10 @@ def flow(sets: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
 
 
 def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
-    """Return the change of the flow from one step to another, for the same people.
+    """Return the change of the flow from one step to another, for the same people; arguments as for `flow`.
 
-    Position sets and runs are those available at both steps, from the first on; a run that was stopped at either
-    step is counted separately at both.
-
-    Parameters
-    ----------
-    coarse, fine : sequences of (runs, people) [s]
-        Sorted exit times of each position set at the two steps.
-    generator : numpy Generator
-        Draws the resamples of position sets, the same for both steps.
+    Position sets and runs are those available at both steps, from the first on; a run that was stopped at either step
+    is counted separately at both.
     """
     shared = []
     count = 0
@@ -181,14 +169,7 @@ def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: 
 def _estimates(
     sets: Sequence[Sequence[FloatArray]], weight: FloatArray, generator: np.random.Generator
 ) -> tuple[Estimate, Estimate]:
-    """Return the weighted sum of the flows of some groups of runs, by both definitions.
-
-    Parameters
-    ----------
-    sets : sequence of position sets, each a sequence of groups (runs, people) [s]
-    weight : (groups,)
-    generator : numpy Generator
-    """
+    """Return the sum of the flows of groups of runs (runs, people), weighted by group, by both definitions."""
     picks = generator.integers(len(sets), size=(RESAMPLES, len(sets)))
     sums = np.array([[_sums(times) for times in groups] for groups in sets])
     slopes = np.array([[_slopes_of(times) for times in groups] for groups in sets])

@@ -119,25 +119,10 @@ def solve_contact_qp(
 
     min 1/2 |v - V|_M^2 + K_N |s|^2   subject to   G v + b >= 0,   s >= -(G v + w-)/2,   s >= 0
 
-    whose multipliers are the percussions of NSM1 (K_N = 0, b = max(D, 0)/h) and of NSM2 (b = 0). Solved for
-    M^(1/2) (v - V), which is well scaled; if this is not precise enough, the equations of the active contacts are
-    solved directly and the whole law is evaluated again, repeatedly.
-
-    Parameters
-    ----------
-    gradient : (c, k) sparse
-    mass : (k,) [kg]
-    free : (k,) [m/s]
-    bias, before : (c,) [m/s]
-    dissipation : float
-        K_N [kg], finite.
-    precision : float
-        Greatest residual of an accepted solution [m/s].
-
-    Raises
-    ------
-    EvacError
-        The solver is not installed, or does not find a solution.
+    whose multipliers are the percussions of NSM1 (K_N = 0, b = max(D, 0)/h) and of NSM2 (b = 0). Solved for M^(1/2) (v
+    - V), which is well scaled; if this is not precise enough, the equations of the active contacts are solved directly
+    and the whole law is evaluated again, repeatedly. G is sparse (c, k), M (k,) [kg], V (k,) [m/s], b and w- (c,)
+    [m/s], and K_N finite [kg]; the residual of an accepted solution is at most `precision` [m/s].
     """
     c, k = gradient.shape
     unit = float(np.mean(mass))
@@ -201,24 +186,10 @@ def geodesics(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return exact lengths of the shortest paths in a plan to a straight line, by its visibility graph.
 
-    A shortest path is straight between reflex corners of the outline; its last segment ends at the nearest
-    point of the line, or at one of the line's ends.
-
-    Parameters
-    ----------
-    plan : shapely polygon
-        With holes.
-    target : (4,)
-        x1, y1, x2, y2 of a line on the outline [m].
-    points : (p, 2) [m]
-
-    Returns
-    -------
-    length : (p,) [m]
-    direction : (p, 2)
-        Unit vector of the first segment of the path.
-    lead : (p,) [m]
-        Additional length of the best path with another first corner: if it is small, the direction jumps nearby.
+    A shortest path is straight between reflex corners of the outline; its last segment ends at the nearest point of the
+    line (x1, y1, x2, y2) on the outline, or at one of the line's ends. Returns for points (p, 2) the lengths (p,) [m],
+    the unit vectors (p, 2) of the first segments, and the leads (p,): the additional length of the best path with
+    another first corner [m]; if it is small, the direction jumps nearby.
     """
     nodes = np.concatenate([_reflex_corners(plan), target.reshape(2, 2)])
     room = plan.buffer(TOUCH, join_style="mitre")

@@ -61,18 +61,11 @@ def standing_crowd(kind: str, people: int, seed: int) -> DoorCrowd:
 
 
 def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCrowd:
-    """Walk a crowd to a door.
+    """Walk a crowd to a door by a contact model; NSM1 leaves no overlaps.
 
-    Parameters
-    ----------
-    kind : str
-        ``"arriving"``: half-way through the time that the crowd needs to pack at the door; ``"settled"``: pressed
-        against the closed door for twice that time; ``"in rows"``: equal people who stood in rows before the closed
-        door, 2 cm apart, and have walked towards it for two seconds, so that the rows close up.
-    people : int
-    seed : int
-    model : ContactModel
-        Used to get there; NSM1 leaves no overlaps.
+    Kinds are ``"arriving"``: half-way through the time that the crowd needs to pack at the door; ``"settled"``: pressed
+    against the closed door for twice that time; ``"in rows"``: equal people who stood in rows before the closed door, 2
+    cm apart, and have walked towards it for two seconds, so that the rows close up.
     """
     crowd = standing_crowd(kind, people, seed)
     packing = 0.35 * float(np.sqrt(people / DENSITY)) / 1.3

@@ -88,11 +88,8 @@ def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
 def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[str]) -> dict[str, Any]:
     """Run a case, then compile the kernels that it has loaded, beginning with those with labels in `first`.
 
-    Returns
-    -------
-    dict
-        ``kernels``: CPU time [s] and bytes of each; ``functions``: how many are in them; ``before``: how many of these
-        the run has compiled in this process, which then are not compiled again.
+    ``kernels`` are CPU time [s] and bytes of each; ``functions`` how many are in them; ``before`` how many of these the
+    run has compiled in this process, which then are not compiled again.
     """
     quiet = {"output.animation": False, "output.picture": False, "simulation.duration": DURATION}
     Simulation(load_case(name, {**overrides, **quiet}), full=full).run()

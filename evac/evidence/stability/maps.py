@@ -67,17 +67,8 @@ def show_map(
 ) -> list[str]:
     """Write NAME.csv with every cell, draw NAME.png, put the plot and the sums by panel on the page; return the kinds.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    name : str
-    compute : callable
-        Each panel's cells form a full grid.
-    axes : (str, str)
-        What x and y are, with units.
-    caption : str
-    columns : int
-        Panels beside each other.
+    Each panel's cells form a full grid over `axes`, what x and y are, with units; `columns` panels are beside each
+    other.
     """
 
     @cache

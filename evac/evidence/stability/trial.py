@@ -132,20 +132,10 @@ def attempt(
     every: float = 0.1,
     checked: bool = True,
 ) -> Trial:
-    """Run a scene like a simulation: first the check of the step, then ticks.
+    """Run a scene like a simulation: first the check of the step [s], which may refuse it if `checked`, then ticks.
 
-    Parameters
-    ----------
-    model : ContactModel
-    scene : Scene
-    step, duration : float
-        [s]
-    explicit : bool
-        Drive by explicit Euler.
-    every : float
-        Time between frames, rounded to whole steps, at least one [s].
-    checked : bool
-        Whether the model may refuse the step before it starts.
+    With `explicit` the drive is explicit Euler. `every` is the time between frames [s], rounded to whole steps, at
+    least one.
     """
     engine, crowd = scene.start()
     frames = [(0.0, crowd.position.copy(), crowd.velocity.copy())]
@@ -184,21 +174,10 @@ def judge(
     *,
     is_reported: bool = False,
 ) -> Verdict:
-    """Return the verdict on a trial.
+    """Return the verdict on a trial by the error that `measure` returns if it ran to its end.
 
-    Parameters
-    ----------
-    trial : Trial
-    measure : callable
-        The error of a trial that ran to its end.
-    right : float
-        Greatest error that counts as correct.
-    tolerable : float
-        Greatest error that the method's own theory allows.
-    unit : str
-        Of the error.
-    is_reported : bool
-        Whether the engine's report holds the error itself, as it does the greatest overlap.
+    The error is right up to `right`, and the method's own theory allows `tolerable`. With `is_reported` the engine's
+    report holds the error itself, as it does the greatest overlap.
     """
     if not trial.is_finite():
         return Verdict(WRONG, np.nan, "not finite")

@@ -46,16 +46,8 @@ def write_case(
 ) -> Case:
     """Write a mesh and the case.toml that names it into `folder`, and load the case.
 
-    Parameters
-    ----------
-    faces : iterable of faces
-    exits : iterable of (name, segment [m], z [m])
-    people : iterable of tables
-        The groups; a group without name is named by its index.
-    areas : iterable of (name, (x1, y1, x2, y2) [m], z [m])
-        Rectangles in which people start.
-    sections : mapping, optional
-        Other keys of the case, dotted, or whole sections.
+    Exits are (name, segment [m], z [m]), areas in which people start (name, (x1, y1, x2, y2) [m], z [m]). A group
+    without name is named by its index. `sections` are other keys of the case, dotted, or whole sections.
     """
     write_obj(folder / MESH_NAME, faces)
     (folder / "case.toml").write_text(f'[building]\nmesh = "{MESH_NAME}"\n', encoding="utf-8")

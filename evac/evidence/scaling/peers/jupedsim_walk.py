@@ -45,11 +45,5 @@ class JupedsimWalk:
         return int(self.simulation.agent_count())
 
     def advance(self) -> float:
-        """Make the steps of a tick; return their CPU time [s].
-
-        Raises
-        ------
-        RuntimeError
-            JuPedSim cannot make a step, for example because somebody has been pushed out of the hall.
-        """
+        """Make the steps of a tick; return their CPU time [s]."""
         return cpu_time(lambda: self.simulation.iterate(self.per_tick))
