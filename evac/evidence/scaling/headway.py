@@ -4,14 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
+from evac.evidence.scaling.peers.evac_walk import HeadwayWalk
 from evac.evidence.scaling.walks import TICK, Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
 from evac.evidence.verdicts import reported
-from evac.people.behaviour import Behaviour, BehaviourScene
-from evac.people.outside import make_outside
-from evac.simulation.scene import Scene, make_ground
 
 PEOPLE, QUICK_PEOPLE = 10_000, 100
 
@@ -53,21 +50,15 @@ def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> list[
 
 def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
     """Return the costs without and with headway and of the minimal kernel, taken alternately [ns per person-step]."""
-    plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
-    behaviour: Behaviour = plugins().get("behaviour", "headway")()
-    scene = Scene(make_ground(hall.building, hall.fields))
-    outside = make_outside(len(kept.crowd.level))
-    behaviour.prepare(BehaviourScene(kept.crowd, scene, (), np.random.default_rng(0), TICK, outside))
+    plain, kept = Walk(hall, variant.step), HeadwayWalk(hall, variant.step, variant.name)
     costs = []
     for tick in range(WARM + TIMED):
         if tick == WARM:
             minimal = start_minimal(plain.crowd, hall.fields.packed, plain.per_tick, plain.step)
         people = [plain.inside, kept.inside, kept.inside]
         spans = [cpu_time(lambda: plain.advance(variant.model))]
-        kept.crowd.speed_factor[:] = 1.0
-        kept.crowd.extra_direction[:] = 0.0
-        decided = cpu_time(lambda: behaviour.act(kept.crowd, kept.time))
-        spans += [cpu_time(lambda: kept.advance(variant.model)), decided]
+        decided = cpu_time(kept.act)
+        spans += [cpu_time(lambda: kept.walk.advance(variant.model)), decided]
         if tick >= WARM:
             least = minimal_cost(minimal, plain.per_tick, plain.step)
             costs.append(1e9 * np.array([*(np.array(spans) / plain.per_tick / np.maximum(people, 1)), least]))

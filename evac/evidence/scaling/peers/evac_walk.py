@@ -53,9 +53,10 @@ class HeadwayWalk(EvacWalk):
 
     def advance(self) -> float:
         """Let the behaviour act and make the steps of a tick; return the CPU time of both [s]."""
-        return cpu_time(self._act) + super().advance()
+        return cpu_time(self.act) + super().advance()
 
-    def _act(self) -> None:
+    def act(self) -> None:
+        """Let the behaviour decide."""
         crowd = self.walk.crowd
         crowd.speed_factor[:] = 1.0
         crowd.extra_direction[:] = 0.0
