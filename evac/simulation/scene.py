@@ -27,20 +27,11 @@ AT_ONCE = 1e-9
 
 @dataclass(frozen=True)
 class Ground:
-    """The initial building and directions, which runs can share: independent of the seed and never changed.
-
-    Attributes
-    ----------
-    building : Building
-    fields : Fields
-        Directions of the building.
-    world : World
-        Both in the form that kernels read.
-    """
+    """The initial building and directions, which runs can share: independent of the seed and never changed."""
 
     building: Building
-    fields: Fields
-    world: World
+    fields: Fields  # directions of the building
+    world: World  # both in the form that kernels read
 
 
 def make_ground(building: Building, fields: Fields) -> Ground:

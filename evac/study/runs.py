@@ -41,45 +41,26 @@ class Order:
 
 @dataclass(frozen=True)
 class Row:
-    """The stored results of a run.
-
-    Attributes
-    ----------
-    point, run, seed : int
-    population_seed : int or None
-        Seed of the properties of people, if it differs from `seed`.
-    ended : str
-        As in `Results`; "failed" for a run without results, because of an error.
-    time : float
-        Simulated time [s]; NaN for a failed run.
-    last_out : float
-        Time at which the last person left [s]; infinite if people are left inside, NaN for a failed run.
-    exits : tuple of (str, int, float)
-        For each exit: name, number of people who left by it, time at which the last of them left [s] or NaN.
-    exit_time : (people,) float64 [s]
-        NaN for people still inside.
-    exit_used : (people,) int16
-        Index in `exits`; -1 for people still inside.
-    quality_warnings : tuple of str
-    wall_time : float
-        Wall time of the run without building and directions [s]; not part of the tables.
-    error : EvacError or None
-        Why the run failed, with its seed in a note.
-    """
+    """The stored results of a run."""
 
     point: int
     run: int
     seed: int
-    population_seed: int | None
-    ended: str
-    time: float = math.nan
+    population_seed: int | None  # seed of the properties of people, if it differs from `seed`
+    ended: str  # as in `Results`; "failed" for a run without results, because of an error
+    time: float = math.nan  # simulated time [s]; NaN for a failed run
+    # time at which the last person left [s]; infinite if people are left inside, NaN for a failed run
     last_out: float = math.nan
+    # tuple of (str, int, float): for each exit: name, number of people who left by it, time at which the last of them
+    # left [s] or NaN
     exits: tuple[tuple[str, int, float], ...] = ()
+    # (people,) float64 [s]: NaN for people still inside
     exit_time: FloatArray = field(default_factory=lambda: np.empty(0))
+    # (people,) int16: index in `exits`; -1 for people still inside
     exit_used: NDArray[np.int16] = field(default_factory=lambda: np.empty(0, np.int16))
     quality_warnings: tuple[str, ...] = ()
-    wall_time: float = 0.0
-    error: EvacError | None = None
+    wall_time: float = 0.0  # wall time of the run without building and directions [s]; not part of the tables
+    error: EvacError | None = None  # why the run failed, with its seed in a note
 
     @property
     def is_blocked(self) -> bool:
