@@ -1,9 +1,12 @@
 """Changes of a scene during a run: plain records, which are applied by the scene and recorded in the trajectory."""
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
+
+from evac.base.errors import is_one_line
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,19 @@ class Change:
     values: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        what = f"change {self.kind!r:.80} of {self.what!r:.80}"
+        if not all(isinstance(text, str) and is_one_line(text) for text in (self.kind, self.what)):
+            raise ValueError(f"{what}: kind and name must be texts of one line")
+        if not (isinstance(self.time, Real) and abs(self.time) <= sys.float_info.max):
+            raise ValueError(f"time of the {what}: {self.time!r:.80} is not a finite number")
+        if not isinstance(self.values, Mapping):
+            raise ValueError(f"values of the {what}: {self.values!r:.80} is not a dictionary")
+        for key, value in self.values.items():
+            is_number = isinstance(value, int | float) and abs(value) <= sys.float_info.max
+            if not isinstance(key, str) or not (is_number or (isinstance(value, str) and is_one_line(value))):
+                wrong = f"{key!r:.80} is {value!r:.80}"
+                raise ValueError(f"values of the {what}: {wrong}; use names, with finite numbers and texts of one line")
         object.__setattr__(self, "time", float(self.time))
-        if not math.isfinite(self.time):
-            raise ValueError(f"time of the change {self.kind!r} of {self.what!r}: {self.time} is not a finite number")
 
     def __str__(self) -> str:
         done = {"open": "opened", "close": "closed"}.get(self.kind, self.kind)

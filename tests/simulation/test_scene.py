@@ -93,6 +93,26 @@ def test_what_is_none_is_refused_now_and_for_later(room, time):
     assert scene.changes == []
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ((None, "close", "front"), "time.*None"),
+        ((10**400, "close", "front"), "time"),
+        ((np.array([1.0]), "close", "front"), "time"),
+        ((1.0, ["close"], "front"), "kind and name"),
+        ((1.0, "close", None), "kind and name"),
+        ((1.0, "close", "front", None), "values.*None"),
+        ((1.0, "close", "front", {"to": float("nan")}), "values.*nan"),
+        ((1.0, "close", "front", {"to": {1, 2}}), "values"),
+        ((1.0, "close", "front", {1: 2}), "values"),
+        ((1.0, "close", "front", {"to": "\ud800"}), "values"),
+    ],
+)
+def test_what_files_cannot_contain_is_no_change(change, words):
+    with pytest.raises(ValueError, match=words):
+        evac.Change(*change)
+
+
 def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):
     simulation = Simulation(room)
     tick = room.simulation.tick
