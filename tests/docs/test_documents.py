@@ -99,6 +99,18 @@ def test_python_of_the_guides_to_what_was_recorded_runs(text, tmp_path, monkeypa
     assert 25 <= int(passed[1]) <= 30
 
 
+def test_python_of_the_recipe_that_closes_a_stair_runs(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plugin, script = fenced(text("docs/recipes.md"), "python")
+    (tmp_path / "closing.py").write_text(plugin, encoding="utf-8")
+    case = evac.load("primary_school", {"simulation.duration": 11.0}, plugin_files=["closing.py"])
+    assert [(change.time, change.kind, change.what) for change in evac.run(case).changes] == [(10.0, "close", "upper")]
+    exec(compile(script, "docs/recipes.md", "exec"), {})
+    results = evac.read_results("upper-closed")
+    assert results.evacuated == results.number_of_people
+    assert [(change.time, change.kind) for change in results.changes] == [(10.0, "close"), (40.0, "open")]
+
+
 def test_python_of_the_guide_to_results_runs(text, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (block,) = fenced(text("docs/results.md"), "python")
