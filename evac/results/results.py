@@ -18,6 +18,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
+from evac.contract.builtin import DEFAULT_MOVEMENT
 from evac.directions.routes import Route
 from evac.folder.files import (
     CROSSINGS_NAME,
@@ -467,6 +468,7 @@ def results_of(
     models, behaviours = case.registry.contact_models, case.registry.behaviours
     rigid = [name for name, model in models.items() if model.rigid and name != case.contact.model]
     keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
+    keepers.sort(key=lambda name: name != DEFAULT_MOVEMENT)
     advised = None if case.keeps_distance else keepers
     quality = [
         *contact_warnings(report, rigid),
