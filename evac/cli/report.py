@@ -64,7 +64,8 @@ def _movement(keepers: list[str]) -> str:
     """Describe how people walk, by the behaviours in use that keep distances."""
     if keepers:
         return f"people keep distances ({', '.join(keepers)})"
-    return f"as in the paper: full speed until bodies touch; to keep distances: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+    advice = f"to keep distances: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+    return f"as in the paper: full speed until bodies touch; {advice}"
 
 
 def _show_places(summary: dict[str, Any], results: Results) -> None:
