@@ -106,7 +106,7 @@ def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
     found = []
     for path in case.loaded_files:
         provided = case.registry.provided_by(path)
-        if all(kind in TABLES and (kind, name) not in used for kind, name in provided):
+        if provided and all(kind in TABLES and (kind, name) not in used for kind, name in provided):
             found.append((path, [TABLES[kind].format(name) for kind, name in provided]))
     return found
 
