@@ -52,7 +52,8 @@ class RouteChoice(Behaviour):
     - flat + up + down, if "shortest" is the only strategy;
     - flat / v_flat + c (up / v_up + down / v_down), if "comfortable" is the only strategy, with the
       comfort factor c of the case;
-    - flat / v_flat + up / v_up + down / v_down, if "fastest" is the only strategy, or if there are several.
+    - flat / v_flat + up / v_up + down / v_down, if "fastest" or "quickest" is the only strategy, or if there are
+      several. Lengths are those of the empty building: the choice does not depend on the crowd.
 
     People whose group has ``exits`` in the case choose among these exits only.
 
@@ -215,7 +216,7 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
         People inside the building.
     routes : sequence of int
         Rows of ``fields.routes``.
-    measure : {"shortest", "fastest", "comfortable"}
+    measure : {"shortest", "fastest", "comfortable", "quickest"}
         The cost is in metres for "shortest", otherwise in seconds; inf where the exit cannot be reached.
     """
     with np.errstate(divide="ignore"):

@@ -61,6 +61,32 @@ class BuildingSettings(BuildingOptions, BuildingSource):
     """`[building]`: the file of the building, how it is read, and additions to it."""
 
 
+class QuickestSettings(Section):
+    """`[directions.quickest]`: how the directions of the strategy "quickest" follow the crowd."""
+
+    period: Real = key("time between two updates, rounded to ticks", "s", 2.0, ge=0.1, le=60)
+    width: Real = key(
+        "standard deviation of the kernel by which each person adds to the density; half a metre to a metre resolves "
+        "the queue at a door",
+        "m",
+        0.6,
+        ge=0.1,
+        le=5,
+    )
+    memory: Real = key("time over which densities are averaged", "s", 4.0, ge=0, le=60)
+    hesitation: Real = key(
+        "time that the way to another exit must save before people change to it", "s", 2.0, ge=0, le=600
+    )
+    floor: Real = key(
+        "least relative speed; above it, the speed falls with the density as in Weidmann, Transporttechnik der "
+        "Fussgaenger (1993)",
+        "",
+        0.05,
+        ge=0.01,
+        le=1,
+    )
+
+
 class DirectionSettings(Section):
     """`[directions]`: how travel times and directions are computed."""
 
@@ -88,6 +114,7 @@ class DirectionSettings(Section):
     )
     comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", COMFORT, ge=1, le=1000)
     order: Literal[1, 2] = key("order of the fast marching scheme", "", ORDER)
+    quickest: QuickestSettings = key('how the strategy "quickest" follows the crowd', "", QuickestSettings())
 
 
 class PeopleSettings(Section):

@@ -19,7 +19,7 @@ from evac.building.surface.checks import measures
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.classes import find_classes
 from evac.directions.descent import descend
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import ClassGrids, Fields, PackedFields
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes
 from evac.directions.lengths import (
     Marched,
@@ -32,7 +32,7 @@ from evac.directions.lengths import (
 )
 from evac.directions.marching import Metric
 from evac.directions.masks import nearest_marked
-from evac.directions.routes import STRATEGIES, Route
+from evac.directions.routes import QUICKEST, STRATEGIES, Route
 from evac.directions.strips import outward_directions
 from evac.directions.workers import March, march_all, number_of_workers
 
@@ -130,6 +130,7 @@ def build_fields(
     steepest = max([1.0, *(rate.max() for rate in solver.rates)])
     steepest /= min(math.cos(level.slope) for level in building.levels)
     levels = solved[0].grids.levels
+    follows_crowd = any(route.strategy == QUICKEST for route in routes)
     field_of = np.full((len(levels), len(solved) * len(routes)), -1, dtype=np.int32)
     sizes: list[int] = []
     for column, reaching in enumerate(solver.reaching * len(solved)):
@@ -157,6 +158,7 @@ def build_fields(
         marched=Marched(building, spacing, clearance, solver.rates, marched),
         comfort=float(comfort),
         clearance=float(clearance),
+        grids=tuple(ClassGrids(one.grids, one.factor) for one in solved) if follows_crowd else (),
     )
 
 
@@ -165,6 +167,7 @@ class _Solved:
     """The fields of a class of bodies, of each route on the levels that it leads out from."""
 
     grids: BuildingGrids
+    factor: FloatArray  # (nodes,) factor of the slowness for directions
     barred: float  # gaps narrower than this are walls of the grids [m]
     reaching: tuple[tuple[int, ...], ...]  # levels that each route leads out from
     directions: list[FloatArray]  # list of (n, 2) float64
@@ -208,7 +211,9 @@ class _Solver:
         slow, narrow = _nodes_in_gaps(grids, avoided)
         factor = _factor(grids, slow)
         bent = _bent(grids, self.clearance, factor) if self.clearance > 0.0 else None
-        solved = _Solved(grids, barred, self.reaching, [], [], nodes_not_marched(grids), [], [], [])
+        solved = _Solved(
+            grids, factor if bent is None else bent, barred, self.reaching, [], [], nodes_not_marched(grids), [], [], []
+        )
         with closing(_solve(grids, ways, self.rates, factor, bent, self.order, self.threads)) as fields:
             for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
                 solved.misled.append(np.concatenate([_nodes_past(grids, one, narrow) for one in (travel_time, cost)]))

@@ -12,6 +12,7 @@ from evac.directions.routes import Route
 from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
 
 if TYPE_CHECKING:
+    from evac.directions.grids import BuildingGrids
     from evac.directions.lengths import Marched
 
 
@@ -97,6 +98,14 @@ def columns_of(fields: PackedFields, route: ArrayLike, radius: ArrayLike) -> Int
 
 
 @dataclass(frozen=True)
+class ClassGrids:
+    """The grids that the fields of a class of bodies were solved on, and the slowness factors (nodes,) near walls."""
+
+    grids: "BuildingGrids"
+    factor: FloatArray
+
+
+@dataclass(frozen=True)
 class Fields:
     """Travel times, directions and path lengths of a building; immutable.
 
@@ -112,6 +121,10 @@ class Fields:
         Distance that directions keep from walls where there is room [m].
     marched : Marched, optional
         Data that lengths are computed from; lengths are empty without it.
+    grids : tuple of ClassGrids
+        For each class of bodies, if there is a route with the strategy "quickest"; otherwise empty.
+    uncongested : Fields, optional
+        For fields of which some follow the crowd, those of the empty building, whose lengths they have.
     """
 
     routes: tuple[Route, ...]
@@ -119,12 +132,16 @@ class Fields:
     comfort: float = 1.0
     clearance: float = 0.0
     marched: "Marched | None" = None
+    grids: tuple[ClassGrids, ...] = ()
+    uncongested: "Fields | None" = None
 
     @cached_property
     def lengths(self) -> FloatArray:
         """Flat, up and down lengths (nodes, 3) of the path to the destination, along the slope [m]."""
         from evac.directions.lengths import find_lengths
 
+        if self.uncongested is not None:
+            return self.uncongested.lengths
         if self.marched is None:
             return np.zeros((3, 0)).T
         return find_lengths(self.marched, self.routes, self.packed.field_of, self.packed.travel_time)

@@ -77,7 +77,7 @@ def find_lengths(
     for number, of_class in enumerate(marched.classes):
         grids = build_grids(marched.building, marched.spacing, marched.clearance, of_class.barred)
         cost = np.empty(grids.size)
-        ways = _ways(grids, cost)
+        ways = make_ways(grids, cost)
         for index, route in enumerate(routes):
             cost[:] = math.inf
             places = []
@@ -155,7 +155,7 @@ def _lengths(grids: BuildingGrids, ways: Ways, exits: list[Exit], rates: FloatAr
     return lengths
 
 
-def _ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
+def make_ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
     """Return the data for path lengths along the steepest descent of a cost."""
     return Ways(
         level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),

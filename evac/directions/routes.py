@@ -4,9 +4,12 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 #: Strategies, which minimise the length along the slope, the time at the reference speeds, or the time with stairs
-#: weighted by the comfort factor of the case.
-Strategy = Literal["shortest", "fastest", "comfortable"]
+#: weighted by the comfort factor of the case, or the time at the speeds that the density of the crowd permits.
+Strategy = Literal["shortest", "fastest", "comfortable", "quickest"]
 STRATEGIES: tuple[str, ...] = get_args(Strategy)
+
+#: The strategy whose travel times are solved again during a run, see `evac.directions.quickest`.
+QUICKEST: Strategy = "quickest"
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         plugin_files=tuple(summary.plugin_files),
         changes=tuple(summary.changes),
         resumed=summary.resumed,
+        quickest=summary.quickest,
         source=summary.source,
     )
     vars(results)["trajectory"] = trajectory  # the cached property, so that the file is not read again

@@ -155,6 +155,7 @@ class Summary(Record):
     wall_time: dict[str, Amount]
     plan: list[PlanRow]
     metrics: dict[str, Any]
+    quickest: dict[str, Amount] | None = None
     changes: list[Annotated[Change, BeforeValidator(Change.from_row)]]
     resumed: list[dict[str, Any]]
     plugin_files: list[str]

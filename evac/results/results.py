@@ -140,6 +140,8 @@ class Results:
         Changes of the scene during the run, in order.
     resumed : sequence of mapping
         Checkpoints from which the run was resumed, in order.
+    quickest : mapping of str to number, optional
+        Updates of the routes with the strategy "quickest", see docs/results.md; None without such routes.
     source : str
         File of the case.
     """
@@ -177,6 +179,7 @@ class Results:
     plugin_files: Sequence[str] = ()
     changes: Sequence[Change] = ()
     resumed: Sequence[Mapping[str, Any]] = ()
+    quickest: Mapping[str, float] | None = None
     source: str = ""
 
     @classmethod
@@ -366,6 +369,7 @@ class Results:
             "wall_time": self.phases,
             "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
             "metrics": self.metrics,
+            "quickest": self.quickest,
             "changes": [change.as_row() for change in self.changes],
             "resumed": self.resumed,
             PLUGIN_FILES: self.plugin_files,

@@ -69,6 +69,8 @@ class Loop:
             walk = one.outside.advance
             after = Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
             self.operations.insert(4, after)
+        if one.scene.quickest is not None:
+            self.operations.insert(1, Operation("quickest", "directions", self._find_quickest, self._is_update))
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
@@ -100,6 +102,17 @@ class Loop:
         if simulation.deciding.version != simulation.scene.version:
             simulation.ending.begin_anew()
         simulation.deciding.act(simulation.time)
+
+    def _is_update(self) -> bool:
+        tick = self._simulation.step // self._settings.steps_per_tick
+        assert self._simulation.scene.quickest is not None
+        return self._simulation.scene.quickest.is_due(tick, self._settings.tick)
+
+    def _find_quickest(self) -> None:
+        """Solve the routes that follow the crowd again."""
+        crowd = self._simulation.population.crowd
+        assert self._simulation.scene.quickest is not None
+        self._simulation.scene.quickest.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
 
     def _move(self) -> None:
         simulation, settings = self._simulation, self._settings

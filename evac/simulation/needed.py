@@ -9,8 +9,9 @@ from evac.base.errors import counted, plugin_code
 from evac.directions.build import build_fields
 from evac.directions.descent import add_lengths, descend, find_lowest
 from evac.directions.fields import Fields
-from evac.directions.routes import STRATEGIES, Route
+from evac.directions.routes import QUICKEST, STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
+from evac.directions.waves import deposit, march_waves
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
 from evac.people.behaviour import Behaviour
@@ -101,7 +102,10 @@ def run_kernels(
     found = entries_of_loop(model, forces, case.registry.solvers, full or has_seams(building), full)
     for behaviour in behaviours:
         found += entries_of(sys.modules[type(behaviour).__module__])
-    if len(needed_routes(case, behaviours, full)) > len(routes_of(case)):  # they are compared by their lengths
+    routes = needed_routes(case, behaviours, full)
+    if any(route.strategy == QUICKEST for route in routes):
+        found += [deposit, march_waves]
+    if len(routes) > len(routes_of(case)):  # they are compared by their lengths
         found += [add_lengths, find_lowest]
     return found
 

@@ -18,6 +18,7 @@ from evac.building.model.building import Building
 from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import links_named, with_links
 from evac.directions.fields import Fields
+from evac.directions.quickest import Quickest, Settings
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
 
@@ -48,6 +49,8 @@ class Scene:
         The initial state. It is not modified, so that several scenes may share it.
     solve : callable, optional
         ``solve(building) -> Fields``, called when a portal or exit has opened or closed.
+    settings : Settings, optional
+        Of the strategy "quickest"; without them its directions do not follow the crowd.
 
     Attributes
     ----------
@@ -56,6 +59,8 @@ class Scene:
     building : Building
         The building with its currently closed portals and exits.
     fields : Fields
+    quickest : Quickest or None
+        The directions that follow the crowd, if a route has the strategy "quickest".
     time : float
         Simulated time [s]: the beginning of the next tick.
     changes : list of Change
@@ -64,9 +69,13 @@ class Scene:
         Whether behaviours are prepared, so that no field can be added.
     """
 
-    def __init__(self, ground: Ground, solve: Callable[[Building], Fields] | None = None) -> None:
+    def __init__(
+        self, ground: Ground, solve: Callable[[Building], Fields] | None = None, settings: Settings | None = None
+    ) -> None:
         self.building = ground.building
-        self.fields = ground.fields
+        self._settings = settings
+        self.quickest: Quickest | None = None
+        self.fields = self._own_fields(ground.fields)
         self.time = 0.0
         self.changes: list[Change] = []
         self.ground = ground
@@ -85,7 +94,9 @@ class Scene:
     def world(self) -> World:
         """The scene in the form that kernels read; updated when the scene changes."""
         world = self.ground.world  # scenes share all arrays except the open flags, the only ones that are written
-        return world.replace(link_open=world.link_open.copy(), wall_open=world.wall_open.copy())
+        return world.replace(
+            link_open=world.link_open.copy(), wall_open=world.wall_open.copy(), fields=self.fields.packed
+        )
 
     def apply(self, change: Change) -> None:
         """Change the scene now, or at the beginning of the tick at the time of the change, if that lies ahead.
@@ -195,6 +206,13 @@ class Scene:
                 field.values[:] = taken(state, f"field.{name}", np.float64, field.values.shape)
         self._become(replace(self.building, closed=frozenset(closed.tolist())))
 
+    def _own_fields(self, fields: Fields) -> Fields:
+        """Return fields for this scene alone: others if some of them follow the crowd."""
+        if not fields.grids or self._settings is None:
+            return fields
+        self.quickest = Quickest(fields, self._settings, self.quickest)
+        return self.quickest.fields
+
     def _become(self, building: Building) -> bool:
         """Take over a building with other closed links; return whether they are others."""
         changed = building.closed ^ self.building.closed
@@ -203,7 +221,7 @@ class Scene:
                 set_open(self.world, link, link not in building.closed)
             self.building = building
             if self._solve is not None:
-                self.fields = self._solve(building)
+                self.fields = self._own_fields(self._solve(building))
                 self.world.fields = self.fields.packed
         return bool(changed)
 

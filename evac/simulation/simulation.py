@@ -141,7 +141,7 @@ class Simulation:
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
             solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, threads=self._threads)
-            self.scene = Scene(ground or make_ground(building, solve(building)), solve)
+            self.scene = Scene(ground or make_ground(building, solve(building)), solve, case.directions.quickest)
         with noting(building.warnings), self.phases.enter("people"):
             self.population, self.stopping, border = assembly.make_population(
                 case, self.scene.ground, self.contact, behaviours
@@ -274,6 +274,7 @@ class Simulation:
             folder=self.folder,
             changes=tuple(self.scene.changes),
             resumed=self.resumed,
+            quickest=None if self.scene.quickest is None else self.scene.quickest.report(),
         )
         return replace(results, metrics=dict(metrics(self.registry, results)))
 

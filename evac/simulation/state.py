@@ -26,6 +26,7 @@ def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
         "engine": simulation.engine.snapshot(),
         "scene": simulation.scene.state(),
         "outside": {} if simulation.outside is None else simulation.outside.state(),
+        "quickest": {} if simulation.scene.quickest is None else simulation.scene.quickest.state(),
         "watch": simulation.watch.state(),
         "simulation": {
             "clock": np.array([simulation.step, simulation.deciding.version]),
@@ -46,6 +47,9 @@ def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -
         _restore_own(simulation, own)
     with part_of(state, "scene.") as own:
         simulation.scene.restore(own, simulation.time)
+    if simulation.scene.quickest is not None:
+        with part_of(state, "quickest.") as own:
+            simulation.scene.quickest.restore(own)
     building = simulation.building
     with part_of(state, "population.") as own:
         simulation.population.restore(own, building, len(simulation.fields.routes))

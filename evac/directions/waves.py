@@ -1,0 +1,275 @@
+"""Kernels for times that are solved again during a run: density on the nodes, and one march through all levels."""
+
+import math
+
+from evac.building.model.building import DOWN, FLAT, UP
+from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, IntPairs, Ints, Longs, Pairs, Struct, inner, kernel
+
+#: States of a node in a march: not reached yet, in the queue, final, and not part of it.
+FAR, QUEUED, FINAL, APART = 0, 1, 2, 3
+
+#: Half width of the kernel of densities, in standard deviations.
+CUT = 3.0
+
+#: Relative difference below which a time is not lower than another.
+ROUNDING = 1e-9
+
+
+class Waves(Struct):
+    """A march through the nodes of all levels: the level of each, what it represents, and its time so far."""
+
+    level_of: Ints  # (nodes,)
+    border: Longs  # (b,) nodes to solve that are next to others from which a march may begin: starts, other levels
+    source: Longs  # (nodes,) node that each node represents, -1 for none
+    twin: Longs  # (nodes,) for nodes on a portal, the node at the same position on the other level, otherwise -1
+    stride: Ints  # (levels,) stride along x in packed arrays
+    uphill: Pairs  # (levels, 2)
+    slowness: FloatGrid  # (levels, 3) time per metre in plan, by use [s/m]
+    factor: Floats  # (nodes,) factor of the slowness
+    spacing: float  # [m]
+    state: Bytes  # (nodes,) FAR, QUEUED, FINAL or APART
+    time: Floats  # (nodes,) [s]
+    exit: Ints  # (nodes,) exit that the way from a node ends at, -1 for none
+    former: Ints  # (nodes,) that of the march before, -1 for none
+    hesitation: float  # time that the way to another exit than before must be shorter [s]
+    before: Longs  # (nodes,) next node on the way
+    leans: ByteGrid  # (levels, levels) whether times of one level follow from those of another
+    heap: Longs  # (nodes,) queue of nodes, the lowest time first
+    place: Longs  # (nodes,) place of each node in the queue
+
+
+@kernel
+def deposit(
+    position: Pairs,
+    level: Ints,
+    origin: Pairs,
+    shape: IntPairs,
+    first: Longs,
+    spacing: float,
+    width: float,
+    sum: Floats,
+) -> None:
+    """Add the Gauss kernels of people to the densities (nodes,) of their levels [1/m2]; level -1 is left out.
+
+    Node (ix, iy) of a level is number ``first + ix * ny + iy``.
+    """
+    reach = CUT * width
+    weight = 1.0 / (2.0 * math.pi * width * width)
+    for i in range(level.shape[0]):
+        at = level[i]
+        if at < 0:
+            continue
+        nx, ny = shape[at, 0], shape[at, 1]
+        x, y = (position[i, 0] - origin[at, 0]) / spacing, (position[i, 1] - origin[at, 1]) / spacing
+        cells = reach / spacing
+        low_x, high_x = max(0, math.ceil(x - cells)), min(nx - 1, math.floor(x + cells))
+        low_y, high_y = max(0, math.ceil(y - cells)), min(ny - 1, math.floor(y + cells))
+        scale = 0.5 * spacing * spacing / (width * width)
+        for ix in range(low_x, high_x + 1):
+            share = weight * math.exp(-scale * (ix - x) * (ix - x))
+            # exp of the squares of equal steps: each follows from the one before by two products.
+            value = share * math.exp(-scale * (low_y - y) * (low_y - y))
+            ratio = math.exp(-scale * (2.0 * (low_y - y) + 1.0))
+            change = math.exp(-2.0 * scale)
+            node = first[at] + ix * ny
+            for iy in range(low_y, high_y + 1):
+                sum[node + iy] += value
+                value *= ratio
+                ratio *= change
+
+
+@inner
+def rise(waves: Waves, k: int) -> None:
+    """Move the entry at place k of the queue towards its front."""
+    node = waves.heap[k]
+    time = waves.time[node]
+    while k > 0:
+        above = (k - 1) // 2
+        other = waves.heap[above]
+        if waves.time[other] <= time:
+            break
+        waves.heap[k] = other
+        waves.place[other] = k
+        k = above
+    waves.heap[k] = node
+    waves.place[node] = k
+
+
+@inner
+def sink(waves: Waves, size: int) -> None:
+    """Move the entry at the front of the queue to its place."""
+    node = waves.heap[0]
+    time = waves.time[node]
+    k = 0
+    while 2 * k + 1 < size:
+        below = 2 * k + 1
+        if below + 1 < size and waves.time[waves.heap[below + 1]] < waves.time[waves.heap[below]]:
+            below += 1
+        other = waves.heap[below]
+        if waves.time[other] >= time:
+            break
+        waves.heap[k] = other
+        waves.place[other] = k
+        k = below
+    waves.heap[k] = node
+    waves.place[node] = k
+
+
+@inner
+def time_from(waves: Waves, node: int, other: int) -> float:
+    """Return the time at a final neighbour, and the hesitation if the way would end at another exit than before."""
+    here, there = waves.former[node], waves.exit[other]
+    time: float = waves.time[other]
+    if here >= 0 and there != here and waves.former[other] == there:
+        time += waves.hesitation
+    return time
+
+
+@inner
+def lower_side(waves: Waves, node: int, step: int) -> tuple[int, int, float]:
+    """Return the lower final neighbour of a node along an axis (-1 for none), the step to it, and its time."""
+    found, way, least = -1, step, math.inf
+    for sign in (-1, 1):
+        other = waves.source[node + sign * step]
+        if other >= 0 and waves.state[other] == FINAL:
+            time = time_from(waves, node, other)
+            if time < least:
+                found, way, least = other, sign * step, time
+    return found, way, least
+
+
+@inner
+def upwind(waves: Waves, node: int, way: int, time: float) -> tuple[float, float]:
+    """Return weight and time of an upwind difference: a (T - t)^2 is the squared increase along an axis.
+
+    It is of second order if the next node but one is final and lower.
+    """
+    far = waves.source[node + 2 * way]
+    if far >= 0 and waves.state[far] == FINAL:
+        beyond = time_from(waves, node, far)
+        if beyond <= time:
+            return 2.25, (4.0 * time - beyond) / 3.0
+    return 1.0, time
+
+
+@inner
+def slowness_at(waves: Waves, node: int, one: int, way_one: int, two: int, way_two: int) -> float:
+    """Return the time per metre at a node, whose way leads towards its lower neighbours."""
+    level = waves.level_of[node]
+    up_x, up_y = waves.uphill[level, 0], waves.uphill[level, 1]
+    use = FLAT
+    if up_x != 0.0 or up_y != 0.0:
+        climb = 0.0
+        if one >= 0:
+            climb += up_x if way_one > 0 else -up_x
+        if two >= 0:
+            climb += up_y if way_two > 0 else -up_y
+        use = UP if climb > 0.0 else DOWN
+    slowness: float = waves.slowness[level, use] * waves.factor[node]
+    return slowness
+
+
+@inner
+def solve_at(waves: Waves, node: int) -> tuple[float, int]:
+    """Return the time at a node that follows from its final neighbours, and the lowest of them."""
+    one, way_one, time_one = lower_side(waves, node, waves.stride[waves.level_of[node]])
+    two, way_two, time_two = lower_side(waves, node, 1)
+    if one < 0 and two < 0:
+        return math.inf, -1
+    cost = waves.spacing * slowness_at(waves, node, one, way_one, two, way_two)
+    a, t, b, s = 1.0, time_one, 1.0, time_two
+    if one >= 0:
+        a, t = upwind(waves, node, way_one, time_one)
+    if two >= 0:
+        b, s = upwind(waves, node, way_two, time_two)
+    if one >= 0 and two >= 0:
+        # a (T - t)^2 + b (T - s)^2 = cost^2, with T above the times of both neighbours.
+        total, gap = a + b, s - t
+        inside = total * cost * cost - a * b * gap * gap
+        if inside >= 0.0:
+            time = (a * t + b * s + math.sqrt(inside)) / total
+            if time >= time_one and time >= time_two:
+                return time, one if time_one <= time_two else two
+    if time_one <= time_two:
+        return max(t + cost / math.sqrt(a), time_one), one
+    return max(s + cost / math.sqrt(b), time_two), two
+
+
+@inner
+def offer(waves: Waves, node: int, time: float, near: int, size: int) -> int:
+    """Give a node that is not final a time if it is lower than its own; return the length of the queue."""
+    if time < waves.time[node]:
+        waves.time[node] = time
+        waves.before[node] = near
+        if waves.state[node] == FAR:
+            waves.state[node] = QUEUED
+            waves.heap[size] = node
+            waves.place[node] = size
+            size += 1
+        rise(waves, waves.place[node])
+    return size
+
+
+@kernel
+def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: float, lowered: Bytes) -> None:
+    """March through some levels, from the nodes that are final, until the times on all needed levels are known.
+
+    Parameters
+    ----------
+    waves : Waves
+        Nodes that are to be solved are FAR with an infinite time.
+    level : (levels,) uint8
+        The levels that are marched; all nodes of others are FINAL or APART.
+    needed : (levels,) uint8
+        Those of them on which all nodes must become FINAL.
+    missing : int
+        The number of these nodes.
+    least : float
+        Time [s] up to which the march goes in any case.
+    lowered : (levels,) uint8
+        Output: the other levels on which times would decrease.
+    """
+    size = 0
+    for k in range(waves.border.shape[0]):
+        node = waves.border[k]
+        if not level[waves.level_of[node]]:
+            continue
+        time, near = solve_at(waves, node)
+        if time < math.inf:
+            size = offer(waves, node, time, near, size)
+        other = waves.twin[node]
+        if other >= 0 and waves.state[other] == FINAL:
+            size = offer(waves, node, waves.time[other], other, size)
+    while size > 0 and (missing > 0 or waves.time[waves.heap[0]] <= least):
+        node = waves.heap[0]
+        size -= 1
+        waves.heap[0] = waves.heap[size]
+        if size > 0:
+            sink(waves, size)
+        waves.state[node] = FINAL
+        near = waves.before[node]
+        waves.exit[node] = waves.exit[near]
+        here = waves.level_of[node]
+        missing -= needed[here]
+        if waves.level_of[near] != here:
+            waves.leans[here, waves.level_of[near]] = 1
+        other = waves.twin[node]
+        if other >= 0:
+            if waves.state[other] == FAR or waves.state[other] == QUEUED:
+                size = offer(waves, other, waves.time[node], node, size)
+            elif not level[waves.level_of[other]] and waves.time[node] < waves.time[other] * (1.0 - ROUNDING):
+                lowered[waves.level_of[other]] = 1
+        stride = waves.stride[here]
+        for k in range(4):
+            step = (stride if k < 2 else 1) * (1 - 2 * (k % 2))
+            other = waves.source[node + step]
+            if other < 0 or waves.state[other] == APART:
+                continue
+            if waves.state[other] != FINAL:
+                time, near = solve_at(waves, other)
+                if time < math.inf:
+                    size = offer(waves, other, time, near, size)
+            elif not level[waves.level_of[other]]:
+                time, near = solve_at(waves, other)
+                if time < waves.time[other] * (1.0 - ROUNDING):
+                    lowered[waves.level_of[other]] = 1

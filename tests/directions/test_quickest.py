@@ -1,0 +1,163 @@
+"""Directions that follow the crowd: travel times at the speeds of its density, solved again where it has changed."""
+
+import numpy as np
+import pytest
+import shapely
+
+from evac.case.schema import QuickestSettings
+from evac.directions.build import build_fields
+from evac.directions.quickest import Quickest, relative_speed
+from evac.directions.routes import Route
+
+QUICKEST = Route((), "quickest")
+
+
+def quickest_in(building, routes=(QUICKEST,), clearance=0.0, **settings):
+    fields = build_fields(building, routes, clearance=clearance, speeds=(1.0, 0.5, 0.5))
+    return Quickest(fields, QuickestSettings(**{"memory": 0.0, **settings}))
+
+
+def update(quickest, people, level=0):
+    """Update the routes for the first of 800 people, the others of whom have left; return the levels solved."""
+    places, levels = np.zeros((800, 2)), np.full(800, -1, np.int32)
+    places[: len(people)] = np.reshape(people, (-1, 2))
+    levels[: len(people)] = level
+    before = quickest.report()["levels_solved"]
+    quickest.update(levels, places, np.zeros(800, np.int32), np.full(800, 0.2))
+    return quickest.report()["levels_solved"] - before
+
+
+def crowd_in(x1, y1, x2, y2, step=0.35):
+    return np.array([(x, y) for x in np.arange(x1, x2, step) for y in np.arange(y1, y2, step)])
+
+
+@pytest.fixture
+def corridor(drawing):
+    drawing.exit("end", drawing.level((0.0, 0.0, 12.0, 2.0)), (12.0, 0.0), (12.0, 2.0))
+    return drawing.build()
+
+
+@pytest.fixture
+def hall(drawing):
+    level = drawing.level((0.0, 0.0, 16.0, 6.0))
+    drawing.exit("left", level, (2.0, 0.0), (3.0, 0.0))
+    drawing.exit("right", level, (13.0, 0.0), (14.0, 0.0))
+    return drawing.build()
+
+
+@pytest.fixture
+def row(drawing):
+    """Return three rooms one after another; the exit is in the last one."""
+    rooms = [drawing.level((8.0 * k, 0.0, 8.0 * (k + 1), 4.0)) for k in range(3)]
+    for first, second in ((0, 1), (1, 2)):
+        drawing.portal(rooms[first], rooms[second], (8.0 * second, 1.0), (8.0 * second, 3.0))
+    drawing.exit("out", rooms[2], (24.0, 1.0), (24.0, 3.0))
+    return drawing.build()
+
+
+def test_the_speed_falls_with_the_density_as_in_weidmann():
+    found = relative_speed(np.array([0.0, 1.0, 2.0, 5.4, 9.0]), 0.05)
+    law = [1.0 - np.exp(-1.913 * (1.0 / rho - 1.0 / 5.4)) for rho in (1.0, 2.0)]
+    assert found == pytest.approx([1.0, *law, 0.05, 0.05])
+
+
+def test_a_uniform_density_at_half_the_speed_doubles_the_times(corridor):
+    places = np.column_stack([np.linspace(1.0, 7.0, 7), np.full(7, 0.9)])
+    quickest = quickest_in(corridor, floor=0.5)
+    update(quickest, [[6.0, 1.0]])
+    empty = quickest.fields.travel_time_at(0, places, 0, 0.2)
+    assert -np.diff(empty) == pytest.approx(np.diff(places[:, 0]), rel=1e-9)  # at 1 m/s
+    update(quickest, crowd_in(0.0, 0.0, 12.1, 2.1, 0.2))
+    full = quickest.fields.travel_time_at(0, places, 0, 0.2)
+    assert np.diff(full) == pytest.approx(2.0 * np.diff(empty), rel=1e-9)
+
+
+def test_without_a_crowd_the_times_are_those_of_the_empty_building(row):
+    quickest = quickest_in(row)
+    update(quickest, [])
+    level, places = np.array([0, 0, 1, 2]), np.array([[1.0, 3.5], [6.0, 0.5], [12.0, 2.0], [20.0, 3.0]])
+    wanted = quickest.fields.uncongested.travel_time_at(level, places, 0, 0.2)
+    assert quickest.fields.travel_time_at(level, places, 0, 0.2) == pytest.approx(wanted, rel=0.02)
+    along = quickest.fields.uncongested.directions_at(level, places, 0, 0.2)
+    assert (quickest.fields.directions_at(level, places, 0, 0.2) * along).sum(axis=1).min() > 0.99
+
+
+def test_only_levels_that_have_changed_and_those_behind_them_are_solved(row):
+    quickest, far = quickest_in(row), [[1.0, 1.0]]
+    assert update(quickest, far) == 3
+    assert update(quickest, far) == 0
+    first = [*far, *crowd_in(1.0, 1.0, 4.0, 3.0)]
+    assert update(quickest, first, [0] * len(first)) == 1  # nothing leads through the first room
+    middle = [*first, *crowd_in(11.0, 1.0, 13.0, 3.0)]
+    levels = [0] * len(first) + [1] * (len(middle) - len(first))
+    assert update(quickest, middle, levels) == 2
+    last = [*middle, *crowd_in(20.0, 1.0, 23.0, 3.0)]
+    assert update(quickest, last, levels + [2] * (len(last) - len(middle))) == 3
+    assert update(quickest, last, levels + [2] * (len(last) - len(middle))) == 0
+
+
+def test_levels_that_are_solved_alone_agree_with_all_solved_together(row):
+    scenes = [crowd_in(17.0, 0.5, 20.0, 3.0), crowd_in(22.0, 1.0, 24.0, 3.0), crowd_in(2.0, 0.0, 5.0, 3.0)]
+    step_by_step = quickest_in(row, hesitation=0.0)
+    for scene in scenes:
+        levels = (scene[:, 0] // 8.0).astype(int)
+        update(step_by_step, [*scene, [1.0, 1.0]], [*levels, 0])
+    at_once = quickest_in(row, hesitation=0.0)
+    update(at_once, [*scenes[-1], [1.0, 1.0]], [*levels, 0])
+    found, wanted = step_by_step.fields.packed, at_once.fields.packed
+    known = np.isfinite(wanted.travel_time)
+    assert found.travel_time[known] == pytest.approx(wanted.travel_time[known], abs=1e-9)
+
+
+def test_what_nobody_needs_is_not_solved_until_somebody_does(row):
+    quickest = quickest_in(row)
+    update(quickest, [])
+    crowd = [[22.0, 2.0]] * 4
+    assert update(quickest, crowd, 2) == 1
+    back = [*crowd, [1.0, 1.0]]
+    assert update(quickest, back, [2] * len(crowd) + [0]) == 2
+
+
+def test_a_crowd_at_one_exit_sends_others_to_the_other(hall):
+    quickest, undecided = quickest_in(hall, clearance=0.25), [5.5, 4.0]
+    update(quickest, [undecided])
+    assert quickest.fields.directions_at(0, np.array([undecided]), 0, 0.2)[0, 0] < 0.0
+    update(quickest, [undecided, *crowd_in(1.0, 0.2, 4.0, 3.0)])
+    assert quickest.fields.directions_at(0, np.array([undecided]), 0, 0.2)[0, 0] > 0.0
+    assert (quickest.report()["exit_changes"], quickest.report()["exit_returns"]) == (1, 0)
+    update(quickest, [undecided])
+    assert (quickest.report()["exit_changes"], quickest.report()["exit_returns"]) == (2, 1)
+
+
+def test_nobody_changes_the_exit_for_less_than_the_hesitation(hall):
+    changes = []
+    for hesitation in (0.0, 600.0):
+        quickest = quickest_in(hall, hesitation=hesitation)
+        update(quickest, [[7.0, 3.0]])
+        update(quickest, [[7.0, 3.0], *crowd_in(1.0, 0.2, 4.0, 3.0)])
+        changes.append(quickest.report()["exit_changes"])
+    assert changes == [1, 0]
+
+
+def test_routes_with_other_strategies_stay_as_they_are(hall):
+    quickest = quickest_in(hall, (QUICKEST, Route()))
+    update(quickest, crowd_in(1.0, 0.2, 4.0, 3.0))
+    place = np.array([[7.0, 3.0], [3.0, 2.0]])
+    before = quickest.fields.uncongested
+    for route, is_same in ((0, False), (1, True)):
+        pairs = [(one.travel_time_at(0, place, route, 0.2)) for one in (quickest.fields, before)]
+        assert (pairs[0] == pairs[1]).all() == is_same
+    assert build_fields(hall, [Route()]).grids == ()
+
+
+def test_wider_bodies_have_ways_of_their_own_in_a_crowd(drawing):
+    walls = [shapely.box(5.95, 0.0, 6.05, 1.8), shapely.box(5.95, 2.25, 6.05, 3.0)]  # a gap of 0.45 m, a door of 1 m
+    level = drawing.level(shapely.box(0.0, 0.0, 12.0, 4.0) - shapely.union_all(walls))
+    drawing.exit("end", level, (12.0, 1.0), (12.0, 3.0))
+    fields = build_fields(drawing.build(), [QUICKEST], narrowest=0.4, widest=0.5)
+    quickest = Quickest(fields, QuickestSettings())
+    quickest.update(
+        np.zeros(2, np.int32), np.array([[5.5, 2.0], [2.0, 2.0]]), np.zeros(2, np.int32), np.array([0.2, 0.25])
+    )
+    slim, wide = (quickest.fields.travel_time_at(0, np.array([[5.5, 2.0]]), 0, radius)[0] for radius in (0.2, 0.25))
+    assert wide > slim + 0.5

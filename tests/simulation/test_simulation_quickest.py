@@ -1,0 +1,124 @@
+"""Runs in which people avoid the crowd, by the strategy "quickest"."""
+
+import json
+
+import numpy as np
+import pytest
+
+import evac
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+#: A hall with two storeys' worth of ways: a floor, a stair down, and an exit of 0.9 m beside one of 1.6 m farther away.
+PLAN = {
+    "storeys": [
+        {"name": "low", "polygons": [[[0, 0], [12, 0], [12, 5], [0, 5]]]},
+        {"name": "high", "z": 3.0, "polygons": [[[17, 0], [23, 0], [23, 5], [17, 5]]]},
+    ],
+    "stairs": [
+        {
+            "name": "stair",
+            "lower": "low",
+            "lower_edge": [[12, 1], [12, 3]],
+            "upper": "high",
+            "upper_edge": [[17, 1], [17, 3]],
+        }
+    ],
+    "exits": [
+        {"name": "near", "storey": "low", "segment": [[9, 0], [9.9, 0]]},
+        {"name": "far", "storey": "low", "segment": [[1, 5], [2.6, 5]]},
+    ],
+    "areas": [
+        {"name": "floor", "storey": "low", "polygon": [[6, 0], [12, 0], [12, 5], [6, 5]]},
+        {"name": "above", "storey": "high", "polygon": [[18, 0], [23, 0], [23, 5], [18, 5]]},
+    ],
+}
+
+
+def case_of(strategy="quickest", **changes):
+    group = {"number": 40, "speed": 1.3, "strategy": strategy}
+    table = {
+        "building": {"plan": PLAN},
+        "contact": {"model": "nsm2"},
+        "behaviours": {"headway": {}},
+        "simulation": {"duration": 90.0},
+        "output": {"picture": False, "replay": False},
+        "people": [{"name": "a", "area": "floor", **group}, {"name": "b", "area": "above", **group, "number": 20}],
+    }
+    return evac.load(table, changes)
+
+
+def test_more_people_take_the_wider_exit_although_it_is_farther(tmp_path):
+    fastest, quickest = (evac.run(case_of(one), tmp_path / one) for one in ("fastest", "quickest"))
+    assert quickest.exits["far"]["people"] > fastest.exits["far"]["people"] + 5
+    assert quickest.last_out < 0.9 * fastest.last_out
+    assert fastest.quickest is None
+    summary = json.loads((tmp_path / "quickest" / "summary.json").read_text())
+    found = evac.read_results(tmp_path / "quickest").quickest
+    assert found == summary["quickest"]
+    assert found["updates"] == 1 + int((quickest.time - 1e-6) // 2.0)
+    assert found["levels_solved"] >= 3
+    assert 0.0 < found["cpu_seconds"] < summary["wall_time"]["directions"] + 1.0
+    assert found["exit_returns"] <= found["exit_changes"]
+
+
+@pytest.mark.parametrize("ticks", [0, 13, 40])
+def test_a_run_goes_on_with_the_same_bits(ticks):
+    whole = run_ticks(Simulation(case_of()), ticks)
+    state = {key: value.copy() for key, value in whole.state().items()}
+    resumed = Simulation(case_of())
+    resumed.restore(state)
+    run_ticks(whole, 60)
+    run_ticks(resumed, 60)
+    assert_same_bits(whole, resumed)
+    one, other = whole.scene.quickest, resumed.scene.quickest
+    np.testing.assert_array_equal(one.fields.packed.direction, other.fields.packed.direction)
+    np.testing.assert_array_equal(one.fields.packed.travel_time, other.fields.packed.travel_time)
+    counts = [{**found.report(), "cpu_seconds": 0.0} for found in (one, other)]
+    assert counts[0] == counts[1]
+
+
+def test_threads_change_no_bit(monkeypatch):
+    monkeypatch.setattr("evac.physics.threads.threads.PEOPLE_PER_THREAD", 30)
+    monkeypatch.setattr("evac.simulation.assembly.PEOPLE_PER_THREAD", 30)
+    one, two = (run_ticks(Simulation(case_of(), threads=threads), 80) for threads in (1, 2))
+    assert_same_bits(one, two)
+    for simulation in (one, two):
+        simulation.engine.close()
+
+
+def test_groups_with_another_strategy_keep_their_directions():
+    simulation = run_ticks(Simulation(case_of(**{"people.b.strategy": "fastest"})), 60)
+    fields, before = simulation.fields, simulation.scene.ground.fields
+    place = np.array([[9.0, 3.0]])
+    differs = [
+        (fields.directions_at(0, place, route, 0.2) != before.directions_at(0, place, route, 0.2)).any()
+        for route in range(2)
+    ]
+    assert differs == [route.strategy == "quickest" for route in fields.routes]
+
+
+def test_without_the_strategy_nothing_follows_the_crowd():
+    simulation = Simulation(case_of("fastest"))
+    assert simulation.scene.quickest is None
+    assert "quickest" not in [operation.name for operation in simulation.loop.operations]
+    assert simulation.fields is simulation.scene.ground.fields
+    assert not [key for key in simulation.state() if key.startswith("quickest.")]
+
+
+def test_runs_on_the_same_ground_do_not_disturb_each_other():
+    first = run_ticks(Simulation(case_of()), 60)
+    second = run_ticks(Simulation(case_of(), ground=first.scene.ground), 60)
+    assert_same_bits(first, second)
+
+
+def test_an_exit_that_closes_is_left_at_once():
+    simulation = run_ticks(Simulation(case_of()), 30)
+    simulation.scene.set_open("far", False)
+    before = simulation.scene.quickest.report()["updates"]
+    run_ticks(simulation, 1)
+    assert simulation.scene.quickest.report()["updates"] == before + 1
+    inside = simulation.population.crowd.level >= 0
+    results = simulation.run()
+    near = [exit_.index for exit_ in simulation.building.exits if exit_.name == "near"]
+    assert (results.crowd.exit_used[inside] == near[0]).all()
