@@ -23,7 +23,7 @@ TABLE = {
         "areas": [{"name": "room", "polygon": [[1, 1], [4, 1], [4, 4], [1, 4]], "z": 0.0}],
         "obstacles": [{"name": "post", "polygon": [[4.5, 4.5], [4.7, 4.5], [4.7, 4.7]], "z": 0.0}],
     },
-    "directions": {},
+    "directions": {"quickest": {}},
     "people": [
         {"name": "anywhere", "number": 3, "area": "room"},
         {"name": "here", "positions": [[4.0, 0.5], [4.5, 1.5]], "z": 0.0, "preset": "slow"},
@@ -45,6 +45,7 @@ SECTIONS = (
     ("building", "areas", 0),
     ("building", "obstacles", 0),
     ("directions",),
+    ("directions", "quickest"),
     ("people", 0),
     ("presets", "slow"),
     ("contact",),

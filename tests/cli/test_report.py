@@ -56,6 +56,7 @@ def shown(capsys):
                 is_open=lambda way: way.name not in closed,
             ),
             remarks=remarks,
+            changes=(),
         )
         show_results(results)
         out, err = capsys.readouterr()

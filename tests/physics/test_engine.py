@@ -124,9 +124,12 @@ class Free(ContactModel):
 
     name = "free"
     remembers = False
+    is_armed = False
 
     def step(self, contacts, h):
-        signal.setitimer(signal.ITIMER_REAL, 3e-4)
+        if not self.is_armed:
+            self.is_armed = True
+            signal.setitimer(signal.ITIMER_REAL, 3e-4)
         return contacts.free.copy()
 
 
