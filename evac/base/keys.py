@@ -1,4 +1,4 @@
-"""Types of the keys of case.toml, its sections, and problems that name a key and how to fix it."""
+"""Types of the keys of case.toml, its tables, and faults that name a key and how to fix it."""
 
 import reprlib
 from collections.abc import Mapping
@@ -38,8 +38,8 @@ Key = tuple[str | int, ...]
 #: Greatest number of characters of a value that is repeated as an example.
 LONGEST_EXAMPLE = 80
 
-#: Greatest number of problems that are collected for a case.
-MOST_PROBLEMS = 1_000
+#: Greatest number of faults that are collected for a case.
+MOST_FAULTS = 1_000
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
@@ -114,7 +114,7 @@ def key(doc: str, unit: str = "", default: Any = ..., **bounds: Any) -> Any:
 
 
 def wrong(key: str, message: str) -> PydanticCustomError:
-    """Return an error at `key` of the section being validated."""
+    """Return an error at `key` of the table being validated."""
     return PydanticCustomError("case", "{text}", {"text": message, "key": key})
 
 
@@ -124,14 +124,14 @@ def is_multiple(value: float, unit: float) -> bool:
     return count >= 1 and abs(value - count * unit) <= 1e-9 * value
 
 
-class Section(BaseModel):
+class Table(BaseModel):
     """A table of case.toml: frozen; unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     @classmethod
     def read(cls, given: Mapping[str, Any], error: type[EvacError], where: str) -> Self:
-        """Return the section with keys given from Python, where arrays may stand for lists.
+        """Return the table with keys given from Python, where arrays may stand for lists.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class Section(BaseModel):
         try:
             return cls.model_validate(_without_arrays(given))
         except ValidationError as found:
-            first = problems_of(found, cls)[0]
+            first = faults_of(found, cls)[0]
             raise error(f"{where}{'.'.join(map(str, first.key))}: {first.text}") from None
 
 
@@ -158,7 +158,7 @@ def _without_arrays(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Problem:
+class Fault:
     """A fault: its key, its description with a fix, and whether it is a name that a plugin could provide."""
 
     key: Key
@@ -166,11 +166,11 @@ class Problem:
     is_unknown_name: bool = False
 
 
-def problems_of(error: ValidationError, root: type[Section]) -> list[Problem]:
-    """Convert the errors of pydantic for a section to problems in the terms of case.toml."""
+def faults_of(error: ValidationError, root: type[Table]) -> list[Fault]:
+    """Convert the errors of pydantic for a table to faults in the terms of case.toml."""
     found = error.errors(include_url=False, include_context=True)
     parents = {other["loc"][:length] for other in found for length in range(len(other["loc"]))}
-    return [_problem(details, root) for details in found[:MOST_PROBLEMS] if not _is_repeat(details, parents)]
+    return [_fault(details, root) for details in found[:MOST_FAULTS] if not _is_repeat(details, parents)]
 
 
 def _is_repeat(details: ErrorDetails, parents: set[Key]) -> bool:
@@ -178,70 +178,70 @@ def _is_repeat(details: ErrorDetails, parents: set[Key]) -> bool:
     return details["type"] == "too_short" and details["loc"] in parents
 
 
-def _problem(details: ErrorDetails, root: type[Section]) -> Problem:
+def _fault(details: ErrorDetails, root: type[Table]) -> Fault:
     key = details["loc"]
     kind = details["type"]
     got = reprlib.repr(details["input"])
     context = details.get("ctx", {})
     if kind == "extra_forbidden":
-        return Problem(key, f"unknown key; {_known_key(key, root)}")
+        return Fault(key, f"unknown key; {_known_key(key, root)}")
     if kind == "missing":
-        return Problem(key, f"missing; give {_meaning(key, root)}")
+        return Fault(key, f"missing; give {_meaning(key, root)}")
     if kind == "case":
-        return Problem((*key, context["key"]), context["text"])
+        return Fault((*key, context["key"]), context["text"])
     if kind == "value_error":
-        return Problem(key, str(context["error"]))
+        return Fault(key, str(context["error"]))
     if kind in ("model_type", "dict_type", "model_attributes_type"):
-        return Problem(key, f"must be a table, got {got}")
+        return Fault(key, f"must be a table, got {got}")
     if kind == "tuple_type":
         hint = ""
         if isinstance(details["input"], dict):
             hint = "; write its header in double brackets: [[...]]"
         elif isinstance(details["input"], str) and len(details["input"]) <= LONGEST_EXAMPLE:
             hint = f'; write {key[-1]} = ["{details["input"]}"]'
-        return Problem(key, f"must be a list, got {got}{hint}")
+        return Fault(key, f"must be a list, got {got}{hint}")
     text = details["msg"].replace("Input should be", "must be").replace(" after validation", "")
     text = text.replace("Tuple should have", "must have").replace("String should have", "must have")
     if kind == "literal_error" and isinstance(details["input"], str):
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
-        return Problem(key, f"{text}, got {got}; {did_you_mean(details['input'], words)}")
-    return Problem(key, f"{text}, got {got}")
+        return Fault(key, f"{text}, got {got}; {did_you_mean(details['input'], words)}")
+    return Fault(key, f"{text}, got {got}")
 
 
-def _known_key(key: Key, root: type[Section]) -> str:
-    """Return a hint for an unknown key: the closest key of the section, or another section with this key."""
-    section = section_at(key[:-1], root)
-    known = list(section.model_fields) if section else []
+def _known_key(key: Key, root: type[Table]) -> str:
+    """Return a hint for an unknown key: the closest key of the table, or another table with this key."""
+    table = table_at(key[:-1], root)
+    known = list(table.model_fields) if table else []
     word = str(key[-1])
     for name, field in root.model_fields.items():
-        other = section_of(field.annotation)
-        if word not in known and other is not None and other is not section and word in other.model_fields:
+        other = table_of(field.annotation)
+        if word not in known and other is not None and other is not table and word in other.model_fields:
             return f"it belongs to {name}: did you mean '{name}.{word}'?"
     return did_you_mean(word, known)
 
 
-def _meaning(key: Key, root: type[Section]) -> str:
-    section = section_at(key[:-1], root)
-    field = section.model_fields.get(str(key[-1])) if section else None
+def _meaning(key: Key, root: type[Table]) -> str:
+    table = table_at(key[:-1], root)
+    field = table.model_fields.get(str(key[-1])) if table else None
     return (field.description if field else None) or "a value"
 
 
-def section_at(key: Key, root: type[Section]) -> type[Section] | None:
-    """Return the section that contains a key of a section."""
-    section: type[Section] | None = root
-    is_name = False  # of a table in a section of named tables, such as presets
+def table_at(key: Key, root: type[Table]) -> type[Table] | None:
+    """Return the table that contains a key of a table."""
+    table: type[Table] | None = root
+    is_name = False  # of a table in a table of named tables, such as presets
     for step in key:
         if isinstance(step, str) and not is_name:
-            field = section.model_fields.get(step) if section else None
-            section = section_of(field.annotation) if field else None
+            field = table.model_fields.get(step) if table else None
+            table = table_of(field.annotation) if field else None
             is_name = field is not None and get_origin(field.annotation) is dict
         else:
             is_name = False
-    return section
+    return table
 
 
-def section_of(annotation: Any) -> type[Section] | None:
-    """Return the section that is the type of a field or of the items of a list."""
-    if isinstance(annotation, type) and issubclass(annotation, Section):
+def table_of(annotation: Any) -> type[Table] | None:
+    """Return the table that is the type of a field or of the items of a list."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
         return annotation
-    return next((found for part in get_args(annotation) if (found := section_of(part)) is not None), None)
+    return next((found for part in get_args(annotation) if (found := table_of(part)) is not None), None)

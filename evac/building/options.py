@@ -6,7 +6,7 @@ from typing import Literal, Self
 from pydantic import model_validator
 
 from evac.base.defaults import HEADROOM, LEAST_LENGTH, WELD
-from evac.base.keys import Coordinate, Name, Point, Real, Section, Switch, key, wrong
+from evac.base.keys import Coordinate, Name, Point, Real, Switch, Table, key, wrong
 
 #: Greatest number of exits, of areas and of obstacles, and of groups of people.
 MOST_ITEMS = 10_000
@@ -18,7 +18,7 @@ def check_level(what: str, level: str | None, z: float | None) -> None:
         raise wrong("level", f"give {what} by name, or its height z{', not both' if z is not None else ''}")
 
 
-class Placed(Section):
+class Placed(Table):
     """An item on one level."""
 
     z: Coordinate | None = key("height of the level it is on; this or `level`", "m", None)
@@ -50,7 +50,7 @@ class Outline(Placed):
     polygon: tuple[Point, ...] = key("its corners [[x, y], ...], at least three", "m", min_length=3)
 
 
-class SurfaceOptions(Section):
+class SurfaceOptions(Table):
     """How the surface in a building's file becomes walkable ground."""
 
     weld: Real = key("vertices closer than this are merged", "m", WELD, ge=0, le=1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import PrivateAttr, field_validator, model_validator
 
-from evac.base.keys import Parameters, Section, Title, key, wrong
+from evac.base.keys import Parameters, Table, Title, key, wrong
 from evac.building.options import MOST_ITEMS
 from evac.case.schema import (
     MOST_PEOPLE,
@@ -42,7 +42,7 @@ class Origin:
     registry: "Registry"
 
 
-class Case(Section):
+class Case(Table):
     """A checked case, which is plain data; `evac.simulation.assembly` reads its building and creates its plugins.
 
     Returned by `evac.case.load_case`; frozen. `change` returns a changed copy.
@@ -173,10 +173,10 @@ class Case(Section):
         if model in registry.contact_models:
             table["contact"][model] = _filled(registry.contact_models[model], table["contact"].get(model, {}))
         for kind in ("force", "behaviour", "recorder", "importer"):
-            section = table[f"{kind}s"]
-            for name, values in section.items():
+            plugins = table[f"{kind}s"]
+            for name, values in plugins.items():
                 if values is not False and (f"{kind}s", name) not in self.unchecked:
-                    section[name] = _filled(registry.get(kind, name), values)
+                    plugins[name] = _filled(registry.get(kind, name), values)
         return table
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from evac.base.errors import ScenarioError, quoted_line
-from evac.base.keys import Key, Problem
+from evac.base.keys import Fault, Key
 
 #: Greatest size of a case.toml [bytes]: some 200,000 positions.
 MOST_BYTES = 8_000_000
@@ -86,40 +86,40 @@ def parse(text: str) -> dict[str, Any]:
         raise ValueError(f"tables and lists nested more than {MOST_NESTED} deep") from None
 
 
-def faults(content: Mapping[str, Any]) -> list[Problem]:
-    """Return a problem for deep nesting, long keys and strings, large tables and integers.
+def content_faults(content: Mapping[str, Any]) -> list[Fault]:
+    """Return a fault for deep nesting, long keys and strings, large tables and integers.
 
     Later checks may then recurse, copy and compare without bounds. A mapping that contains itself is nested deeply.
     """
-    found: dict[str, Problem] = {}
+    found: dict[str, Fault] = {}
     open_: list[tuple[Key, Any]] = [((), content)]
     while open_ and not found:
         key, value = open_.pop()
         if isinstance(value, Mapping):
             if len(value) > MOST_KEYS:
-                found["keys"] = Problem(key, f"a table of {len(value):,} keys; at most {MOST_KEYS:,} are allowed")
+                found["keys"] = Fault(key, f"a table of {len(value):,} keys; at most {MOST_KEYS:,} are allowed")
             long = next((name for name in value if isinstance(name, str) and len(name) > LONGEST_KEY), None)
             if long is not None:
                 text = f"a key of {len(long):,} characters; at most {LONGEST_KEY} are allowed"
-                found["key"] = Problem((*key, _shortened(long)), text)
+                found["key"] = Fault((*key, _shortened(long)), text)
             other = next((name for name in value if not isinstance(name, str)), None)
             if other is not None:
-                found["name"] = Problem((*key, repr(other)), "a key must be a string")
+                found["name"] = Fault((*key, repr(other)), "a key must be a string")
         if isinstance(value, (Mapping, list, tuple)):
             if len(key) >= MOST_NESTED:
                 text = f"tables and lists nested more than {MOST_NESTED} deep"
-                found["nested"] = Problem(tuple(_shortened(step) for step in key[:3]), text)
+                found["nested"] = Fault(tuple(_shortened(step) for step in key[:3]), text)
             else:
                 items = value.items() if isinstance(value, Mapping) else enumerate(value)
                 open_ += [((*key, step), item) for step, item in items if _may_be_wrong(item)]
         elif isinstance(value, str):
             if len(value) > LONGEST_WORD:
                 text = f"{len(value):,} characters; at most {LONGEST_WORD:,} are allowed"
-                found["word"] = Problem(key, text)
+                found["word"] = Fault(key, text)
             elif "\0" in value:
-                found["zero"] = Problem(key, "contains a NUL character; remove it")
+                found["zero"] = Fault(key, "contains a NUL character; remove it")
         elif not _LEAST_WHOLE <= value <= _GREATEST_WHOLE:
-            found["whole"] = Problem(key, "an integer beyond 64 bits; write a smaller one, or a decimal point")
+            found["whole"] = Fault(key, "an integer beyond 64 bits; write a smaller one, or a decimal point")
     return list(found.values())
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from evac.base.errors import PluginError, ScenarioError, escaped, usable_path
-from evac.base.keys import Key, Problem, is_multiple, problems_of
+from evac.base.keys import Fault, Key, faults_of, is_multiple
 from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
-from evac.case.content import faults, read_table, with_own_classes
+from evac.case.content import content_faults, read_table, with_own_classes
 from evac.case.overrides import apply, dotted
 from evac.case.schema import MOST_STATES
 from evac.case.trust import named_files
@@ -20,7 +20,7 @@ from evac.case.trust import named_files
 if TYPE_CHECKING:
     from evac.contract.registry import Registry
 
-#: Greatest number of problems in one error, and of characters of each.
+#: Greatest number of faults in one error, and of characters of each.
 MOST_SHOWN, LONGEST_SHOWN = 50, 1_000
 
 
@@ -97,40 +97,40 @@ def case_from(
 
         registry = Registry()
     table = _with_plan(dict(table))
-    _refuse(faults(table), table, source, [])
+    _refuse(content_faults(table), table, source, [])
     content: dict[str, Any] = copy.deepcopy(table)
-    overridden, problems = apply(content, overrides)
-    _refuse(faults(content), content, source, overridden)
+    overridden, faults = apply(content, overrides)
+    _refuse(content_faults(content), content, source, overridden)
     content = with_own_classes(content)
     loaded = _added(plugin_files, registry)
     named, missing = named_files(content, source.parent)
     unloaded = tuple(path for path in named if path not in loaded)
-    problems += missing
+    faults += missing
     filled, unknown = _with_presets(content)
-    problems += unknown
+    faults += unknown
     case: Case | None = None
     try:
         case = Case.model_validate(filled)
     except ValidationError as error:
-        problems += _without_repeats(problems_of(error, Case), content)
-    of_plugins = _plugin_problems(content, registry)
-    said = {problem.key for problem in of_plugins}
-    unchecked = tuple(problem.key for problem in of_plugins if unloaded and problem.is_unknown_name)
-    problems = [problem for problem in problems if problem.key not in said]
-    problems += [problem for problem in of_plugins if problem.key not in unchecked]
-    problems += _scene_problems(content, case, source.parent)
-    _refuse(problems, content, source, overridden)
+        faults += _without_repeats(faults_of(error, Case), content)
+    of_plugins = _plugin_faults(content, registry)
+    said = {fault.key for fault in of_plugins}
+    unchecked = tuple(fault.key for fault in of_plugins if unloaded and fault.is_unknown_name)
+    faults = [fault for fault in faults if fault.key not in said]
+    faults += [fault for fault in of_plugins if fault.key not in unchecked]
+    faults += _scene_faults(content, case, source.parent)
+    _refuse(faults, content, source, overridden)
     assert case is not None
     case._origin = Origin(source, content, loaded, unloaded, unchecked, registry)
     return case
 
 
-def _refuse(problems: list[Problem], content: Mapping[str, Any], source: Path, overridden: list[Key]) -> None:
-    """Raise one error with all problems, if there are any."""
-    if problems:
-        lines = [_line(problem, content, source, overridden) for problem in problems[:MOST_SHOWN]]
-        if len(problems) > MOST_SHOWN:
-            lines.append(f"{source}: and {len(problems) - MOST_SHOWN:,} more")
+def _refuse(faults: list[Fault], content: Mapping[str, Any], source: Path, overridden: list[Key]) -> None:
+    """Raise one error with all faults, if there are any."""
+    if faults:
+        lines = [_line(fault, content, source, overridden) for fault in faults[:MOST_SHOWN]]
+        if len(faults) > MOST_SHOWN:
+            lines.append(f"{source}: and {len(faults) - MOST_SHOWN:,} more")
         raise ScenarioError("\n".join(lines))
 
 
@@ -148,26 +148,26 @@ def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
     return content
 
 
-def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
-    """Return the content with the keys of presets inserted into the groups, and problems for unknown presets."""
+def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Fault]]:
+    """Return the content with the keys of presets inserted into the groups, and faults for unknown presets."""
     presets, groups = content.get("presets", {}), content.get("people")
     if not isinstance(presets, dict) or not isinstance(groups, list):
         return content, []
     filled: list[Any] = []
-    problems: list[Problem] = []
+    faults: list[Fault] = []
     for index, group in enumerate(groups):
         name = group.get("preset") if isinstance(group, dict) else None
         preset = presets.get(name) if isinstance(name, str) else None
         filled.append({**preset, **group} if isinstance(preset, dict) else group)
         if isinstance(name, str) and name not in presets:
             hint = did_you_mean(name, list(presets))
-            problems.append(Problem(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
-    return {**content, "people": filled}, problems
+            faults.append(Fault(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
+    return {**content, "people": filled}, faults
 
 
-def _without_repeats(problems: list[Problem], content: dict[str, Any]) -> list[Problem]:
-    """Remove problems of groups that repeat a problem of their preset."""
-    of_presets = {problem.key[1:3] for problem in problems if problem.key[0] == "presets"}
+def _without_repeats(faults: list[Fault], content: dict[str, Any]) -> list[Fault]:
+    """Remove faults of groups that repeat a fault of their preset."""
+    of_presets = {fault.key[1:3] for fault in faults if fault.key[0] == "presets"}
 
     def is_repeat(key: Key) -> bool:
         if key[0] != "people" or len(key) < 3:
@@ -175,7 +175,7 @@ def _without_repeats(problems: list[Problem], content: dict[str, Any]) -> list[P
         group = content["people"][key[1]]
         return key[2] not in group and (group.get("preset"), key[2]) in of_presets
 
-    return [problem for problem in problems if not is_repeat(problem.key)]
+    return [fault for fault in faults if not is_repeat(fault.key)]
 
 
 def _found(source: str | Path, registry: "Registry") -> Path:
@@ -202,35 +202,35 @@ def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...
     return paths
 
 
-def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Problem]:
+def _plugin_faults(content: dict[str, Any], registry: "Registry") -> list[Fault]:
     """Check the tables of plugins against the parameters that their classes declare."""
-    problems: list[Problem] = []
+    faults: list[Fault] = []
     contact = content.get("contact")
     if contact is None or (isinstance(contact, dict) and "model" not in contact):
         key: Key = ("contact",) if contact is None else ("contact", "model")
         names = ", ".join(sorted(registry.contact_models))
         how = "add the table [contact] with" if contact is None else "write"
-        problems.append(Problem(key, f'missing; {how} model = "NAME", where NAME is one of {names}'))
+        faults.append(Fault(key, f'missing; {how} model = "NAME", where NAME is one of {names}'))
     if isinstance(contact, dict):
         model = contact.get("model")
         if isinstance(model, str) and model not in registry.contact_models:
             hint = _known_or_plugin(model, registry.contact_models)
-            problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}", True))
+            faults.append(Fault(("contact", "model"), f"unknown contact model {model!r}; {hint}", True))
         tables = {name: table for name, table in contact.items() if name != "model"}
-        problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
-        problems += _solver_problems(tables, registry)
-    for section, classes, word in (
+        faults += _table_faults(("contact",), tables, registry.contact_models, "contact model", ("model",))
+        faults += _solver_faults(tables, registry)
+    for kind, classes, word in (
         ("forces", registry.forces, "force"),
         ("behaviours", registry.behaviours, "behaviour"),
         ("recorders", registry.recorders, "recorder"),
         ("importers", registry.importers, "importer"),
     ):
-        if isinstance(content.get(section), dict):
-            problems += _table_problems((section,), content[section], classes, word)
+        if isinstance(content.get(kind), dict):
+            faults += _table_faults((kind,), content[kind], classes, word)
     for key, table in _tables_of_people(content):
         if isinstance(table.get("behaviours"), dict):
-            problems += _group_problems((*key, "behaviours"), table["behaviours"], content, registry)
-    return problems
+            faults += _group_faults((*key, "behaviours"), table["behaviours"], content, registry)
+    return faults
 
 
 def _known_or_plugin(name: str, known: Iterable[str]) -> str:
@@ -251,110 +251,110 @@ def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]
     return [(key, table) for key, table in found if isinstance(table, dict)]
 
 
-def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Problem]:
+def _solver_faults(tables: dict[str, Any], registry: "Registry") -> list[Fault]:
     """Check that the solvers named in tables of contact models are registered."""
     from evac.physics.contact.model import SolvedContactModel
 
-    problems: list[Problem] = []
+    faults: list[Fault] = []
     for name, table in tables.items():
         cls = registry.contact_models.get(name)
         if cls is not None and issubclass(cls, SolvedContactModel) and isinstance(table, dict):
             solver = table.get("solver")
             if isinstance(solver, str) and solver not in registry.solvers:
                 hint = _known_or_plugin(solver, registry.solvers)
-                problems.append(Problem(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}", True))
-    return problems
+                faults.append(Fault(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}", True))
+    return faults
 
 
-def _table_problems(
+def _table_faults(
     key: Key, tables: dict[str, Any], classes: Mapping[str, type[Configurable]], word: str, beside: tuple[str, ...] = ()
-) -> list[Problem]:
-    """Check tables named by plugins; `beside` are the other keys of the section."""
-    problems: list[Problem] = []
+) -> list[Fault]:
+    """Check tables named by plugins; `beside` are the other keys of the table."""
+    faults: list[Fault] = []
     for name, table in tables.items():
         if name not in classes:
             what = word if isinstance(table, dict) or not beside else "key"
             names = [*classes, *beside]
             hint = _known_or_plugin(name, names) if what == word else did_you_mean(name, names)
-            problems.append(Problem((*key, name), f"unknown {what}; {hint}", is_unknown_name=what == word))
+            faults.append(Fault((*key, name), f"unknown {what}; {hint}", is_unknown_name=what == word))
         elif isinstance(table, dict):
             declared = classes[name].declared()
             for parameter, value in table.items():
-                problems += _parameter_problems((*key, name, parameter), value, classes[name], list(declared))
-    return problems
+                faults += _parameter_faults((*key, name, parameter), value, classes[name], list(declared))
+    return faults
 
 
-def _parameter_problems(key: Key, value: Any, cls: type[Configurable], allowed: list[str]) -> list[Problem]:
+def _parameter_faults(key: Key, value: Any, cls: type[Configurable], allowed: list[str]) -> list[Fault]:
     """Check one parameter of a plugin, or one setting of a group for it."""
     parameter = str(key[-1])
     if parameter not in allowed:
-        return [Problem(key, f"{cls.name!r} has no such parameter; {did_you_mean(parameter, allowed)}")]
+        return [Fault(key, f"{cls.name!r} has no such parameter; {did_you_mean(parameter, allowed)}")]
     declared = cls.declared()
     if parameter in declared:
         try:
             declared[parameter].check("", value)
         except PluginError as error:
-            return [Problem(key, str(error).removeprefix(": "))]
+            return [Fault(key, str(error).removeprefix(": "))]
     return []
 
 
-def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any], registry: "Registry") -> list[Problem]:
+def _group_faults(key: Key, settings: dict[str, Any], content: dict[str, Any], registry: "Registry") -> list[Fault]:
     """Check the settings of a group for behaviours: each must be registered and in the case, and accept these keys."""
-    problems: list[Problem] = []
-    section = content.get("behaviours", {})
+    faults: list[Fault] = []
+    in_use = content.get("behaviours", {})
     for name, table in settings.items():
         if name not in registry.behaviours:
             hint = _known_or_plugin(name, registry.behaviours)
-            problems.append(Problem((*key, name), f"unknown behaviour; {hint}", True))
-        elif isinstance(section, dict) and name not in section:
-            problems.append(Problem((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))
+            faults.append(Fault((*key, name), f"unknown behaviour; {hint}", True))
+        elif isinstance(in_use, dict) and name not in in_use:
+            faults.append(Fault((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))
         elif isinstance(table, dict):
             cls = registry.behaviours[name]
             for parameter, value in table.items():
-                problems += _parameter_problems((*key, name, parameter), value, cls, list(cls.group_keys))
-    return problems
+                faults += _parameter_faults((*key, name, parameter), value, cls, list(cls.group_keys))
+    return faults
 
 
-def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) -> list[Problem]:
-    """Check conditions that involve more than one section."""
-    problems: list[Problem] = []
+def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path) -> list[Fault]:
+    """Check conditions that involve more than one table."""
+    faults: list[Fault] = []
     groups = content.get("people")
     names = [group.get("name") for group in groups if isinstance(group, dict)] if isinstance(groups, list) else []
     seen: set[str] = set()
     for index, name in enumerate(names):
         if isinstance(name, str) and name in seen:
-            problems.append(Problem(("people", index, "name"), f"{name!r} names two groups; rename one"))
+            faults.append(Fault(("people", index, "name"), f"{name!r} names two groups; rename one"))
         seen |= {name} if isinstance(name, str) else set()
     building = content.get("building")
     mesh = building.get("mesh") if isinstance(building, dict) else None
     if isinstance(mesh, str) and mesh and not os.path.exists(folder / mesh):
-        problems.append(Problem(("building", "mesh"), f"no such file {folder / mesh}; check the path"))
+        faults.append(Fault(("building", "mesh"), f"no such file {folder / mesh}; check the path"))
     if case is not None and not is_multiple(case.output.every, case.simulation.tick):
         every, tick = case.output.every, case.simulation.tick
         below = max(1, int(every / tick))
-        problems.append(
-            Problem(
+        faults.append(
+            Fault(
                 ("output", "every"),
                 f"{every:g} s is not a multiple of simulation.tick {tick:g} s; "
                 f"use {below * tick:.6g} or {(below + 1) * tick:.6g}",
             )
         )
     if case is not None and case.simulation.duration > MOST_STATES * case.output.every:
-        problems.append(
-            Problem(
+        faults.append(
+            Fault(
                 ("output", "every"),
                 f"{case.output.every:g} s gives {case.simulation.duration / case.output.every:.2g} states in a run of "
                 f"{case.simulation.duration:g} s, more than {MOST_STATES:,}; record less often, or shorten the run",
             )
         )
-    return problems
+    return faults
 
 
-def _line(problem: Problem, content: Mapping[str, Any], source: Path, overridden: list[Key]) -> str:
+def _line(fault: Fault, content: Mapping[str, Any], source: Path, overridden: list[Key]) -> str:
     """Return one line of the error: file, dotted key, fault, and whether the key was set by an override."""
-    by_override = any(all(a == b for a, b in zip(problem.key, key, strict=False)) for key in overridden)
+    by_override = any(all(a == b for a, b in zip(fault.key, key, strict=False)) for key in overridden)
     note = " (set by an override)" if by_override else ""
-    text = problem.text
+    text = fault.text
     if len(text) > LONGEST_SHOWN:  # it contains a long value
         text = f"{text[: LONGEST_SHOWN // 2]} ... {text[-LONGEST_SHOWN // 2 :]}"
-    return escaped(f"{source}: {dotted(problem.key, content)}: {text}{note}")
+    return escaped(f"{source}: {dotted(fault.key, content)}: {text}{note}")

@@ -4,13 +4,13 @@ import copy
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from evac.base.keys import Key, Problem
+from evac.base.keys import Fault, Key
 from evac.base.parameters import did_you_mean
 from evac.building.model.names import repaired
-from evac.case.content import faults, parse
+from evac.case.content import content_faults, parse
 
 
-def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str, Any]], list[Problem]]:
+def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str, Any]], list[Fault]]:
     """Read overrides given as a mapping, or as strings ``dotted.key=value``.
 
     A value is read as TOML; if it is not valid TOML, it is taken as a string, unless it begins like a quoted string,
@@ -19,18 +19,18 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
     if isinstance(overrides, Mapping):
         return list(overrides.items()), []
     pairs: list[tuple[str, Any]] = []
-    problems: list[Problem] = []
+    faults: list[Fault] = []
     for text in [overrides] if isinstance(overrides, str) else overrides:
         key, sign, word = (part.strip() for part in text.partition("="))
         if not (key and sign and word):
-            problems.append(Problem((text,), "write the override as dotted.key=value"))
+            faults.append(Fault((text,), "write the override as dotted.key=value"))
             continue
         try:
             pairs.append((key, value_of(word)))
         except ValueError as error:
             hint = "; text in a list needs quotes, as in '[\"door\"]'" if word[0] == "[" else ""
-            problems.append(Problem((key,), f"{word} is not valid TOML: {error}{hint}"))
-    return pairs, problems
+            faults.append(Fault((key,), f"{word} is not valid TOML: {error}{hint}"))
+    return pairs, faults
 
 
 def value_of(word: str) -> Any:
@@ -66,21 +66,21 @@ def split_values(text: str) -> list[str]:
     return [word.strip() for word in words]
 
 
-def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[Key], list[Problem]]:
-    """Change `table` in place; return the keys that were set, and the problems."""
-    pairs, problems = parsed(overrides)
+def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[Key], list[Fault]]:
+    """Change `table` in place; return the keys that were set, and the faults."""
+    pairs, faults = parsed(overrides)
     keys: list[Key] = []
     for name, value in pairs:
-        wrong = faults({"value": value})  # before it is copied
-        found = Problem((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
-        if isinstance(found, Problem):
-            problems.append(found)
+        wrong = content_faults({"value": value})  # before it is copied
+        found = Fault((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
+        if isinstance(found, Fault):
+            faults.append(found)
         else:
             keys.append(found)
-    return keys, problems
+    return keys, faults
 
 
-def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
+def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Fault:
     """Set one key; missing tables are created, items of lists must exist."""
     here: Any = table
     key: Key = ()
@@ -91,11 +91,11 @@ def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
             index = _index(here, part)
             if index is None:
                 names = [str(item["name"]) for item in here if isinstance(item, dict) and "name" in item]
-                return Problem((*key, part), f"no item has this name or number; {did_you_mean(part, names)}")
+                return Fault((*key, part), f"no item has this name or number; {did_you_mean(part, names)}")
             step = index
         elif not isinstance(here, dict):
             hint = f"set {dotted(key, table)} as a whole"
-            return Problem((*key, part), f"{dotted(key, table)} is {here!r}, not a table; {hint}")
+            return Fault((*key, part), f"{dotted(key, table)} is {here!r}, not a table; {hint}")
         key = (*key, step)
         if is_last:
             here[step] = copy.deepcopy(value)  # a later override may change it

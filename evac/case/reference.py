@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from evac.base.distributions import KINDS, Distribution
-from evac.base.keys import Factor, Section, section_of
+from evac.base.keys import Factor, Table, table_of
 from evac.case.case import Case
 from evac.case.schema import GroupSettings, PeopleSettings
 
@@ -31,28 +31,28 @@ WORDS: dict[Any, str] = {
 
 
 def reference() -> str:
-    """Return every key of case.toml with its type, unit, default and meaning, as Markdown tables by section."""
-    return "\n\n".join([_section(Case, "", "At the top of the file"), *_sections(Case, ""), _distributions()]) + "\n"
+    """Return every key of case.toml with its type, unit, default and meaning, as Markdown, by table."""
+    return "\n\n".join([_table(Case, "", "At the top of the file"), *_tables(Case, ""), _distributions()]) + "\n"
 
 
-def _sections(section: type[Section], path: str) -> list[str]:
-    """Return the tables of all sections within a section."""
+def _tables(table: type[Table], path: str) -> list[str]:
+    """Return the descriptions of all tables within a table."""
     parts = []
-    for name, field in section.model_fields.items():
-        inner, kind = section_of(field.annotation), get_origin(field.annotation)
+    for name, field in table.model_fields.items():
+        inner, kind = table_of(field.annotation), get_origin(field.annotation)
         if inner is not None:
             place = f"{path}{name}"
             title = f"`[[{place}]]`" if kind is tuple else f"`[{place}.NAME]`" if kind is dict else f"`[{place}]`"
-            parts += [_section(inner, place, title), *_sections(inner, f"{place}.")]
+            parts += [_table(inner, place, title), *_tables(inner, f"{place}.")]
     return parts
 
 
-def _section(section: type[Section], path: str, title: str) -> str:
-    fields = {name: field for name, field in section.model_fields.items() if section_of(field.annotation) is None}
-    if section is GroupSettings:
+def _table(table: type[Table], path: str, title: str) -> str:
+    fields = {name: field for name, field in table.model_fields.items() if table_of(field.annotation) is None}
+    if table is GroupSettings:
         fields = {name: field for name, field in fields.items() if name not in PeopleSettings.model_fields}
     rows = [_row(name, field) for name, field in fields.items()]
-    if section is GroupSettings:
+    if table is GroupSettings:
         rows.append("| `radius`, ... |  |  |  | every key of `[presets.NAME]` below |")
     if path == "contact":
         rows.append("| `NAME` | table |  | none | parameters of contact model NAME, in use or not |")

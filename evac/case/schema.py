@@ -1,4 +1,4 @@
-"""The sections of case.toml: every key with its type, unit, range, default and meaning."""
+"""The tables of case.toml: every key with its type, unit, range, default and meaning."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -15,10 +15,10 @@ from evac.base.keys import (
     Point,
     Radius,
     Real,
-    Section,
     Speed,
     StairSpeed,
     Switch,
+    Table,
     Tau,
     Whole,
     is_multiple,
@@ -44,7 +44,7 @@ Velocity = tuple[
 ]
 
 
-class BuildingSource(Section):
+class BuildingSource(Table):
     """Where the building is."""
 
     mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
@@ -61,7 +61,7 @@ class BuildingSettings(BuildingOptions, BuildingSource):
     """`[building]`: the file of the building, how it is read, and additions to it."""
 
 
-class QuickestSettings(Section):
+class QuickestSettings(Table):
     """`[directions.quickest]`: how the directions of the strategy "quickest" follow the crowd."""
 
     period: Real = key("time between two updates, rounded to ticks", "s", 2.0, ge=0.1, le=60)
@@ -87,7 +87,7 @@ class QuickestSettings(Section):
     )
 
 
-class DirectionSettings(Section):
+class DirectionSettings(Table):
     """`[directions]`: how travel times and directions are computed."""
 
     spacing: Real = key("distance of the grid's nodes", "m", SPACING, ge=0.001, le=10)
@@ -117,7 +117,7 @@ class DirectionSettings(Section):
     quickest: QuickestSettings = key('how the strategy "quickest" follows the crowd', "", QuickestSettings())
 
 
-class PeopleSettings(Section):
+class PeopleSettings(Table):
     """`[presets.NAME]`: properties of people; each quantity is a number or a distribution."""
 
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
@@ -214,7 +214,7 @@ class GroupSettings(PeopleSettings):
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")
 
 
-class ContactSettings(Section):
+class ContactSettings(Table):
     """`[contact]`: the model in use, and in `[contact.NAME]` the parameters of any model."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -228,7 +228,7 @@ class ContactSettings(Section):
         return self.__pydantic_extra__ or {}
 
 
-class SimulationSettings(Section):
+class SimulationSettings(Table):
     """`[simulation]`: time, seed and scheme."""
 
     step: Real = key("time step h of the physics", "s", 0.01, ge=1e-9, le=10)
@@ -292,7 +292,7 @@ class SimulationSettings(Section):
         return self
 
 
-class OutputSettings(Section):
+class OutputSettings(Table):
     """`[output]`: files in the result folder in addition to summary.json."""
 
     every: Real = key(
@@ -315,7 +315,7 @@ class OutputSettings(Section):
         return self
 
 
-class PluginSettings(Section):
+class PluginSettings(Table):
     """`[plugins]`: plugin files in addition to the installed plugins."""
 
     files: tuple[str, ...] = key("Python files, relative to case.toml", "", ())

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError, text_of
-from evac.base.keys import Key, Problem
+from evac.base.keys import Fault, Key
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -22,19 +22,19 @@ TABLES = {
 }
 
 
-def named_files(content: Mapping[str, Any], folder: Path) -> tuple[tuple[Path, ...], list[Problem]]:
-    """Return the plugin files named in a case, and problems for those that do not exist; none is opened."""
-    section = content.get("plugins")
-    names = section.get("files") if isinstance(section, dict) else None
+def named_files(content: Mapping[str, Any], folder: Path) -> tuple[tuple[Path, ...], list[Fault]]:
+    """Return the plugin files named in a case, and faults for those that do not exist; none is opened."""
+    table = content.get("plugins")
+    names = table.get("files") if isinstance(table, dict) else None
     paths: list[Path] = []
-    problems: list[Problem] = []
+    faults: list[Fault] = []
     for index, name in enumerate(names if isinstance(names, list) else []):
         if isinstance(name, str) and os.path.isfile(folder / name):  # which is also False if the name is too long
             paths.append((folder / name).resolve())
         elif isinstance(name, str):
             text = f"no such file {text_of(folder / name)}; check the path"
-            problems.append(Problem(("plugins", "files", index), text))
-    return tuple(dict.fromkeys(paths)), problems
+            faults.append(Fault(("plugins", "files", index), text))
+    return tuple(dict.fromkeys(paths)), faults
 
 
 def is_inside(path: Path, folder: Path) -> bool:

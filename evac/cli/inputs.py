@@ -31,9 +31,9 @@ def values_of(option: str, words: list[str]) -> dict[str, Any]:
     from evac.base.errors import ScenarioError
     from evac.case.overrides import parsed
 
-    pairs, problems = parsed(words)
-    if problems:
-        raise ScenarioError(f"{option} {problems[0].key[0]}: {problems[0].text}")
+    pairs, faults = parsed(words)
+    if faults:
+        raise ScenarioError(f"{option} {faults[0].key[0]}: {faults[0].text}")
     return dict(pairs)
 
 

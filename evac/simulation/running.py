@@ -401,7 +401,7 @@ def _check_differences(path: Path, differences: list[str], is_allowed: bool) -> 
 
 def _listed(overrides: Mapping[str, Any] | Iterable[str]) -> dict[str, Any]:
     """Return overrides as a dictionary."""
-    pairs, problems = parsed(overrides)
-    if problems:
-        raise ScenarioError("; ".join(f"{'.'.join(map(str, problem.key))}: {problem.text}" for problem in problems))
+    pairs, faults = parsed(overrides)
+    if faults:
+        raise ScenarioError("; ".join(f"{'.'.join(map(str, fault.key))}: {fault.text}" for fault in faults))
     return dict(pairs)

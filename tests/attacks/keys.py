@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import get_args, get_origin
 
-from evac.base.keys import Section, section_of
+from evac.base.keys import Table, table_of
 from evac.case.case import Case as EvacCase
 from evac.contract.registry import Registry
 from tests.attacks.commands import MODELS, call, write_case
@@ -139,19 +139,19 @@ def known_keys() -> tuple[str, ...]:
     """Return every key that a case can have, those of plugins included, and some that it cannot."""
     registry, found = Registry(), list(_keys_of(EvacCase, ""))
     kinds = ("contact_model", "force", "behaviour", "recorder", "importer")
-    for kind, section in zip(kinds, ("contact", "forces", "behaviours", "recorders", "importers"), strict=True):
+    for kind, table in zip(kinds, ("contact", "forces", "behaviours", "recorders", "importers"), strict=True):
         for name, cls in registry._tables[kind].items():
-            found += [f"{section}.{name}", *(f"{section}.{name}.{key}" for key in cls.declared())]
+            found += [f"{table}.{name}", *(f"{table}.{name}.{key}" for key in cls.declared())]
             found += [f"people.drawn.behaviours.{name}.{key}" for key in getattr(cls, "group_keys", ())]
     return (*found, "contact.nowhere", "people.nobody.name", "people.7", "building.exits.door.nothing", "nothing")
 
 
-def _keys_of(section: type[Section], before: str) -> Iterator[str]:
-    """Yield the keys of a section, those of its first item where it is a list."""
+def _keys_of(table: type[Table], before: str) -> Iterator[str]:
+    """Yield the keys of a table, those of its first item where it is a list."""
     items = {"people": ("drawn", "put"), "presets": ("slow",)}
-    for name, field in section.model_fields.items():
+    for name, field in table.model_fields.items():
         yield before + name
-        inner = section_of(field.annotation)
+        inner = table_of(field.annotation)
         if inner is None:
             continue
         is_table = get_origin(field.annotation) is dict

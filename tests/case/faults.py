@@ -8,7 +8,7 @@ from evac.base.errors import ScenarioError
 from evac.case import load_case
 
 
-def problems(source, overrides, registry):
+def lines_of(source, overrides, registry):
     with pytest.raises(ScenarioError) as caught:
         load_case(source, overrides, registry=registry)
     return str(caught.value).splitlines()

@@ -17,16 +17,16 @@ from evac.people import placement
 REGISTRY = Registry()
 
 
-def _numbers(section):
-    """Yield the sections' keys that are numbers, with their bounds."""
-    from evac.base.keys import section_of
+def _numbers(table):
+    """Yield the tables' keys that are numbers, with their bounds."""
+    from evac.base.keys import table_of
 
-    for name, field in section.model_fields.items():
-        inner = section_of(field.annotation)
+    for name, field in table.model_fields.items():
+        inner = table_of(field.annotation)
         if inner is not None:
             yield from _numbers(inner)
         elif "float" in str(field.annotation) or "int" in str(field.annotation):
-            yield f"{section.__name__}.{name}", field
+            yield f"{table.__name__}.{name}", field
 
 
 def test_every_number_has_a_lower_and_an_upper_bound():

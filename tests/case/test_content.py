@@ -5,7 +5,7 @@ import re
 import pytest
 
 from evac.base.errors import ScenarioError
-from evac.case.content import MOST_BYTES, MOST_KEYS, MOST_NESTED, faults
+from evac.case.content import MOST_BYTES, MOST_KEYS, MOST_NESTED, content_faults
 from evac.case.loading import case_from, load_case
 
 
@@ -112,11 +112,11 @@ def test_a_dictionary_that_contains_itself_is_refused(case_file, registry):
 
 
 def test_names_of_tables_are_words():
-    assert [problem.key for problem in faults({"presets": {1: {}}})] == [("presets", "1")]
+    assert [fault.key for fault in content_faults({"presets": {1: {}}})] == [("presets", "1")]
 
 
 def test_an_ordinary_case_has_no_faults():
-    assert faults({"a": [1, 2.0, True, "b"], "c": {"d": [[0.0, 1.0]]}}) == []
+    assert content_faults({"a": [1, 2.0, True, "b"], "c": {"d": [[0.0, 1.0]]}}) == []
 
 
 def test_a_name_that_is_no_word_is_told_as_such(case_file, refusal):

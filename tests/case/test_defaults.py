@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evac.base.distributions import Distribution
-from evac.base.keys import section_at
+from evac.base.keys import table_at
 from evac.case import Case, load_case
 from evac.contract.registry import Registry
 from evac.people.groups import default_clearance, reference_speeds
@@ -37,8 +37,8 @@ TABLE = {
     "plugins": {},
 }
 
-#: One table of each section.
-SECTIONS = (
+#: The path of each table of a case.
+TABLES = (
     (),
     ("building",),
     ("building", "exits", 0),
@@ -64,7 +64,7 @@ def plain(default):
     return list(default) if isinstance(default, tuple) else copy.deepcopy(default)
 
 
-def table_at(table, path):
+def content_at(table, path):
     for step in path:
         table = table[step]
     return table
@@ -72,9 +72,9 @@ def table_at(table, path):
 
 def defaults():
     """Yield every key that has a default and that `TABLE` leaves out, with its default."""
-    for path in SECTIONS:
-        for name, field in section_at(path, Case).model_fields.items():
-            if not field.is_required() and name not in table_at(TABLE, path):
+    for path in TABLES:
+        for name, field in table_at(path, Case).model_fields.items():
+            if not field.is_required() and name not in content_at(TABLE, path):
                 yield pytest.param(path, name, plain(field.default), id=".".join(map(str, (*path, name))))
 
 
@@ -108,41 +108,41 @@ def everything(case):
 @pytest.mark.parametrize(("path", "name", "default"), list(defaults()))
 def test_a_written_default_equals_an_omitted_one(load, path, name, default):
     table = copy.deepcopy(TABLE)
-    table_at(table, path)[name] = default
+    content_at(table, path)[name] = default
     written, omitted = everything(load(table)), everything(load(TABLE))
     assert written[0] == omitted[0]
     for key, value in omitted[1].items():
         np.testing.assert_array_equal(written[1][key], value, err_msg=key)
 
 
-def test_every_section_is_tried():
-    def sections(section, path=()):
-        yield section
-        for name in section.model_fields:
-            inner = section_at((*path, name), Case)
+def test_every_table_is_tried():
+    def tables(table, path=()):
+        yield table
+        for name in table.model_fields:
+            inner = table_at((*path, name), Case)
             if inner is not None:
-                yield from sections(inner, (*path, name))
+                yield from tables(inner, (*path, name))
 
-    assert {section_at(path, Case) for path in SECTIONS} == set(sections(Case))
+    assert {table_at(path, Case) for path in TABLES} == set(tables(Case))
 
 
 KINDS = {"forces": REGISTRY.forces, "behaviours": REGISTRY.behaviours, "recorders": REGISTRY.recorders}
 
 
 @pytest.mark.parametrize(
-    ("section", "name"), [("contact", name) for name in REGISTRY.contact_models]
-    + [(section, name) for section, classes in KINDS.items() for name in classes]
+    ("kind", "name"), [("contact", name) for name in REGISTRY.contact_models]
+    + [(kind, name) for kind, classes in KINDS.items() for name in classes]
 )  # fmt: skip
-def test_a_written_default_of_a_plugin_equals_an_omitted_one(load, section, name):
-    classes = KINDS.get(section, REGISTRY.contact_models)
+def test_a_written_default_of_a_plugin_equals_an_omitted_one(load, kind, name):
+    classes = KINDS.get(kind, REGISTRY.contact_models)
     make = {"contact": lambda case: [make_contact_model(case)], "forces": make_forces, "behaviours": make_behaviours,
-            "recorders": make_recorders}[section]  # fmt: skip
-    table = {**copy.deepcopy(TABLE), "forces": {}, "behaviours": {}, section: {name: {}}}
-    if section == "contact":
+            "recorders": make_recorders}[kind]  # fmt: skip
+    table = {**copy.deepcopy(TABLE), "forces": {}, "behaviours": {}, kind: {name: {}}}
+    if kind == "contact":
         table["contact"]["model"] = name
     omitted = {one.name: repr(one.values()) for one in make(load(table))}
     assert name in omitted
     for key, parameter in classes[name].declared().items():
-        table[section][name] = {key: parameter.default}
+        table[kind][name] = {key: parameter.default}
         assert {one.name: repr(one.values()) for one in make(load(table))} == omitted
         assert json.dumps(load(table).to_dict(), default=str)

@@ -12,7 +12,7 @@ from evac.base.distributions import Distribution
 from evac.base.errors import ScenarioError
 from evac.case import case_from, load_case
 from evac.simulation.assembly import make_behaviours, make_contact_model, make_forces
-from tests.case.faults import problems, says
+from tests.case.faults import lines_of, says
 
 
 def test_a_case_holds_what_the_file_says_and_defaults_elsewhere(case_file, registry):
@@ -152,14 +152,14 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
     ],
 )  # fmt: skip
 def test_a_fault_is_one_line_with_file_key_and_fix(case_file, registry, override, line):
-    (found,) = problems(case_file, [override], registry)
+    (found,) = lines_of(case_file, [override], registry)
     assert says(found, case_file, line)
     assert found.endswith("override)")
 
 
 def test_one_velocity_is_not_for_everybody(case_file, registry):
     overrides = ["people.teacher.positions=[[1,1],[2,2],[3,3]]", "people.teacher.velocity=[[1,0]]"]
-    (line,) = problems(case_file, overrides, registry)
+    (line,) = lines_of(case_file, overrides, registry)
     assert says(line, case_file, "people.teacher.velocity: 1 velocities for 3 positions")
 
 
@@ -179,19 +179,19 @@ def test_one_velocity_is_not_for_everybody(case_file, registry):
     ],
 )  # fmt: skip
 def test_keys_that_contradict_each_other_are_refused(case_file, registry, override, line):
-    (found,) = problems(case_file, [override], registry)
+    (found,) = lines_of(case_file, [override], registry)
     assert says(found, case_file, line)
     assert not found.endswith("override)")
 
 
 def test_a_fault_of_the_file_itself_blames_no_override(case_file, registry):
     case_file.write_text(case_file.read_text().replace("seed = 3", "sed = 3"))
-    assert problems(case_file, (), registry) == [f"{case_file}: simulation.sed: unknown key; did you mean 'seed'?"]
+    assert lines_of(case_file, (), registry) == [f"{case_file}: simulation.sed: unknown key; did you mean 'seed'?"]
 
 
 def test_a_missing_key_says_what_is_asked_for(case_file, registry):
     case_file.write_text(case_file.read_text().replace('model = "soft"', ""))
-    assert problems(case_file, (), registry) == [
+    assert lines_of(case_file, (), registry) == [
         f'{case_file}: contact.model: missing; write model = "NAME", where NAME is one of hard, soft'
     ]
 
@@ -200,26 +200,26 @@ def test_a_missing_contact_table_names_the_models(case_file, registry):
     text = case_file.read_text()
     start, end = text.index("[contact]"), text.index("[forces.push]")
     case_file.write_text(text[:start] + text[end:])
-    (found,) = problems(case_file, (), registry)
+    (found,) = lines_of(case_file, (), registry)
     assert found.startswith(f"{case_file}: contact: missing; ")
     assert "[contact]" in found
     assert "hard, soft" in found
 
 
 def test_a_list_given_as_text_is_shown_as_a_list(case_file, registry):
-    (found,) = problems(case_file, ["building.closed=back"], registry)
+    (found,) = lines_of(case_file, ["building.closed=back"], registry)
     assert 'closed = ["back"]' in found
 
 
 def test_a_name_like_no_other_may_be_that_of_a_plugin(case_file, registry):
-    (found,) = problems(case_file, ["behaviours.zzzzzz={}"], registry)
+    (found,) = lines_of(case_file, ["behaviours.zzzzzz={}"], registry)
     assert "behaviours.zzzzzz: unknown behaviour; known: " in found
     assert "--plugin FILE" in found
 
 
 def test_all_faults_are_reported_at_once(case_file, registry):
     overrides = ["simulation.stp=1", "contact.model=sofd", "people.pupil.number=3", "people.pupils.speed=-1"]
-    assert [line.split(": ")[1] for line in problems(case_file, overrides, registry)] == [
+    assert [line.split(": ")[1] for line in lines_of(case_file, overrides, registry)] == [
         "people.pupil", "people.pupils.speed", "simulation.stp", "contact.model",
     ]  # fmt: skip
 
@@ -227,12 +227,12 @@ def test_all_faults_are_reported_at_once(case_file, registry):
 def test_a_setting_for_a_behaviour_not_in_use_is_refused_but_not_for_one_switched_off(case_file, registry):
     load_case(case_file, ["people.pupils.behaviours.follow.leader=teacher"], registry=registry)
     case_file.write_text(case_file.read_text().replace("follow = false", ""))
-    (line,) = problems(case_file, ["people.pupils.behaviours.follow.leader=teacher"], registry)
+    (line,) = lines_of(case_file, ["people.pupils.behaviours.follow.leader=teacher"], registry)
     assert re.search(r"people\.pupils\.behaviours\.follow: .*\[behaviours\.follow\]", line)
 
 
 def test_missing_files_are_named(case_file, registry):
-    lines = problems(case_file, {"building.mesh": "rom.msh", "plugins.files": ["none.py"]}, registry)
+    lines = lines_of(case_file, {"building.mesh": "rom.msh", "plugins.files": ["none.py"]}, registry)
     folder = case_file.parent
     assert lines == [
         f"{case_file}: plugins.files.0: no such file {folder / 'none.py'}; check the path (set by an override)",

@@ -23,16 +23,16 @@ def test_a_value_is_toml_or_a_bare_word(word, value):
 
 @pytest.mark.parametrize("text", ["key", "key=", "=3", ""])
 def test_what_is_no_assignment_is_refused(text):
-    pairs, (problem,) = parsed([text])
+    pairs, (fault,) = parsed([text])
     assert pairs == []
-    assert "dotted.key=value" in problem.text
+    assert "dotted.key=value" in fault.text
 
 
 def test_broken_toml_is_refused_and_not_taken_for_a_word():
-    pairs, (problem,) = parsed(["people.0.radius={ uniform = [0, 1 }"])
+    pairs, (fault,) = parsed(["people.0.radius={ uniform = [0, 1 }"])
     assert pairs == []
-    assert problem.key == ("people.0.radius",)
-    assert "TOML" in problem.text
+    assert fault.key == ("people.0.radius",)
+    assert "TOML" in fault.text
 
 
 def test_one_text_is_one_override():
@@ -41,8 +41,8 @@ def test_one_text_is_one_override():
 
 def test_items_of_lists_go_by_index_or_name_and_tables_are_made():
     table = {"people": [{"name": "a", "number": 1}, {"name": "b", "number": 2}]}
-    keys, problems = apply(table, {"people.0.number": 5, "people.b.radius.uniform": [1, 2], "output.every": 1.0})
-    assert problems == []
+    keys, faults = apply(table, {"people.0.number": 5, "people.b.radius.uniform": [1, 2], "output.every": 1.0})
+    assert faults == []
     assert keys == [("people", 0, "number"), ("people", 1, "radius", "uniform"), ("output", "every")]
     assert table == {
         "people": [{"name": "a", "number": 5}, {"name": "b", "number": 2, "radius": {"uniform": [1, 2]}}],
@@ -60,7 +60,7 @@ def test_items_of_lists_go_by_index_or_name_and_tables_are_made():
 )
 def test_a_key_that_leads_nowhere_is_refused(key, text):
     table = {"people": [{"name": "class", "number": 3}]}
-    keys, (problem,) = apply(table, {key: 1})
+    keys, (fault,) = apply(table, {key: 1})
     assert keys == []
-    assert problem.text == text
+    assert fault.text == text
     assert table == {"people": [{"name": "class", "number": 3}]}

@@ -4,7 +4,7 @@ import pytest
 
 from evac.case import case_from, load_case
 from evac.case.schema import GroupSettings
-from tests.case.faults import problems, says
+from tests.case.faults import lines_of, says
 
 PRESETS = {
     "presets": {"pupil": {"radius": 0.15, "speed": 1.1, "strategy": "shortest"}, "adult": {"mass": 80.0}},
@@ -45,9 +45,9 @@ def test_a_group_with_a_preset_is_the_same_as_one_that_says_it_all(case_file, re
     ],
 )  # fmt: skip
 def test_a_fault_of_a_preset_is_one_line(case_file, registry, key, value, line):
-    assert problems(case_file, {**PRESETS, key: value}, registry) == [f"{case_file}: {line} (set by an override)"]
+    assert lines_of(case_file, {**PRESETS, key: value}, registry) == [f"{case_file}: {line} (set by an override)"]
 
 
 def test_a_preset_that_does_not_fit_a_group_is_a_fault_of_the_group(case_file, registry):
-    (line,) = problems(case_file, {**PRESETS, "presets.pupil.mass": {"list": [60.0, 70.0]}}, registry)
+    (line,) = lines_of(case_file, {**PRESETS, "presets.pupil.mass": {"list": [60.0, 70.0]}}, registry)
     assert says(line, case_file, "people.pupils.mass: 2 values for 5 people")

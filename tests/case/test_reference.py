@@ -1,24 +1,24 @@
 import pytest
 
 from evac.base.distributions import KINDS
-from evac.base.keys import section_of
+from evac.base.keys import table_of
 from evac.case.case import Case
 from evac.case.reference import reference
 
 
-def sections(section=Case):
-    yield section
-    for field in section.model_fields.values():
-        inner = section_of(field.annotation)
+def tables(table=Case):
+    yield table
+    for field in table.model_fields.values():
+        inner = table_of(field.annotation)
         if inner is not None:
-            yield from sections(inner)
+            yield from tables(inner)
 
 
 def test_every_key_stands_in_the_reference_with_its_meaning():
     text = reference()
-    for section in sections():
-        for name, field in section.model_fields.items():
-            if section_of(field.annotation) is None:
+    for table in tables():
+        for name, field in table.model_fields.items():
+            if table_of(field.annotation) is None:
                 rows = [row for row in text.splitlines() if row.startswith(f"| `{name}` |")]
                 assert any(field.description in row for row in rows), name
 
