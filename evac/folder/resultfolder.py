@@ -11,6 +11,7 @@ The next process that opens the folder cleans up after a killed one.
 
 import json
 import os
+import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path, PurePath
@@ -341,6 +342,8 @@ def is_written(name: str) -> bool:
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     """Remove the files that the manifest of a folder lists; links are neither followed nor removed.
 
+    What a killed process was writing beside them, under a temporary name, is removed too.
+
     Parameters
     ----------
     folder : Path
@@ -349,13 +352,18 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     """
     kept = set(keep)
     listed = [name for name in read_manifest(folder).files if is_within(name) and not is_link(folder, name)]
-    temporary = [path.name for path in folder.glob(f"{TEMPORARY}*")]
-    for name in (*listed, *temporary):
-        if name not in kept and (folder / name).is_file() and not (folder / name).is_symlink():
+    for name in listed:
+        if name not in kept and (folder / name).is_file():
             (folder / name).unlink()
-    parents = {parent for name in listed for parent in PurePath(name).parents if parent.parts}
-    for parent in sorted(parents, key=lambda parent: -len(parent.parts)):
-        _remove_if_empty(folder / parent)
+    parents = {folder / parent for name in listed for parent in PurePath(name).parents}
+    for parent in sorted({folder, *parents}, key=lambda parent: -len(parent.parts)):
+        for path in parent.glob(f"{TEMPORARY}*"):
+            if _is_folder(path):
+                shutil.rmtree(path)
+            elif path.is_file() and not path.is_symlink():
+                path.unlink()
+        if parent != folder:
+            _remove_if_empty(parent)
 
 
 def carry_over(source: Path, target: Path) -> None:

@@ -106,6 +106,23 @@ def test_what_a_killed_run_has_left_goes_but_for_files_of_others(tmp_path):
     assert contents(tmp_path / "r") == {"mine.txt": "mine"}
 
 
+def test_what_a_killed_process_was_writing_goes_in_every_folder(tmp_path):
+    folder = tmp_path / "r"
+    folder.mkdir()
+    mark(folder, COMPLETE, "r")
+    write_noted(folder, summary_json=SUMMARY, frames__1_vtp="old", export__parts__1_vtp="old")
+    cut = (".evac-x.json", "frames/.evac-y.vtp", "export/parts/.evac-z.vtp", ".evac-export/frames/1.vtp")
+    for name in cut:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("cut")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / ".evac-thesis.txt").write_text("precious")
+    (folder / "frames" / ".evac-link").symlink_to(tmp_path / "other", target_is_directory=True)
+    run_into(folder)
+    assert not set(cut) & contents(folder).keys()
+    assert (tmp_path / "other" / ".evac-thesis.txt").read_text() == "precious"
+
+
 def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
     write(tmp_path / "r", thesis_txt="precious")
     with pytest.raises(ResultError, match=r"r: .*--out"), ResultFolder(tmp_path / "r"):
