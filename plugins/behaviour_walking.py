@@ -123,7 +123,9 @@ class Walking(Behaviour):
         "for flows through doors that standard tests prescribe",
         choices=("measured", "regulation"),
     )
-    chest_depth = Parameter(0.28, "depth of the chest, the diameter of bodies that touch", "m", above=0.0, maximum=2.0)
+    chest_depth = Parameter(
+        0.28, "depth of the chest, the diameter of bodies that touch", "m", minimum=0.02, maximum=2.0
+    )
     time_gap = Parameter(0.97, "time gap T to the person ahead", "s", above=0.0, maximum=60.0)
     length = Parameter(0.4, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
     anticipation = Parameter(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.change import Change
+from evac.base.defaults import LEAST_RADIUS
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.building.model.cells import LevelField
@@ -81,7 +82,7 @@ class Behaviour(Configurable):
         Returns
         -------
         (n,) float64 [m]
-            Positive, and at most `radius`.
+            At least 0.01, and at most `radius`.
         """
         return radius
 
@@ -306,10 +307,11 @@ def contact_radius(
         what = f"behaviour {behaviour.name!r}: contact_radius"
         with plugin_code(what, behaviour):
             found = np.asarray(behaviour.contact_radius(radius.copy(), settings.get(behaviour.name, {})), np.float64)
-        is_valid = found.shape == radius.shape and bool((found > 0.0).all() and (found <= radius).all())
+        is_valid = found.shape == radius.shape and bool(((found >= LEAST_RADIUS) & (found <= radius)).all())
         if not is_valid:
             wrong = f"returned {found!r} for the radii {radius!r} of group {group!r}"
-            raise fault(what, wrong, "return an array of as many numbers above 0 and at most these", behaviour)
+            remedy = f"return an array of as many numbers, at least {LEAST_RADIUS:g} and at most these"
+            raise fault(what, wrong, remedy, behaviour)
         smallest = np.minimum(smallest, found)
     return smallest
 

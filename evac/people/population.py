@@ -163,7 +163,7 @@ class Population:
         corners = building.vertices[:, :2]
         own = {name: BOUNDS[name] for name in ("radius", "height", "mass", "tau", "speed")}
         return own | {
-            "contact_radius": (0.0, BOUNDS["radius"][1]),
+            "contact_radius": BOUNDS["radius"],
             "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
             "velocity": (-FINITE, FINITE),
             "level": (-1, len(building.levels) - 1),

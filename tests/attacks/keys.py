@@ -123,6 +123,7 @@ CRASHERS: tuple[Case, ...] = (
     Case("people.drawn.mass", "1" + "0" * 400),
     Case("contact.dem.stiffness", "1" + "0" * 400, "dem"),
     Case("behaviours.route_choice.exits", "[" + "0.5, " * 100_000 + "]"),
+    Case("behaviours.walking.chest_depth", "1e-6", "dem"),
 )
 
 
