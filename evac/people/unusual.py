@@ -81,6 +81,28 @@ def late_starts(crowd: Crowd, duration: float) -> tuple[str, ...]:
     )
 
 
+def rivals(keepers: Sequence[str]) -> tuple[str, ...]:
+    """Return a warning if several behaviours that keep distances are in use.
+
+    Parameters
+    ----------
+    keepers : sequence of str
+        Names of the behaviours in use that keep distances.
+
+    Returns
+    -------
+    tuple of str
+        One line, or none.
+    """
+    if len(keepers) < 2:
+        return ()
+    return (
+        f"behaviours {' and '.join(map(repr, keepers))} keep distances: each slows people down for the same people "
+        "ahead, and the speed factors are multiplied, so that evacuation times are too long; use one of them (--set "
+        f"behaviours.{keepers[0]}=false)",
+    )
+
+
 def overlapping(crowd: Crowd) -> tuple[int, float]:
     """Return the number of overlapping pairs of bodies and the largest overlap.
 

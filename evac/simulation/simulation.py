@@ -21,7 +21,7 @@ from evac.jit.workers import Compiling
 from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
-from evac.people.unusual import late_starts, unusual
+from evac.people.unusual import late_starts, rivals, unusual
 from evac.physics.state import copy_of
 from evac.physics.threads.threads import unused_threads
 from evac.results.ending import INTERRUPTED, Ending
@@ -192,13 +192,14 @@ class Simulation:
         -------
         tuple of str
             About the building, places that are too narrow for some people, people for whom no way to an exit is wide
-            enough, unusual properties of people, people who start only after the end of the run, and threads that are
-            not used.
+            enough, unusual properties of people, people who start only after the end of the run, several behaviours
+            that keep distances, and threads that are not used.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
         start = crowd.replace(position=self.start_position, level=self.start_level)
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
+        people += rivals(self.case.keeps_distance)
         unused = unused_threads(self._threads, len(crowd.level))
         return (*self.building.warnings, *map(str, (*narrow, *self.stopping)), *people, *unused)
 

@@ -3,9 +3,11 @@ import re
 import numpy as np
 import pytest
 
+from evac.case.loading import load_case
 from evac.people.population import Group
-from evac.people.unusual import late_starts, overlapping, unusual
+from evac.people.unusual import late_starts, overlapping, rivals, unusual
 from evac.physics.state import make_crowd
+from evac.simulation.simulation import Simulation
 
 
 def group(crowd):
@@ -56,3 +58,12 @@ def test_people_who_start_after_the_end_are_told_of():
     assert note.startswith("1 of 4 people ")
     assert "5e+32 s" in note
     assert late_starts(crowd, 1e33) == ()
+
+
+def test_several_behaviours_that_keep_distances_are_told_of():
+    registered = load_case("square_room", {"behaviours.headway": {}, "behaviours.walking": {}})
+    (note,) = Simulation(registered, will_run=False).warnings()
+    assert "'headway'" in note
+    assert "'walking'" in note
+    name = re.search(r"--set behaviours\.(\w+)=false", note)[1]
+    assert rivals(registered.change({f"behaviours.{name}": False}).keeps_distance) == ()
