@@ -145,6 +145,7 @@ class Loop:
         simulation, crowd = self._simulation, self._simulation.population.crowd
         can_change = simulation.scene.changes_before(self._settings.duration)
         simulation.ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, can_change)
+        simulation.scene.has_ended = bool(simulation.ended)
 
     def _show(self) -> None:
         simulation, population = self._simulation, self._simulation.population

@@ -67,6 +67,8 @@ class Scene:
         The changes so far, in order, each with the time at which it took effect.
     has_begun : bool
         Whether behaviours are prepared, so that no field can be added.
+    has_ended : bool
+        Whether the last tick is made, so that no change takes effect.
     """
 
     def __init__(
@@ -79,7 +81,7 @@ class Scene:
         self.time = 0.0
         self.changes: list[Change] = []
         self.ground = ground
-        self.has_begun = False
+        self.has_begun = self.has_ended = False
         self._planned: list[Change] = []  # what behaviours have applied before the run
         self._waiting: list[Change] = []
         self._owned: dict[str, LevelField] = {}
@@ -101,7 +103,8 @@ class Scene:
     def apply(self, change: Change) -> None:
         """Change the scene now, or at the beginning of the tick at the time of the change, if that lies ahead.
 
-        What depends on it is computed again, and the change is added to `changes`, unless it has no effect.
+        What depends on it is computed again, and the change is added to `changes`, unless it has no effect, for
+        example because the run has ended.
 
         Parameters
         ----------
@@ -110,10 +113,12 @@ class Scene:
         Raises
         ------
         ScenarioError
-            There is no such kind of change.
+            It is not a change, or there is no such kind.
         BuildingError
             The building has nothing of this name.
         """
+        if not isinstance(change, Change):
+            raise ScenarioError(f"{change!r:.80} is not a change; give evac.Change(time, kind, what)")
         if change.kind not in KINDS:
             hint = did_you_mean(change.kind, (*KINDS,))
             raise ScenarioError(f"change of {change.what!r}: there is no kind {change.kind!r}; {hint}")
@@ -121,7 +126,7 @@ class Scene:
         kind.check(self, change)
         if not self.has_begun:
             self._planned.append(change)
-        if change.time > self.time + AT_ONCE:
+        if change.time > self.time + AT_ONCE or self.has_ended:
             self._waiting.append(change)
         elif kind.act(self, change):
             self.changes.append(replace(change, time=self.time))

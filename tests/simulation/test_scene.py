@@ -88,6 +88,8 @@ def test_what_is_none_is_refused_now_and_for_later(room, time):
         scene.apply(evac.Change(time, "close", "fron"))
     with pytest.raises(ScenarioError, match=r"'front'.*'clos'.*'close'"):
         scene.apply(evac.Change(time, "clos", "front"))
+    with pytest.raises(ScenarioError, match=r"'front'.*evac\.Change"):
+        scene.apply((time, "close", "front"))
     with pytest.raises(ValueError, match="finite"):
         evac.Change(float("nan"), "close", "front")
     assert scene.changes == []
@@ -136,6 +138,20 @@ def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):
         {0, 1},
         {0},
     ]
+
+
+def test_a_change_after_the_last_tick_has_no_effect(room, tmp_path):
+    """It would be in the results, but not in the trajectory, of which the last frame is written."""
+    case = room.change({"simulation.duration": 1.0, "output.picture": False})
+    simulation = Simulation(case, tmp_path)
+    results = simulation.run(lambda progress: simulation.scene.set_open("front", progress.time < 0.5))
+    recorded = evac.read_trajectory(tmp_path)
+    assert [change.kind for change in results.changes] == ["close"]
+    assert recorded.changes == tuple(results.changes)
+    late = Simulation(case, tmp_path)
+    results = late.run(lambda progress: late.scene.set_open("front", not late.ended))
+    assert results.changes == evac.read_trajectory(tmp_path).changes == ()
+    assert results.building.closed == frozenset()
 
 
 def test_changes_to_come_are_made_in_a_run_that_goes_on(room):
