@@ -3,6 +3,7 @@
 import csv
 import importlib
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import evac
 from evac.base.errors import ResultError, ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.evidence import KINDS
-from evac.evidence.report import Evidence, write_whole
+from evac.evidence.report import QUIET, Evidence, write_whole
 from evac.evidence.verdicts import verdict_table
 from evac.report.verification import EVIDENCE_NAME
 
@@ -33,7 +34,10 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, pa
         raise ScenarioError(f"unknown kind of evidence {kind!r}; {did_you_mean(kind, KINDS)}")
     try:
         evidence = Evidence(kind, folder / kind, quick, seed, page_only)
-        importlib.import_module(f"evac.evidence.{kind}.page").run(evidence)
+        with warnings.catch_warnings():
+            silence, action = QUIET
+            silence(*action)
+            importlib.import_module(f"evac.evidence.{kind}.page").run(evidence)
         write_index(folder)
         if COMMITTED.is_dir() and folder.samefile(COMMITTED):
             write_whole(INSTALLED, json.dumps(shown_in_reports(folder), indent=1))

@@ -18,7 +18,9 @@ import platform
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from os import cpu_count
@@ -28,7 +30,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from evac.base.distributions import generator_for
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, RunWarning, SimulationError
 from evac.base.processes import Pool, cores
 from evac.evidence.verdicts import Finding, verdict_table
 from evac.folder.files import replacing
@@ -49,6 +51,9 @@ CODE = (":/*.py", ":/*.toml", ":/*.msh")
 
 #: Number of processes, the same on all machines so that times per core are comparable.
 WORKERS = 2
+
+#: Call by which runs do not warn: pages say what came of them.
+QUIET = (warnings.simplefilter, ("ignore", RunWarning))
 
 #: Conditions of the measurement that are stored in run.json and shown on the page below its verdicts.
 REFERENCE = "reference run, at start and end [ms]"
@@ -104,8 +109,16 @@ class Evidence:
         if self.quick:
             yield from map(function, items)
             return
-        with Pool(min(WORKERS, cores())) as pool:
-            yield from (future.result() for future in [pool.submit(function, item) for item in items])
+        with Pool(min(WORKERS, cores()), QUIET) as pool:
+            for future in [pool.submit(function, item) for item in items]:
+                try:
+                    result = future.result()
+                except BrokenExecutor as error:
+                    raise SimulationError(
+                        f"evidence of {self.kind}: a worker process ended unexpectedly, possibly for lack of memory: "
+                        f"{error}; make the evidence again, or a part of it with --quick"
+                    ) from error
+                yield result
 
     def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
         """Measure, write NAME.csv with full precision, and return its rows; with `page_only` only read them.

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -14,7 +15,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from evac.base.errors import ResultError, ScenarioError
+from evac.base.errors import ResultError, RunWarning, ScenarioError
 from evac.cli import evidence as command
 from evac.cli import main
 from evac.evidence import KINDS, report
@@ -201,6 +202,24 @@ def test_command_computes_the_kind_asked_for_and_prints_its_page(tmp_path, monke
     assert capsys.readouterr().out.strip() == str(page)
     assert "Quick: True." in page.read_text()
     assert "Quick: True." in (tmp_path / "README.md").read_text()
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_pages_say_what_came_of_runs_and_runs_do_not_warn(quick, tmp_path, monkeypatch):
+    """In this process as in others."""
+
+    def compute(evidence):
+        filters = evidence.map(eval, ["__import__('warnings').filters[0][:3:2]"])
+        assert filters == [("ignore", RunWarning)]
+
+    monkeypatch.setattr("evac.evidence.lean.page.run", compute)
+    run_evidence("lean", tmp_path, quick)
+
+
+def test_a_process_that_dies_is_told_in_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("evac.evidence.lean.page.run", lambda evidence: evidence.map(os._exit, [0]))
+    assert main(["evidence", "lean", "--out", str(tmp_path)]) == 2
+    assert re.fullmatch(r"computing.*\nevac: evidence of lean: .*\n", capsys.readouterr().err)
 
 
 def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path, capsys):

@@ -2,7 +2,6 @@
 
 import csv
 import math
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -14,7 +13,6 @@ from typing import Any, TextIO
 import numpy as np
 
 import evac
-from evac.base.errors import RunWarning
 from evac.case.loading import load_case
 from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.evidence.models import model_overrides
@@ -90,10 +88,8 @@ def run_job(job: Job) -> Row:
         "people": [{"name": f"group {k}", "speed": scene.speed, **group} for k, group in enumerate(scene.people)],
         "behaviours": SETTINGS[job.setting],
     }
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RunWarning)  # blocked runs are counted
-        track, left = follow(scene, Simulation(load_case(content, model_overrides(job.model))))
-        values = {} if left else scene.measure(track)
+    track, left = follow(scene, Simulation(load_case(content, model_overrides(job.model))))
+    values = {} if left else scene.measure(track)
     told = {name: None if math.isnan(value) else value for name, value in values.items()}
     row = dict(zip(KEY, job.key, strict=True)) | {LEFT: left, "CPU time [s]": round(process_time() - start, 2)}
     return row | told | {CODE: code()}

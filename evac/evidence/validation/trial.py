@@ -1,6 +1,5 @@
 """Parts of a validation test: the tested model, its runs, and values compared with a criterion."""
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import RunWarning
 from evac.case.case import Case
 from evac.evidence.models import model_overrides
 from evac.evidence.validation.buildings import Face, Segment, write_case
@@ -185,8 +183,7 @@ class Trial:
 
 def conduct(case: Case) -> Outcome:
     """Run a case with a result folder and read the folder."""
-    with TemporaryDirectory() as place, warnings.catch_warnings():
-        warnings.simplefilter("ignore", RunWarning)  # the criteria judge the results
+    with TemporaryDirectory() as place:
         results = run(case, place)
         return Outcome(results, read_trajectory(place))
 
