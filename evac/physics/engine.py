@@ -7,7 +7,7 @@ import numpy as np
 
 from evac.base.errors import PluginError, SimulationError, fault, place_of, plugin_code
 from evac.base.saved import FINITE, SavedError, taken
-from evac.jit import AddressCall, Entry
+from evac.jit import AddressCall, Bytes, Entry
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
 from evac.physics import tallies as at
@@ -31,6 +31,7 @@ from evac.physics.order import rows_by_place, rows_by_travel_time
 from evac.physics.parts import entries_of_loop, entries_of_parts, load_solver, solver_of
 from evac.physics.state import Crowd, Events, Parts, State, World
 from evac.physics.threads.threads import Threads
+from evac.physics.world import have_seams
 
 #: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
 LONGEST_REACH = 1000.0
@@ -57,10 +58,65 @@ _FAILURES = {
 class Engine(Protocol):
     """What a simulation requires of an engine, which moves people between two ticks.
 
-    `evac.simulation.assembly.make_engine` chooses the engine of a run. It reads the `World`, in which the scene opens
+    `evac.simulation.assembly.ENGINE` is the class of all runs. An engine reads the `World`, in which the scene opens
     and closes links between ticks, and writes the arrays of the `Crowd` that belong to the contact model
     (docs/architecture.md). Results must not depend on anything but the crowd, the world and what `snapshot` returns.
+
+    Parameters
+    ----------
+    world : World
+    people : int
+        Number of people in the run.
+    forces : sequence of Force
+        Forces in use.
+    full : bool
+        Whether to include parts that the scene does not need (``evac run --full``).
+    levels : sequence of str
+        Names of the levels, for messages; otherwise messages show level indices.
+    solvers : mapping of str to type
+        Registered solvers by name, see `Registry.solvers`.
+    threads : int
+        Threads that share a step; their number does not change the results.
+    people_per_thread : int
+        People inside for each of the threads below which a step has one.
     """
+
+    def __init__(
+        self,
+        world: World,
+        people: int,
+        forces: Sequence[Force],
+        full: bool = False,
+        levels: Sequence[str] = (),
+        solvers: Mapping[str, type[Solver]] | None = None,
+        threads: int = 1,
+        people_per_thread: int = 0,
+    ) -> None: ...
+
+    @classmethod
+    def kernels(
+        cls,
+        model: ContactModel,
+        forces: Sequence[Force],
+        solvers: Mapping[str, type[Solver]],
+        backed: Bytes,
+        full: bool,
+    ) -> list[Entry]:
+        """Return the kernels that a run is known to need, which are compiled together before it; none by default.
+
+        Parameters
+        ----------
+        model : ContactModel
+        forces : sequence of Force
+            Forces in use.
+        solvers : mapping of str to type
+            Registered solvers by name.
+        backed : (levels,) uint8
+            Levels with walls behind an exit, see `evac.physics.world.walls_behind_exits`.
+        full : bool
+            Whether to include parts that the scene does not need.
+        """
+        return []
 
     def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
         """Prepare a contact model, at least before its first tick; nothing happens if it has been prepared.
@@ -136,25 +192,7 @@ class Engine(Protocol):
 
 
 class CompiledEngine(Engine):
-    """The step loop of a run, with its state and compiled kernels.
-
-    Parameters
-    ----------
-    world : World
-    people : int
-        Number of people in the run.
-    forces : sequence of Force
-        Forces in use.
-    full : bool
-        Whether to include parts that the scene does not need (``evac run --full``).
-    levels : sequence of str
-        Names of the levels, for messages; otherwise messages show level indices.
-    solvers : mapping of str to type
-        Registered solvers by name, see `Registry.solvers`.
-    threads : int
-        Threads that share the step loop; their number does not change the results.
-    people_per_thread : int
-        People inside for each of the threads below which the step loop has one.
+    """The step loop of a run, with its state and compiled kernels; `Engine` has its parameters.
 
     Attributes
     ----------
@@ -235,7 +273,7 @@ class CompiledEngine(Engine):
         state.contacts.memory, state.memory = np.zeros((room + 1, width)), make_kept(room if width else 0, width)
         if isinstance(model, SolvedContactModel):
             state.problem = make_problem(len(state.bodies.row), room)
-        loaded = entries_of_parts(model, self._forces, self.has_seams)
+        loaded = entries_of_parts(model, self._forces, self.full or have_seams(state.world.backed))
         addresses = {name: entry.address for name, entry in loaded.items()}
         solver = load_solver(self._solver(model)) if isinstance(model, SolvedContactModel) else no_solver()
         state.parts = allocate(Parts, 0, **addresses, parameters=self._own, solver=solver, stronger=no_solver())
@@ -249,22 +287,28 @@ class CompiledEngine(Engine):
                 self._load_part(model, status.NEEDS_SEPARATION)
         self._model = model
 
-    @property
-    def has_seams(self) -> bool:
-        """Whether bodies can touch across portals, or there are walls behind an exit."""
-        world = self.state.world
-        return self.full or len(world.cosine) > 1 or bool(world.backed.any())
+    @classmethod
+    def kernels(
+        cls,
+        model: ContactModel,
+        forces: Sequence[Force],
+        solvers: Mapping[str, type[Solver]],
+        backed: Bytes,
+        full: bool,
+    ) -> list[Entry]:
+        """Return the kernels of the step loop, see `Engine.kernels`."""
+        return entries_of_loop(model, forces, solvers, full or have_seams(backed), full)
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        found = entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full)
+        found = self.kernels(model, self._forces, self._solvers, self.state.world.backed, self.full)
         return found + self.threads.entries(model)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the optional parts of the step loop: name, whether it is included, and the reason."""
-        levels, behind = len(self.state.world.cosine), int(self.state.world.backed.sum())
-        why = f"levels: {levels}, of which {behind} have walls right behind an exit"
-        found = [("contacts across portals and exits", self.has_seams, why)]
+        backed = self.state.world.backed
+        why = f"levels: {len(backed)}, of which {int(backed.sum())} have walls right behind an exit"
+        found = [("contacts across portals and exits", self.full or have_seams(backed), why)]
         if isinstance(model, SolvedContactModel):
             stronger, later = self._solver(model).stronger, "loaded if a solve does not converge"
             found += [

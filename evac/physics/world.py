@@ -6,6 +6,7 @@ import shapely
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
 from evac.directions.fields import Fields
+from evac.jit import Bytes
 from evac.physics.state import World
 
 #: Distance around each bucket within which walls are listed; the usual maximum reach of neighbour lists [m].
@@ -58,7 +59,7 @@ def make_world(building: Building, fields: Fields) -> World:
         link_open=link_open,
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
-        backed=_backed(building),
+        backed=walls_behind_exits(building),
         linked=linked,
         linked_start=np.concatenate([[0], np.cumsum(linked.sum(axis=1, dtype=np.int32))]).astype(np.int32),
         linked_level=_linked_levels(linked),
@@ -104,12 +105,12 @@ def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray
     )
 
 
-def has_seams(building: Building) -> bool:
-    """Return whether bodies can touch across portals, or there are walls behind an exit."""
-    return len(building.levels) > 1 or bool(_backed(building).any())
+def have_seams(backed: Bytes) -> bool:
+    """Return whether bodies can touch across portals, or there are walls behind an exit; see `walls_behind_exits`."""
+    return len(backed) > 1 or bool(backed.any())
 
 
-def _backed(building: Building) -> np.ndarray:
+def walls_behind_exits(building: Building) -> Bytes:
     """Mark the levels with walls within `BUCKET_REACH` behind one of their exits, such as those of a balcony."""
     backed = np.zeros(len(building.levels), np.uint8)
     for way in building.exits:

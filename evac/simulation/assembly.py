@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 Found = TypeVar("Found")
 
+#: The engine of all runs; nothing else chooses one.
+ENGINE: type[Engine] = CompiledEngine
+
 
 def make_building(case: "Case") -> "Building":
     """Return the building of a case, read from its file."""
@@ -161,10 +164,10 @@ def make_population(
 def make_engine(
     case: "Case", scene: Scene, people: int, forces: "Sequence[Force]", full: bool, threads: int | None
 ) -> Engine:
-    """Return the engine of a run with a number of people; nothing else chooses one."""
+    """Return the engine of a run with a number of people."""
     levels, number = [level.name for level in scene.building.levels], number_of_threads(threads, people)
     solvers = case.registry.solvers
-    return CompiledEngine(scene.world, people, forces, full, levels, solvers, number, PEOPLE_PER_THREAD)
+    return ENGINE(scene.world, people, forces, full, levels, solvers, number, PEOPLE_PER_THREAD)
 
 
 def make_forces(case: "Case") -> "list[Force]":

@@ -46,8 +46,8 @@ def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
 def kernels_of(simulation: Simulation) -> dict[str, str]:
     """Return digests of the kernels that a run uses or may need later, by name."""
     behaviours = [behaviour for behaviour, _ in simulation.behaviours]
-    parts = simulation.case, simulation.building, simulation.contact, simulation.forces, behaviours
-    entries = [*needed.set_up_kernels(), *needed.run_kernels(*parts, full=True)]
+    parts = type(simulation.engine), simulation.building, simulation.contact, simulation.forces, behaviours
+    entries = [*needed.set_up_kernels(), *needed.run_kernels(simulation.case, *parts, full=True)]
     found = {entry.label: digest_of(entry, f"{host()}") for entry in entries}
     return found | {"interpreted": str(INTERPRETED)}
 

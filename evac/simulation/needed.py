@@ -14,18 +14,18 @@ from evac.directions.sampling import sample_travel_times
 from evac.directions.waves import deposit, march_waves
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
-from evac.people.behaviour import Behaviour
+from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
 from evac.people.placement import add_discs
 from evac.people.ways import walk_all
 from evac.physics.force import Force
-from evac.physics.parts import entries_of_loop
-from evac.physics.world import has_seams
+from evac.physics.world import walls_behind_exits
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building
     from evac.case.case import Case
     from evac.physics.contact.model import ContactModel
+    from evac.physics.engine import Engine
     from evac.simulation.simulation import Simulation
 
 
@@ -85,6 +85,18 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
     return needed
 
 
+def affects(behaviour: Behaviour, scene: BehaviourScene, full: bool) -> bool:
+    """Return whether a behaviour changes anything in its scene; with `full`, True."""
+    with plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
+        return full or behaviour.is_needed(scene)
+
+
+def acts_at_ticks(behaviour: Behaviour) -> bool:
+    """Return whether a behaviour is called at every tick; asked when it has been prepared."""
+    with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks", behaviour):
+        return behaviour.acts_at_ticks()
+
+
 def set_up_kernels() -> list[Entry]:
     """Return the kernels that the directions and people of a scene need."""
     return [descend, sample_travel_times, add_discs, walk_all]
@@ -92,14 +104,15 @@ def set_up_kernels() -> list[Entry]:
 
 def run_kernels(
     case: "Case",
+    engine: "type[Engine]",
     building: "Building",
     model: "ContactModel",
     forces: Sequence[Force],
     behaviours: Sequence[Behaviour],
     full: bool,
 ) -> list[Entry]:
-    """Return the kernels of the step loop and of behaviours that are known to be needed at the start of a run."""
-    found = entries_of_loop(model, forces, case.registry.solvers, full or has_seams(building), full)
+    """Return the kernels of engine, behaviours and routes that are known to be needed at the start of a run."""
+    found = engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)
     for behaviour in behaviours:
         found += entries_of(sys.modules[type(behaviour).__module__])
     routes = needed_routes(case, behaviours, full)

@@ -127,7 +127,8 @@ class Simulation:
         with self.phases.enter("kernels"):
             kernels = needed.set_up_kernels()
             if will_run:
-                kernels += needed.run_kernels(case, building, self.contact, self.forces, behaviours, full)
+                used = assembly.ENGINE, building, self.contact, self.forces, behaviours
+                kernels += needed.run_kernels(case, *used, full)
             addresses_of(kernels, compiling)
         self._build(building, ground, behaviours)
         self._watch_people()

@@ -4,14 +4,17 @@ import numpy as np
 import pytest
 
 from evac.case.loading import load_case
+from evac.physics import driver
 from evac.physics.allocation import allocate
 from evac.physics.drive import desired_direction, desired_speed
-from evac.physics.engine import Engine
+from evac.physics.engine import CompiledEngine, Engine
 from evac.physics.motion import EXIT
 from evac.physics.seams import way_out
 from evac.physics.state import Events
 from evac.results.ending import EVERYBODY_OUT
 from evac.simulation import assembly
+from evac.simulation.assembly import make_behaviours, make_building, make_contact_model, make_forces
+from evac.simulation.needed import run_kernels
 from evac.simulation.simulation import Simulation
 
 #: So far apart that nobody meets anybody on the way to the door.
@@ -21,7 +24,7 @@ PLACES = [[4.0, 2.5], [2.0, 2.5], [0.5, 2.6]]
 class FreeWalk(Engine):
     """Makes steps of the drive alone, of one body after the other, on one level without obstacles."""
 
-    def __init__(self, world, people):
+    def __init__(self, world, people, *_):
         self.world, self.steps = world, 0
         self.events = allocate(Events, people)
 
@@ -83,11 +86,11 @@ def walkers():
 
 @pytest.fixture
 def free_walk(monkeypatch):
-    monkeypatch.setattr(assembly, "make_engine", lambda case, scene, people, *_: FreeWalk(scene.world, people))
+    monkeypatch.setattr(assembly, "ENGINE", FreeWalk)
 
 
 def test_an_engine_in_numpy_makes_the_same_run(free_walk, monkeypatch):
-    simulation = Simulation(walkers(), will_run=False)
+    simulation = Simulation(walkers())
     found = simulation.run()
     monkeypatch.undo()
     wanted = Simulation(walkers()).run()
@@ -100,12 +103,19 @@ def test_an_engine_in_numpy_makes_the_same_run(free_walk, monkeypatch):
     np.testing.assert_array_equal(found.crowd.exit_used, wanted.crowd.exit_used)
 
 
+def test_kernels_of_the_step_loop_are_compiled_for_their_engine_alone():
+    case = walkers()
+    scene = make_building(case), make_contact_model(case), make_forces(case), make_behaviours(case), False
+    assert driver.advance in run_kernels(case, CompiledEngine, *scene)
+    assert run_kernels(case, FreeWalk, *scene) == []
+
+
 def test_a_run_with_another_engine_is_resumed(free_walk):
-    whole = Simulation(walkers(), will_run=False)
+    whole = Simulation(walkers())
     for _ in range(10):
         whole.advance_tick()
     state = {key: value.copy() for key, value in whole.state().items()}
-    resumed = Simulation(walkers(), will_run=False)
+    resumed = Simulation(walkers())
     resumed.restore(state)
     wanted, found = whole.run(), resumed.run()
     assert found.report["steps"] == wanted.report["steps"]
