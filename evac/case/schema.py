@@ -122,8 +122,8 @@ class PeopleSettings(Table):
 
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     height: Height = key(
-        "body height, for pictures in three dimensions and VTK; the default is from the 5th percentile of women to the "
-        "95th of men after DIN 33402-2:2005",
+        "body height, for the replay, pictures in three dimensions and VTK; the default is from the 5th percentile of "
+        "women to the 95th of men after DIN 33402-2:2005",
         "m",
         Distribution("uniform", (1.535, 1.855)),
     )

@@ -27,6 +27,7 @@ class Account:
     groups: Sequence[str]
     group: IntArray  # index in `groups` of each person, -1 for none
     radius: FloatArray  # [m]
+    height: FloatArray  # of the body [m]
     speed: FloatArray | None = None  # desired speed on the flat [m/s]
     response_time: FloatArray | None = None  # [s]
     exit_used: IntArray | None = None  # index of the exit, -1 for people who are inside
@@ -52,6 +53,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         groups=[members.name for members in results.groups],
         group=group,
         radius=crowd.radius,
+        height=crowd.height,
         speed=crowd.speed[:, 0],
         response_time=crowd.start_time,
         exit_used=crowd.exit_used,
@@ -73,7 +75,7 @@ def account_of_folder(trajectory: Trajectory) -> Account:
         ``summary.json`` or ``people.csv`` cannot be read, or belongs to another run.
     """
     folder, header = trajectory.path.parent, trajectory.header
-    known: dict[str, Any] = {"groups": trajectory.groups, "group": trajectory.group, "radius": trajectory.radius}
+    known: dict[str, Any] = {name: getattr(trajectory, name) for name in ("groups", "group", "radius", "height")}
     if not (folder / SUMMARY_NAME).exists():
         facts = [("Seed", str(header.get("seed"))), ("Versions", _versions(header.get("versions", {})))]
         text = (

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
+from evac.base.defaults import MOST_HEIGHT
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
 from evac.building.model.links import building_at
@@ -114,6 +115,7 @@ class ReplayWriter:
                 for time in dict.fromkeys([0.0, *(change.time for change in changes)])
             ],
             "grain": GRAIN,
+            "tallest": MOST_HEIGHT,
             "least_force": LEAST_FORCE,
             "codes_per_octave": PER_OCTAVE,
         }
@@ -206,6 +208,7 @@ def _about(account: Account) -> dict[str, Any]:
         },
         "group": account.group.tolist(),
         "radius": whole(account.radius, 1000.0),
+        "height": whole(account.height, 1000.0),
         "speed": whole(account.speed, 100.0),
         "response_time": whole(account.response_time, 100.0),
         "exit_used": None if account.exit_used is None else account.exit_used.tolist(),

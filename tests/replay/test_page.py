@@ -91,6 +91,32 @@ def test_heights_on_an_uneven_level_are_those_of_its_cells(browser, tmp_path, bu
     assert np.ptp(np.array(z) - np.interp(position[:, 0], [10, 14], [0, 3])) > 0.1
 
 
+def test_people_are_drawn_as_tall_as_they_are(browser, tmp_path, room):
+    results, height = room[1], np.full(20, 1.0)
+    height[[0, 3]] = 1.9
+    writer = ReplayWriter(20, results.building)
+    corners = np.array([[0.5, 0.5], [4.5, 0.5], [0.5, 4.5], [4.5, 4.5]])  # so that nobody is behind another's head
+    writer.add(0.0, np.arange(4, dtype=np.int32), np.zeros(4, np.int32), corners, np.zeros(4))
+    account = replace(account_of_run(results), height=height, exit_time=None, exit_used=None)
+    writer.write(tmp_path / "replay.html", account, ())
+    browser.open(tmp_path / "replay.html")
+    places = browser.run(
+        """(() => {
+          const { people, camera } = replay, box = document.getElementById("view").getBoundingClientRect();
+          return [...people.shown.subarray(0, people.count)].map((i, k) => {
+            const [x, y, z] = people.bodies.subarray(4 * k, 4 * k + 3);
+            const at = camera.project([x, y, z + 1.7]);
+            const place = [box.left + (at[0] + 1) / 2 * box.width, box.top + (1 - at[1]) / 2 * box.height];
+            return [...place, people.pick(camera.ray(at[0], at[1]))];
+          });
+        })()"""
+    )
+    image = pixels(browser)
+    reached = [bool(np.ptp(image[round(y), round(x)]) > 60) for x, y, _ in places]  # a figure, neither floor nor wall
+    met = [person == k for k, (_, _, person) in enumerate(places)]
+    assert reached == met == [True, False, False, True]
+
+
 def test_counts_and_curves_are_those_of_the_run(browser, room):
     folder, results = room
     show(browser, folder)

@@ -20,6 +20,8 @@ class People {
     this.words = new Uint32Array(this.tints.buffer);
     this.shown = new Uint32Array(record.people);  // rows of `now`
     this.count = 0;
+    this.marked = -1;  // which of those shown is selected
+    this.tallest = record.tallest;  // The fourth byte of a tint is the height, as a share of this.
     const { colours } = record;
     this.groups = [...colours.groups, colours.none].map((hex) => packed(parts(hex)));
     this.faded = [...colours.groups, colours.none].map(() => packed([176, 184, 193]));
@@ -59,6 +61,7 @@ class People {
     const scale = isGroup ? null : this.ramps[quantity];
     const factor = isGroup ? 1 : 255 / this.greatestOf(quantity);
     let k = 0;
+    this.marked = -1;
     for (let i = 0; i < now.count; i++) {
       const level = now.level[i];
       if (!layout.visible[level]) continue;
@@ -71,7 +74,8 @@ class People {
       const fades = highlighted !== null && group !== highlighted;
       let colour = isGroup ? this.groups[group] : scale[Math.max(0, Math.min(255, Math.round(factor * this.valueOf(quantity, now, i))))];
       if (fades) colour = this.faded[group];
-      words[k] = p === selected ? colour & 0xffffff : colour;
+      if (p === selected) this.marked = k;
+      words[k] = colour & 0xffffff | Math.round(255 * record.height[p] / 1000 / this.tallest) << 24;
       this.shown[k++] = i;
     }
     this.count = k;
@@ -82,7 +86,8 @@ class People {
     let least = Infinity, found = -1;
     for (let k = 0; k < this.count; k++) {
       const [x, y, z, r] = this.bodies.subarray(4 * k, 4 * k + 4);
-      const way = meetCapsule(from, along, [x, y, z], 1.25 * r, 1.7);
+      const tall = this.record.height[this.record.now.person[this.shown[k]]] / 1000;
+      const way = meetCapsule(from, along, [x, y, z], 1.25 * r, tall);
       if (way < least) [least, found] = [way, this.shown[k]];
     }
     return found < 0 ? -1 : this.record.now.person[found];

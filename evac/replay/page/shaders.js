@@ -10,14 +10,20 @@ uniform vec3 right, up;
 const FIND = `
 precision highp sampler2D;
 uniform sampler2D bodies, tints;
+uniform float tallest;
+uniform int marked;
 vec4 body;  // place, radius
 vec4 tint;
+float tall;  // height
+bool isMarked;
 vec2 corner;
 void find() {
   int person = gl_VertexID / 6, turn = gl_VertexID % 6, width = textureSize(bodies, 0).x;
   ivec2 texel = ivec2(person % width, person / width);
   body = texelFetch(bodies, texel, 0);
   tint = texelFetch(tints, texel, 0);
+  tall = tint.a * tallest;
+  isMarked = person == marked;
   corner = vec2(turn == 1 || turn == 2 || turn == 4 ? 1.0 : -1.0, turn == 2 || turn == 4 || turn == 5 ? 1.0 : -1.0);
 }
 `;
@@ -80,32 +86,32 @@ in vec4 shade;
 out vec4 colour;
 void main() { colour = vec4(shade.rgb * shade.a, shade.a); }`];
 
-// People are an ellipsoid of the body's radius and a sphere on it, as outlines that face the eye and are shaded as
+// People are an ellipsoid of the body's radius and a sphere on it, up to the body's height, as outlines that face the eye and are shaded as
 // if round. Depth is that of the upright axis, so that nobody stands out of a wall or sinks into the floor.
 const PERSON = [HEAD + FIND + `
 out vec2 at;
-flat out vec3 trunk;  // half width, half height, height of the centre
-flat out vec2 head;  // radius, height of the centre
+flat out vec2 trunk;  // half width, half height
+flat out vec2 head;  // radius, height above the centre of the trunk
 flat out vec3 shade;
 void main() {
   find();
-  float upright = length(up.z), lying = length(up.xy), r = body.w, h = 0.6 * r;
-  trunk = vec3(r, length(vec2(r * lying, 0.70 * upright)), -0.14 * upright);
-  head = vec2(h, (0.56 + 0.55 * h) * upright);
-  float top = max(trunk.z + trunk.y, head.y + h) * 1.03, bottom = (trunk.z - trunk.y) * 1.03;
+  float upright = length(up.z), lying = length(up.xy), r = body.w, h = min(0.6 * r, 0.3 * tall), middle = 0.5 * (tall - 1.6 * h);
+  trunk = vec2(r, length(vec2(r * lying, middle * upright)));
+  head = vec2(h, (tall - h - middle) * upright);
+  float top = max(trunk.y, head.y + h) * 1.03, bottom = -trunk.y * 1.03;
   at = vec2(1.06 * r * corner.x, corner.y > 0.0 ? top : bottom);
   shade = tint.rgb;
-  gl_Position = view * vec4(body.xyz + vec3(0.0, 0.0, 0.84) + at.x * right + at.y * up, 1.0);
-  vec4 axis = view * vec4(body.xyz + vec3(0.0, 0.0, corner.y > 0.0 ? 1.7 : 0.05), 1.0);
+  gl_Position = view * vec4(body.xyz + vec3(0.0, 0.0, middle) + at.x * right + at.y * up, 1.0);
+  vec4 axis = view * vec4(body.xyz + vec3(0.0, 0.0, corner.y > 0.0 ? tall : 0.05), 1.0);
   gl_Position.z = axis.z / axis.w * gl_Position.w;
 }`, HEAD + `
 in vec2 at;
-flat in vec3 trunk;
+flat in vec2 trunk;
 flat in vec2 head;
 flat in vec3 shade;
 out vec4 colour;
 void main() {
-  vec2 a = vec2(at.x, at.y - trunk.z) / trunk.xy, b = vec2(at.x, at.y - head.y) / head.x;
+  vec2 a = at / trunk, b = vec2(at.x, at.y - head.y) / head.x;
   float body = dot(a, a), top = dot(b, b), nearest = min(body, top);
   float cover = clamp((1.0 - nearest) / (fwidth(nearest) + 1e-4) + 0.5, 0.0, 1.0);
   if (cover <= 0.0) discard;
@@ -124,7 +130,7 @@ out vec2 off;
 flat out float ring;
 void main() {
   find();
-  ring = tint.a;
+  ring = isMarked ? 0.0 : 1.0;
   off = corner;
   float size = body.w * (ring < 0.5 ? 2.4 * widen : 1.5);
   gl_Position = view * vec4(body.xyz + vec3(corner * size, 0.02), 1.0);

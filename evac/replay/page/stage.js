@@ -159,7 +159,7 @@ class Stage {
     this.setPeople(people);
     gl.bindVertexArray(this.crowd);
     if (look.shadows) {
-      this.usePeople(this.shadow, camera);
+      this.usePeople(this.shadow, camera, people);
       gl.uniform3fv(this.shadow.places.mark, look.mark);
       gl.uniform1f(this.shadow.places.widen, look.widen);
       gl.enable(gl.BLEND);
@@ -169,14 +169,14 @@ class Stage {
       gl.depthMask(true);
       gl.disable(gl.BLEND);
     }
-    this.usePeople(this.person, camera);
+    this.usePeople(this.person, camera, people);
     gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     gl.drawArrays(gl.TRIANGLES, 0, 6 * people.count);
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     gl.bindVertexArray(null);
   }
 
-  usePeople(program, camera) {
+  usePeople(program, camera, people) {
     const { gl } = this;
     this.use(program, camera);
     gl.activeTexture(gl.TEXTURE1);
@@ -185,6 +185,8 @@ class Stage {
     gl.bindTexture(gl.TEXTURE_2D, this.bodies);
     gl.uniform1i(program.places.bodies, 0);
     gl.uniform1i(program.places.tints, 1);
+    gl.uniform1f(program.places.tallest, people.tallest);
+    if (program.places.marked) gl.uniform1i(program.places.marked, people.marked);
   }
 
   use({ program, places }, camera) {
