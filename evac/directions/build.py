@@ -20,7 +20,6 @@ from evac.directions.cellwalls import find_cell_walls
 from evac.directions.classes import find_classes
 from evac.directions.descent import descend
 from evac.directions.fields import ClassGrids, Fields, PackedFields
-from evac.directions.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes
 from evac.directions.lengths import (
     Marched,
     MarchedClass,
@@ -31,9 +30,10 @@ from evac.directions.lengths import (
     take_halos,
 )
 from evac.directions.marching import Metric
-from evac.directions.masks import nearest_marked
+from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes
+from evac.directions.raster.masks import nearest_marked
+from evac.directions.raster.strips import outward_directions
 from evac.directions.routes import QUICKEST, STRATEGIES, Route
-from evac.directions.strips import outward_directions
 from evac.directions.workers import March, march_all, number_of_workers
 
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.

@@ -6,8 +6,8 @@ import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray
 from evac.directions.fields import CellWalls
-from evac.directions.grids import BuildingGrids
-from evac.directions.lattice import SLACK, Window, numbers_between
+from evac.directions.raster.grids import BuildingGrids
+from evac.directions.raster.lattice import SLACK, Window, numbers_between
 
 
 def find_cell_walls(classes: Sequence[BuildingGrids], routes: int, steepest: float) -> CellWalls:

@@ -12,8 +12,8 @@ from evac.directions.routes import Route
 from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
 
 if TYPE_CHECKING:
-    from evac.directions.grids import BuildingGrids
     from evac.directions.lengths import Marched
+    from evac.directions.raster.grids import BuildingGrids
 
 
 class CellWalls(Struct):

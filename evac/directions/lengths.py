@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IndexArray
 from evac.building.model.building import FLAT, Building, Exit
 from evac.directions.descent import Ways, add_lengths, find_lowest
-from evac.directions.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
+from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
 from evac.directions.routes import Route
 
 #: Nodes that are looked at together where that takes much memory for each.

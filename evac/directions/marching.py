@@ -13,9 +13,9 @@ from shapely.ops import substring
 
 from evac.base.arrays import FloatArray
 from evac.building.model.building import DOWN, FLAT, UP, Exit, Portal
-from evac.directions.grids import OWN, BuildingGrids, LevelGrid, use_towards
-from evac.directions.lattice import SLACK
-from evac.directions.strips import points_along
+from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, use_towards
+from evac.directions.raster.lattice import SLACK
+from evac.directions.raster.strips import points_along
 
 #: Largest remaining cost difference at a portal, in units of the time per cell.
 TOLERANCE = 0.25

@@ -24,11 +24,11 @@ from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.base.saved import taken
 from evac.directions.descent import descend
 from evac.directions.fields import Fields, columns_of
-from evac.directions.grids import NOTHING, OWN, BuildingGrids
 from evac.directions.lengths import exits_of_route, make_ways, strips_of
-from evac.directions.masks import nearest_marked
+from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids
+from evac.directions.raster.masks import nearest_marked
+from evac.directions.raster.strips import chain
 from evac.directions.routes import QUICKEST
-from evac.directions.strips import chain
 from evac.directions.waves import APART, CUT, FAR, FINAL, Waves, deposit, march_waves
 
 #: Weidmann (1993): decline of the speed [1/m2], and the density at which people stand [1/m2].

@@ -15,8 +15,8 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.processes import Pool, cores
 from evac.building.model.building import Exit
-from evac.directions.grids import BuildingGrids
 from evac.directions.marching import Metric, march
+from evac.directions.raster.grids import BuildingGrids
 
 #: A worker pays from so many nodes on, counted once for each march: it takes a quarter of a second to start.
 NODES_PER_WORKER = 2_500_000

@@ -11,7 +11,7 @@ from evac.base.keys import FARTHEST
 from evac.case.case import Case
 from evac.case.schema import SimulationSettings
 from evac.contract.registry import Registry
-from evac.directions.grids import build_grids, count_nodes
+from evac.directions.raster.grids import build_grids, count_nodes
 from evac.people import placement
 
 REGISTRY = Registry()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.directions.cellwalls import _cells_of
-from evac.directions.lattice import Lattice
+from evac.directions.raster.lattice import Lattice
 
 
 @pytest.mark.parametrize("seed", range(5))

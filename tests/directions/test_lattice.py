@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.directions.lattice import SLACK, Lattice, walkable_nodes, wall_distance
+from evac.directions.raster.lattice import SLACK, Lattice, walkable_nodes, wall_distance
 
 ROOM = shapely.box(0.0, 0.0, 4.0, 3.0)
 

@@ -12,7 +12,7 @@ from evac.building.surface.places import add_obstacles
 from evac.directions.build import build_fields
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.fields import NO_CELL_WALLS
-from evac.directions.grids import build_grids
+from evac.directions.raster.grids import build_grids
 from evac.directions.routes import Route
 from tests.directions.plans import follow, random_plan, shortest, starts
 from tests.directions.walks import positions_on, walk

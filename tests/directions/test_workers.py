@@ -12,7 +12,7 @@ import pytest
 from evac.base import processes
 from evac.directions import build, workers
 from evac.directions.build import build_fields
-from evac.directions.grids import build_grids
+from evac.directions.raster.grids import build_grids
 from evac.directions.routes import Route
 from evac.directions.workers import WORKER_BYTES, March, march_all, number_of_workers
 

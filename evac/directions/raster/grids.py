@@ -12,15 +12,15 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.building.model.building import DOWN, FLAT, UP, Building, Exit, Level, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
-from evac.directions.lattice import (
+from evac.directions.raster.lattice import (
     SLACK,
     Lattice,
     Window,
     walkable_nodes,
     wall_distance,
 )
-from evac.directions.masks import grown, parts_of
-from evac.directions.strips import behind, chain, free_rows
+from evac.directions.raster.masks import grown, parts_of
+from evac.directions.raster.strips import behind, chain, free_rows
 
 #: Values of a sheet: not walkable, the level itself, or 1 + link for nodes behind a link.
 NOTHING, OWN = -1, 0
@@ -49,7 +49,7 @@ class LevelGrid:
     # number of rows of the strip behind each open exit, by exit index; 0 if there is no room for a strip
     strip_rows: dict[int, int]
     # (3, m) int64: packed indices of nodes of the level that are excluded from marching, each with the visible own node
-    # that represents it and the next one in line; see `evac.directions.lattice.walkable_nodes`
+    # that represents it and the next one in line; see `evac.directions.raster.lattice.walkable_nodes`
     stands_for: IndexArray
 
     @property

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
 from evac.building.geometry.segments import side_of
-from evac.directions.lattice import SLACK, Window
+from evac.directions.raster.lattice import SLACK, Window
 
 #: Minimum number of rows of a strip that can contain the contour at which marching starts.
 LEAST_ROWS = 3
