@@ -23,6 +23,9 @@ COMFORT = 3.0
 #: Order of the fast marching scheme.
 ORDER = 2
 
+#: Least relative speed of people in a crowd, for the strategy "quickest".
+LEAST_FLOOR = 0.01
+
 #: Least radius of a body [m]: below that of any person; smaller ones would need too much memory.
 LEAST_RADIUS = 0.01
 #: Greatest radius [m], mass [kg], relaxation time [s] and speed [m/s]: beyond any person, far from overflow.

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from evac.base.defaults import COMFORT, MOST_SPEED, ORDER, SPACING
+from evac.base.defaults import COMFORT, LEAST_FLOOR, MOST_SPEED, ORDER, SPACING
 from evac.base.distributions import Distribution
 from evac.base.keys import (
     Coordinate,
@@ -82,7 +82,7 @@ class QuickestSettings(Table):
         "Fussgaenger (1993)",
         "",
         0.05,
-        ge=0.01,
+        ge=LEAST_FLOOR,
         le=1,
     )
 

@@ -21,6 +21,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from evac.base.defaults import LEAST_FLOOR
 from evac.base.saved import taken
 from evac.directions.descent import descend
 from evac.directions.fields import Fields, columns_of
@@ -187,7 +188,7 @@ class Quickest:
         """
         exits = len(self._grids.building.exits)
         self._density[:] = taken(state, "density", np.float64, self._density.shape, 0.0, np.inf)
-        self._speed[:] = taken(state, "speed", np.float64, self._speed.shape, 0.0, 1.0)
+        self._speed[:] = taken(state, "speed", np.float64, self._speed.shape, LEAST_FLOOR, 1.0)
         self._exit_of = taken(state, "exit_of", np.int32, (None,), -1, exits - 1)
         self._left = taken(state, "left", np.uint8, (len(self._exit_of), exits), 0, 1)
         self._counts[:] = taken(state, "counts", np.int64, self._counts.shape, 0, np.iinfo(np.int64).max)
@@ -195,6 +196,7 @@ class Quickest:
         self._is_solved = bool(taken(state, "is_solved", np.uint8, (), 0, 1))
         for number, column in enumerate(self._columns):
             waves = column.waves
+            column.slow_down(self._speed)
             waves.time[:] = taken(state, f"time.{number}", np.float64, waves.time.shape, -np.inf, np.inf)
             waves.exit[:] = taken(state, f"exit.{number}", np.int32, waves.exit.shape, -1, exits - 1)
             waves.former[:] = taken(state, f"former.{number}", np.int32, waves.exit.shape, -1, exits - 1)
@@ -369,6 +371,12 @@ class _Column:
             self._direction[self._grids.levels[level].packed] = direction[some]
             first = some.stop
 
+    def slow_down(self, speed: FloatArray, levels: Set[int] | None = None) -> None:
+        """Take the relative speeds (nodes,) of some levels, or of all."""
+        for level in self._places if levels is None else levels & set(self._places):
+            packed = self._grids.levels[level].packed
+            np.divide(self._factor[packed], speed[packed], out=self.waves.factor[packed])
+
     def solve(self, changed: Set[int], occupied: Set[int], speed: FloatArray, everything: bool) -> int:
         """Solve the levels again on which the speed (nodes,) has changed, and those whose ways lead through them.
 
@@ -382,9 +390,7 @@ class _Column:
         """
         waves, grids = self.waves, self._grids
         levels = set(self._places) if everything else self._behind((changed & set(self._places)) | self.stale)
-        for level in self._places if everything else changed & set(self._places):
-            packed = grids.levels[level].packed
-            np.divide(self._factor[packed], speed[packed], out=waves.factor[packed])
+        self.slow_down(speed, None if everything else changed)
         lowered = np.zeros(len(grids.levels), np.uint8)
         solved = 0
         for level in levels - self.stale:

@@ -62,11 +62,15 @@ def test_more_people_take_the_wider_exit_although_it_is_farther(tmp_path):
     assert found["exit_returns"] <= found["exit_changes"]
 
 
-@pytest.mark.parametrize("ticks", [0, 13, 40])
-def test_a_run_goes_on_with_the_same_bits(ticks):
-    whole = run_ticks(Simulation(case_of()), ticks)
+#: The speeds on some levels change in some updates only.
+RARE = {"people.b.strategy": "fastest", "directions.quickest.period": 0.5, "directions.quickest.memory": 0.0}
+
+
+@pytest.mark.parametrize(("ticks", "changes"), [(0, {}), (13, {}), (40, {}), (1, RARE)])
+def test_a_run_goes_on_with_the_same_bits(ticks, changes):
+    whole = run_ticks(Simulation(case_of(**changes)), ticks)
     state = {key: value.copy() for key, value in whole.state().items()}
-    resumed = Simulation(case_of())
+    resumed = Simulation(case_of(**changes))
     resumed.restore(state)
     run_ticks(whole, 60)
     run_ticks(resumed, 60)
