@@ -19,6 +19,7 @@ from tests.attacks import (
     texts,
     timetables,
     trajectories,
+    walks,
 )
 
 
@@ -59,5 +60,6 @@ FAMILIES = {
     "checkpoints": Family(checkpoints.cases, checkpoints.run, 700, 12),
     "tables": Family(tables.cases, tables.run, 300, 12),
     "timetables": Family(timetables.cases, timetables.run, 600, 3),
+    "walks": Family(walks.cases, walks.run, 400, 3),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
 }

@@ -16,19 +16,14 @@ from evac import Behaviour, Parameter
 from evac.base.errors import ScenarioError
 from evac.building.model.links import building_at
 from evac.contract.registry import Registry
-from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
+from evac.folder.files import SUMMARY_NAME
 from tests.attacks.commands import MODELS
 from tests.attacks.seeded import in_turn
+from tests.attacks.twice import KINDS, made_again
 
-#: How the second run differs from the first.
-KINDS = ("resumed", "branched", "full")
 TICK, EVERY = 0.1, (0.1, 0.3, 0.5)
 
 cases = in_turn(KINDS)
-
-
-class Killed(BaseException):
-    """Ends a run as a signal does."""
 
 
 class Timetable(Behaviour):
@@ -54,30 +49,9 @@ def run(case: Any, folder: Path) -> str:
     except ScenarioError:
         return "refused"
     check(one)
-    names = [PEOPLE_NAME, *({CROSSINGS_NAME} & {path.name for path in one.folder.iterdir()})]
-    if case.kind == "full":
-        two = evac.run(loaded, folder / "two", progress=False, full=True)
-    else:
-        ticks = generator.randrange(1, max(2, round(one.time / TICK)))
-
-        def kill(progress: Any) -> None:
-            if progress.time > (ticks - 0.5) * TICK:
-                raise Killed
-
-        try:
-            evac.run(loaded, folder / "two", progress=kill, checkpoint=0.0)
-        except Killed:
-            out = folder / "branch" if case.kind == "branched" else None
-            two = evac.resume(folder / "two", registry=registry, progress=False, out=out)
-        else:
-            return one.ended
+    two = made_again(case.kind, loaded, one, folder, generator)
     if case.kind == "branched":
         check(two)
-    else:
-        names.append(TRAJECTORY_NAME)
-    for name in names:
-        assert (one.folder / name).read_bytes() == (two.folder / name).read_bytes(), f"{name} differs"
-    assert one.changes == two.changes
     return one.ended
 
 

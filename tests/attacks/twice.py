@@ -1,0 +1,54 @@
+"""Runs that are made twice, of which the second one is killed and resumed or has all parts, with the same bits."""
+
+import random
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import evac
+from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, TRAJECTORY_NAME
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+
+#: How the second run differs: it is killed and resumed, in its folder or in another one, or has all parts.
+KINDS = ("resumed", "branched", "full")
+
+
+class Killed(BaseException):
+    """Ends a run as a signal does."""
+
+
+def made_again(kind: str, case: "Case", one: evac.Results, folder: Path, generator: random.Random) -> evac.Results:
+    """Make a run in a folder, ``one``, again; return its results, whose tables and trajectory have the same bytes.
+
+    A branch has its own trajectory, from the moment of the kill on.
+    """
+    names = [PEOPLE_NAME, *({CROSSINGS_NAME} & {path.name for path in one.folder.iterdir()})]
+    if kind == "full":
+        two = evac.run(case, folder / "two", progress=False, full=True)
+    else:
+        two = killed_and_resumed(
+            case, one, folder / "two", folder / "branch" if kind == "branched" else None, generator
+        )
+    for name in names if kind == "branched" else [*names, TRAJECTORY_NAME]:
+        assert (one.folder / name).read_bytes() == (two.folder / name).read_bytes(), f"{name} differs"
+    assert one.changes == two.changes
+    return two
+
+
+def killed_and_resumed(
+    case: "Case", one: evac.Results, folder: Path, out: Path | None, generator: random.Random
+) -> evac.Results:
+    """Kill a run before a random tick, that after the last one included, and resume it."""
+    tick = case.simulation.tick
+    ticks = generator.randrange(1, max(2, round(one.time / tick)))
+
+    def kill(progress: Any) -> None:
+        if progress.time > (ticks - 0.5) * tick:
+            raise Killed
+
+    try:
+        evac.run(case, folder, progress=kill, checkpoint=0.0)
+    except Killed:
+        return evac.resume(folder, registry=case.registry, progress=False, out=out)
+    raise AssertionError("the run was not killed")
