@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -77,8 +78,9 @@ def _copy(folder: Path) -> None:
     store = user_store()
     folder.mkdir(parents=True, mode=0o700)
     for path in store.entries() if store else []:
-        shutil.copy(path, folder / path.name)
-        (folder / path.name).chmod(0o600)
+        with suppress(FileNotFoundError):  # another process has removed it for lack of room
+            shutil.copy(path, folder / path.name)
+            (folder / path.name).chmod(0o600)
 
 
 def _some(folder: Path, generator: random.Random) -> list[Path]:
