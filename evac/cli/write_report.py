@@ -38,7 +38,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.base.errors import ResultError
     from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result
-    from evac.report.congestion import MAPS
+    from evac.report.congestion import MAPS, Places
     from evac.report.of_run import run_report
     from evac.report.pages import Labels, write_page
     from evac.report.study import is_study, study_report
@@ -50,13 +50,13 @@ def execute(arguments: argparse.Namespace) -> int:
     labels = Labels(arguments.project, arguments.author, arguments.reviewer, arguments.date)
     density = DENSITY if arguments.congestion_density is None else arguments.congestion_density
     maps = MAPS if arguments.maps is None else () if arguments.maps == "none" else maps_of("--maps", arguments.maps)
-    looks = {"density": density, "least_time": arguments.congestion_time, "maps": maps}
+    places = Places(density, arguments.congestion_time, maps)
     if is_study(folder):
-        text = study_report(folder, arguments.runs, labels, **looks)
+        text = study_report(folder, arguments.runs, labels, places)
     elif arguments.runs:
         raise ResultError(f"{folder}: --run applies to the folder of a study, but this is that of a run; remove it")
     else:
-        text = run_report(folder, labels, **looks)
+        text = run_report(folder, labels, places)
     out = arguments.out or folder / REPORT_NAME
     write_page(text, out)
     print(out)

@@ -79,6 +79,13 @@ def deposit(
 
 
 @inner
+def put(waves: Waves, k: int, node: int) -> None:
+    """Put a node at place k of the queue."""
+    waves.heap[k] = node
+    waves.place[node] = k
+
+
+@inner
 def rise(waves: Waves, k: int) -> None:
     """Move the entry at place k of the queue towards its front."""
     node = waves.heap[k]
@@ -88,11 +95,9 @@ def rise(waves: Waves, k: int) -> None:
         other = waves.heap[above]
         if waves.time[other] <= time:
             break
-        waves.heap[k] = other
-        waves.place[other] = k
+        put(waves, k, other)
         k = above
-    waves.heap[k] = node
-    waves.place[node] = k
+    put(waves, k, node)
 
 
 @inner
@@ -108,11 +113,9 @@ def sink(waves: Waves, size: int) -> None:
         other = waves.heap[below]
         if waves.time[other] >= time:
             break
-        waves.heap[k] = other
-        waves.place[other] = k
+        put(waves, k, other)
         k = below
-    waves.heap[k] = node
-    waves.place[node] = k
+    put(waves, k, node)
 
 
 @inner
@@ -203,8 +206,7 @@ def offer(waves: Waves, node: int, time: float, near: int, size: int) -> int:
         waves.before[node] = near
         if waves.state[node] == FAR:
             waves.state[node] = QUEUED
-            waves.heap[size] = node
-            waves.place[node] = size
+            put(waves, size, node)
             size += 1
         rise(waves, waves.place[node])
     return size

@@ -1,8 +1,9 @@
 """Congestion and maps of a run."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from evac.analysis.congestion import SHARE, find_congestion
+from evac.analysis.congestion import DENSITY, SHARE, find_congestion
 from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, level_maps
 from evac.report import figures
 from evac.report.templates import Section, fixed, section
@@ -12,27 +13,27 @@ from evac.results.results import Results
 MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
 
 
-def congestion_sections(
-    run: Results, density: float, least_time: float | None, maps: Sequence[str] = MAPS
-) -> tuple[Section, ...]:
-    """Return the sections on congestion and on maps.
+@dataclass(frozen=True)
+class Places:
+    """What is shown of the places of a run."""
 
-    Parameters
-    ----------
-    run : Results
-    density : float [1/m2]
-        Threshold.
-    least_time : float or None [s]
-        For how long it has to be exceeded; by default a share of the evacuation time.
-    maps : sequence of str
-        Names of `evac.analysis.maps.QUANTITIES`, in order.
-    """
+    density: float = DENSITY  # above which a place is congested [1/m2], see `evac.analysis.congestion.find_congestion`
+    least_time: float | None = None  # for how long it has to be exceeded [s]; None: a tenth of the evacuation time
+    maps: Sequence[str] = MAPS  # names of `evac.analysis.maps.QUANTITIES`, in order
+
+
+USUAL = Places()
+
+
+def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
+    """Return the sections on congestion and on maps."""
     trajectory = run.trajectory
     if trajectory is None or not len(trajectory):
         return (section("congestion", "Congestion", found=None, is_missing=True),)
+    least_time = places.least_time
     if least_time is None:
         least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
-    found = find_congestion(trajectory, density, least_time)
+    found = find_congestion(trajectory, places.density, least_time)
     computed = level_maps(trajectory)
     numbers = ", with the numbers of the congested places of the table" if found.places else ""
     caption = f"Maximum density at any recorded time{numbers}."
@@ -62,7 +63,7 @@ def congestion_sections(
     ]
     pictures = [
         figures.map_picture(trajectory, name, computed, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.")
-        for name in maps
+        for name in places.maps
         if name != "max_density"
     ]
     return (*sections, *([section("maps", "Maps", pictures=pictures)] if pictures else []))

@@ -1,11 +1,10 @@
 """The report of one run."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
 from evac.report.building import building_section
-from evac.report.congestion import MAPS, congestion_sections
+from evac.report.congestion import USUAL, Places, congestion_sections
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
@@ -22,14 +21,7 @@ RESULT_FILES = (SUMMARY_NAME, PEOPLE_NAME, CROSSINGS_NAME, EGRESS_NAME, TRAJECTO
 STOPPED = ("interrupted", "failed")
 
 
-def run_report(
-    folder: Path,
-    labels: Labels = BLANK,
-    *,
-    density: float,
-    least_time: float | None = None,
-    maps: Sequence[str] = MAPS,
-) -> str:
+def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> str:
     """Return the report of a run as a page of HTML.
 
     Parameters
@@ -37,12 +29,7 @@ def run_report(
     folder : Path
         Result folder; of interrupted and failed runs too.
     labels : Labels
-    density : float [1/m2]
-        Denser than this is congested, see `evac.analysis.congestion.find_congestion`.
-    least_time : float, optional [s]
-        If it lasts longer; by default a tenth of the evacuation time.
-    maps : sequence of str
-        Names of `evac.analysis.maps.QUANTITIES`.
+    places : Places
 
     Raises
     ------
@@ -60,7 +47,7 @@ def run_report(
         ),
         verification_section(summary.table, summary.keeps_distance),
         times_section(run),
-        *congestion_sections(run, density, least_time, maps),
+        *congestion_sections(run, places),
         section("warnings", "Warnings", quality=quality_of(run), before=summary.warnings, is_study=False),
         section("assessment", "Assessment"),
         section("limits", "Limits of use", is_study=False),

@@ -20,7 +20,7 @@ from evac.folder.jsonfile import checked, read_json
 from evac.folder.tables import read_columns
 from evac.report import figures
 from evac.report.building import building_section
-from evac.report.congestion import MAPS, congestion_sections
+from evac.report.congestion import USUAL, Places, congestion_sections
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
@@ -68,15 +68,7 @@ def is_study(folder: Path) -> bool:
     return (folder / STATISTICS_NAME).is_file() and (folder / RUNS_NAME).is_file()
 
 
-def study_report(
-    folder: Path,
-    runs: Sequence[Path] = (),
-    labels: Labels = BLANK,
-    *,
-    density: float,
-    least_time: float | None = None,
-    maps: Sequence[str] = MAPS,
-) -> str:
+def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK, places: Places = USUAL) -> str:
     """Return the report of a study as a page of HTML.
 
     Parameters
@@ -86,8 +78,8 @@ def study_report(
     runs : sequence of Path
         Result folders of runs of the study. Plans are those of the first; places, congestion and maps of each are
         added.
-    labels, density, least_time, maps
-        As for `evac.report.of_run.run_report`.
+    labels : Labels
+    places : Places
 
     Raises
     ------
@@ -97,10 +89,10 @@ def study_report(
     study = Study.read(folder)
     data = read_json(folder / SUMMARY_NAME)
     summary = checked(StudySummary, data, folder / SUMMARY_NAME)
-    shown = [read_results(path) for path in runs]
-    for run in shown:
+    members = [read_results(path) for path in runs]
+    for run in members:
         check_member(study, data["case"], run)
-    first = shown[0] if shown else None
+    first = members[0] if members else None
     rows = list(study.rows(columns=ROW, failed=True))
     sections = [
         building_section(first),
@@ -116,11 +108,7 @@ def study_report(
         *_points(study),
         _statistics(study),
         _exits(study),
-        *(
-            section
-            for number, run in enumerate(shown, 1)
-            for section in _of_run(run, number, density, least_time, maps)
-        ),
+        *(section for number, run in enumerate(members, 1) for section in _of_run(run, number, places)),
         section("warnings", "Warnings", quality=_warnings(rows), is_study=True),
         section("assessment", "Assessment"),
         section("limits", "Limits of use", is_study=True),
@@ -343,14 +331,12 @@ def _exits(study: Study) -> Section:
     return section("exits", "Exits over runs", points=points)
 
 
-def _of_run(
-    run: Results, number: int, density: float, least_time: float | None, maps: Sequence[str]
-) -> Iterator[Section]:
+def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:
     """Yield the sections on one run: its places, congestion and maps."""
     name = f"Run with seed {run.seed}"
     suffix = "" if number == 1 else f"-{number}"
     yield section(f"places{suffix}", f"{name}: levels and stairs", "places.html", run=run, **place_rows(run))
-    for one in congestion_sections(run, density, least_time, maps):
+    for one in congestion_sections(run, places):
         yield replace(one, id=f"{one.id}{suffix}", title=f"{name}: {one.title.lower()}")
 
 

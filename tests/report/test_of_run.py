@@ -7,10 +7,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from evac.analysis.congestion import DENSITY
 from evac.base.errors import ResultError
 from evac.case.loading import load_case
 from evac.case.toml import case_text
+from evac.report.congestion import Places
 from evac.report.of_run import run_report
 from evac.report.pages import Labels
 from evac.report.templates import shown
@@ -23,7 +23,7 @@ from .conftest import HOSTILE, Page
 
 @pytest.fixture(scope="module")
 def text(finished):
-    return run_report(finished, Labels(project="A hall", author=HOSTILE), density=DENSITY)
+    return run_report(finished, Labels(project="A hall", author=HOSTILE))
 
 
 @pytest.fixture(scope="module")
@@ -175,14 +175,14 @@ def test_an_interrupted_run_has_a_banner(result):
         writer.writeheader()
         writer.writerows(row | {"exit": "", "exit_time": "", "end_level": "room"} for row in rows[:4])
         writer.writerows(rows[4:])
-    page = Page(run_report(result, density=DENSITY, maps=()))
+    page = Page(run_report(result, places=Places(maps=())))
     assert "interrupted" in page.text.partition("Project")[0]
     assert "4 of 14 people" in page.text.partition("Project")[0]
 
 
 def test_without_a_trajectory_the_checklist_says_what_is_missing(result):
     (result / "trajectory.evac").unlink()
-    page = Page(run_report(result, density=DENSITY))
+    page = Page(run_report(result))
     assert page.lacks("building")
     assert page.lacks("congestion", "maps")
     assert not page.lacks("times", "statistics")
@@ -191,11 +191,11 @@ def test_without_a_trajectory_the_checklist_says_what_is_missing(result):
 def test_damaged_files_are_named(result):
     (result / "people.csv").unlink()
     with pytest.raises(ResultError, match=r"people\.csv"):
-        run_report(result, density=DENSITY)
+        run_report(result)
 
 
 def test_the_same_files_give_the_same_page(finished, text):
-    again = run_report(finished, Labels(project="A hall", author=HOSTILE), density=DENSITY, maps=("max_density",))
+    again = run_report(finished, Labels(project="A hall", author=HOSTILE), places=Places(maps=("max_density",)))
     head, _, rest = again.partition('<section id="congestion"')
     assert head.partition("<nav>")[0] in text
     assert rest.partition("</section>")[0] in text

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import evac
-from evac.analysis.congestion import DENSITY
 from evac.base.errors import ResultError
 from evac.case.loading import load_case
+from evac.report.congestion import Places
 from evac.report.study import is_study, study_report
 
 from .conftest import CASE, Page
@@ -22,7 +22,7 @@ def rows_of(folder):
 
 def test_numbers_are_those_of_the_files(study):
     assert is_study(study)
-    page = Page(study_report(study, density=DENSITY))
+    page = Page(study_report(study))
     one = json.loads((study / "summary.json").read_text(encoding="utf-8"))["points"][0]["statistics"]
     times = [float(row["last_out"]) for row in rows_of(study)]
     shown = {row[0]: row[1:] for row in page.table("Evacuation time")[1:]}
@@ -42,7 +42,7 @@ def test_numbers_are_those_of_the_files(study):
 
 
 def test_without_a_run_the_plans_are_missing_and_said_to_be(study):
-    page = Page(study_report(study, density=DENSITY))
+    page = Page(study_report(study))
     assert page.lacks("building")
     assert page.lacks("times", "places")
     assert not page.lacks("model", "statistics")
@@ -51,7 +51,7 @@ def test_without_a_run_the_plans_are_missing_and_said_to_be(study):
 
 def test_a_run_of_the_study_adds_plans_places_and_maps(study, tmp_path):
     evac.run(load_case("square_room", CASE | {"simulation.seed": 3}), tmp_path / "three")
-    page = Page(study_report(study, [tmp_path / "three"], density=DENSITY, maps=("usage",)))
+    page = Page(study_report(study, [tmp_path / "three"], places=Places(maps=("usage",))))
     assert page.table("Levels")[1][0] == "room"
     assert {"places", "congestion", "maps"} <= set(page.of("id"))
     assert not page.lacks("times", "places")
@@ -68,7 +68,7 @@ def test_a_run_of_the_study_adds_plans_places_and_maps(study, tmp_path):
 def test_a_run_of_another_study_is_refused(study, tmp_path, change, words):
     evac.run(load_case("square_room", CASE | change), tmp_path / "other")
     with pytest.raises(ResultError) as error:
-        study_report(study, [tmp_path / "other"], density=DENSITY)
+        study_report(study, [tmp_path / "other"])
     assert words in str(error.value)
 
 
@@ -78,7 +78,7 @@ def test_blocked_runs_have_a_banner_and_are_not_averaged_away(repeated, tmp_path
     found = evac.repeat(case, 5, folder=tmp_path / "blocked", workers=1)
     blocked = int(np.isinf(found.times(0)).sum())
     assert 0 < blocked < 5
-    page = Page(study_report(found.folder, density=DENSITY))
+    page = Page(study_report(found.folder))
     assert f"{blocked} of 5" in page.text.partition("Project")[0]
     shown = {row[0]: row[1:] for row in page.table("Evacuation time")[1:]}
     assert shown["percentile 95 [s]"][0] == "not reached"
@@ -90,7 +90,7 @@ def test_blocked_runs_have_a_banner_and_are_not_averaged_away(repeated, tmp_path
 def test_a_sweep_has_its_points(tmp_path):
     case = load_case("square_room", CASE)
     found = evac.sweep(case, {"people.0.name": ["a", "<b>"]}, 2, folder=tmp_path / "sweep", workers=1)
-    page = Page(study_report(found.folder, density=DENSITY))
+    page = Page(study_report(found.folder))
     assert [row[:3] for row in page.table("at each point")[1:]] == [["0", "a", "2"], ["1", "<b>", "2"]]
     assert "points" in page.of("id")
     assert "people.0.name\na\n<b>\n" in page.text
@@ -103,4 +103,4 @@ def test_damaged_files_are_named(study, name):
     text = path.read_text(encoding="utf-8")
     path.write_text(text[: text.rindex("\n", 0, len(text) - 2)] + "\n1", encoding="utf-8")
     with pytest.raises(ResultError, match=name):
-        study_report(study, density=DENSITY)
+        study_report(study)
