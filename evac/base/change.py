@@ -21,8 +21,9 @@ class Change:
         ``open`` or ``close`` for exits, portals and stairs.
     what : str
         Name of what changes.
-    values : mapping of str to number, str or bool
-        What the kind of change needs besides; empty for ``open`` and ``close``.
+    values : mapping of str to number, str, bool or tuple of these
+        What the kind of change needs besides. When a link has closed, ``let_through`` lists the people whose bodies
+        were on its line, see docs/results.md.
     """
 
     time: float
@@ -38,12 +39,13 @@ class Change:
             raise ValueError(f"time of the {what}: {self.time!r:.80} is not a finite number")
         if not isinstance(self.values, Mapping):
             raise ValueError(f"values of the {what}: {self.values!r:.80} is not a dictionary")
-        for key, value in self.values.items():
-            is_number = isinstance(value, int | float) and abs(value) <= sys.float_info.max
-            if not isinstance(key, str) or not (is_number or (isinstance(value, str) and is_one_line(value))):
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in self.values.items()}
+        for key, value in values.items():
+            if not isinstance(key, str) or not all(map(_is_plain, value if isinstance(value, tuple) else [value])):
                 wrong = f"{key!r:.80} is {value!r:.80}"
                 raise ValueError(f"values of the {what}: {wrong}; use names, with finite numbers and texts of one line")
         object.__setattr__(self, "time", float(self.time))
+        object.__setattr__(self, "values", values)
 
     def __str__(self) -> str:
         done = {"open": "opened", "close": "closed"}.get(self.kind, self.kind)
@@ -51,7 +53,8 @@ class Change:
 
     def as_row(self) -> dict[str, Any]:
         """Return the change as a dictionary that can be written as JSON."""
-        return {"time": self.time, "kind": self.kind, "what": self.what, "values": dict(self.values)}
+        values = {key: list(value) if isinstance(value, tuple) else value for key, value in self.values.items()}
+        return {"time": self.time, "kind": self.kind, "what": self.what, "values": values}
 
     @classmethod
     def from_row(cls, row: Any) -> "Change":
@@ -66,3 +69,9 @@ class Change:
             case {"time": float(time), "kind": str(kind), "what": str(what), "values": dict(values)}:
                 return cls(time, kind, what, values)
         raise ValueError(f"{row!r:.100} is not a change")
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, str):
+        return is_one_line(value)
+    return isinstance(value, int | float) and abs(value) <= sys.float_info.max

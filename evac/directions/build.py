@@ -26,6 +26,7 @@ from evac.directions.lengths import (
     continue_values,
     exits_of_route,
     nodes_not_marched,
+    routes_at_present,
     strips_of,
     take_halos,
 )
@@ -113,10 +114,11 @@ def build_fields(
     _check_spacing(building, spacing)
     classes = find_classes(building, narrowest, widest)
     _check_memory(building, len(routes) * (1 + len(classes)), spacing, clearance)
-    ways = [exits_of_route(building, route) for route in routes]
+    present = routes_at_present(building, routes)
+    ways = [exits_of_route(building, route) for route in present]
     solver = _Solver(
         building=building,
-        routes=tuple(routes),
+        routes=present,
         spacing=spacing,
         clearance=clearance,
         rates=tuple(_rates(route.strategy, speeds, comfort) for route in routes),
@@ -269,7 +271,7 @@ def _over(upper: _Solved, lower: _Solved) -> _Solved:
 
 
 def _check_routes(building: Building, routes: Sequence[Route]) -> None:
-    """Refuse routes with unknown exits or strategies, and routes whose exits are all closed."""
+    """Refuse routes with unknown exits or strategies."""
     names = [exit_.name for exit_ in building.exits]
     for route in routes:
         if route.strategy not in STRATEGIES:
@@ -280,11 +282,6 @@ def _check_routes(building: Building, routes: Sequence[Route]) -> None:
                     f"a route leads to exit {name!r}, which {building.source} does not have;"
                     f" {did_you_mean(name, names)}"
                 )
-        if route.exits and not any(building.is_open(e) for e in building.exits if e.name in route.exits):
-            raise ScenarioError(
-                f"a route leads only to {' or '.join(map(repr, route.exits))}, which building.closed closes; "
-                "add another exit to the route, or open one"
-            )
 
 
 def _check_spacing(building: Building, spacing: float) -> None:

@@ -1,7 +1,8 @@
 """Lengths of paths, flat, up and down: computed on request, since few runs need them."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,12 @@ def nodes_not_marched(grids: BuildingGrids) -> IndexArray:
     return np.concatenate(found)
 
 
+def routes_at_present(building: Building, routes: Sequence[Route]) -> tuple[Route, ...]:
+    """Return routes that lead to any exit instead of those whose exits are all closed."""
+    names = [exit_.name for exit_ in building.exits if building.is_open(exit_)]
+    return tuple(one if any(map(one.leads_to, names)) else replace(one, exits=()) for one in routes)
+
+
 def exits_of_route(building: Building, route: Route) -> list[Exit]:
     """Return the open exits that a route may end at."""
     return [exit_ for exit_ in building.exits if route.leads_to(exit_.name) and building.is_open(exit_)]
@@ -78,7 +85,7 @@ def find_lengths(
         grids = build_grids(marched.building, marched.spacing, marched.clearance, of_class.barred)
         cost = np.empty(grids.size)
         ways = make_ways(grids, cost)
-        for index, route in enumerate(routes):
+        for index, route in enumerate(routes_at_present(marched.building, routes)):
             cost[:] = math.inf
             places = []
             for grid in grids.levels:

@@ -25,7 +25,7 @@ from evac.base.defaults import LEAST_FLOOR
 from evac.base.saved import taken
 from evac.directions.descent import descend
 from evac.directions.fields import Fields, columns_of
-from evac.directions.lengths import exits_of_route, make_ways, strips_of
+from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
 from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids
 from evac.directions.raster.masks import nearest_marked
 from evac.directions.raster.strips import chain
@@ -289,7 +289,7 @@ class _Column:
             self._direction[grids.levels[level].packed] = direction[place]
         ways = make_ways(grids, np.zeros(0))
         slowness = marched.rates[index] / ways.cosine[:, None]
-        exits = exits_of_route(grids.building, fields.routes[index])
+        exits = exits_of_route(grids.building, routes_at_present(marched.building, fields.routes)[index])
         strips = np.zeros(grids.size, np.bool_)
         for exit_ in exits:
             grid = grids.levels[exit_.level]

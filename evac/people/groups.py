@@ -95,6 +95,7 @@ def check_people(case: "Case", building: Building) -> None:
         One line for each unknown area, level or exit, with the most similar existing name.
     """
     areas = [area.name for area in building.areas]
+    is_shut = {exit_.name for exit_ in building.exits if not building.is_open(exit_)}
     problems: list[str] = []
     for people in case.people:
         key = f"{case.source}: people.{people.name}"
@@ -111,6 +112,9 @@ def check_people(case: "Case", building: Building) -> None:
         for name in people.exits:
             if name not in exits:
                 problems.append(f"{key}.exits: unknown exit {name!r}; {did_you_mean(name, exits)}")
+        if people.exits and is_shut.issuperset(people.exits):
+            which = " or ".join(map(repr, people.exits))
+            problems.append(f"{key}.exits: leads only to {which}, which building.closed closes; add another exit")
     if problems:
         raise ScenarioError("\n".join(problems))
 

@@ -176,6 +176,8 @@ class Population:
             "exit_used": (-1, len(building.exits) - 1),
             "distance": (0.0, FINITE),
             "contact_force": (0.0, FINITE),
+            "passing": (-1, building.n_links - 1),
+            "ahead": (-1.0, 1.0),
         }
 
 

@@ -32,7 +32,12 @@ def desired_direction(world, people, i):
 
 @inner
 def _with_extra_direction(people, i, ex, ey):
-    """Return the unit vector of the sum of a direction and the extra direction of person i."""
+    """Return the unit vector of the sum of a direction and the extra direction of person i.
+
+    Who is let through a closing link leaves its line.
+    """
+    if people.passing[i] >= 0 and (people.ahead[i, 0] != 0.0 or people.ahead[i, 1] != 0.0):
+        return people.ahead[i, 0], people.ahead[i, 1]
     if people.extra_direction[i, 0] != 0.0 or people.extra_direction[i, 1] != 0.0:
         ex += people.extra_direction[i, 0]
         ey += people.extra_direction[i, 1]

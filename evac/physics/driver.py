@@ -51,7 +51,7 @@ call_law = AddressCall([State, Struct, float], (int,))
 
 #: Arrays of the bodies that are copied from the crowd at the start of a tick, and back at its end.
 TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
-WRITTEN = ("position", "velocity", "level", "distance", "contact_force")
+WRITTEN = ("position", "velocity", "level", "distance", "contact_force", "passing")
 
 
 def gather(state: State, crowd: Crowd, inside: int) -> None:

@@ -12,7 +12,7 @@ from evac.jit import AddressCall, call_body_force, call_pair_force, inner, kerne
 from evac.physics.contact.contacts import wall_normal
 from evac.physics.contact.neighbours import segment_distance, unit_normal
 from evac.physics.extent import extent, greatest_extent
-from evac.physics.seams import touches
+from evac.physics.seams import is_absent, touches
 from evac.physics.state import State
 from evac.physics.status import OK
 
@@ -120,7 +120,7 @@ def _nearest_wall(state, i, reach):
         distance, px, py = segment_distance(
             world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
         )
-        if distance >= nearest or world.wall_open[w]:
+        if distance >= nearest or is_absent(world, bodies, w, i):
             continue
         if touches(state, bodies.level[i], x, y, world.wall_level[w], px, py):
             nx, ny = wall_normal(world, bodies, i, w, x - px, y - py, distance)

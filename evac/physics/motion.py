@@ -7,7 +7,7 @@ from evac.physics import tallies as at
 from evac.physics.contact.contacts import normal_velocity, tangential_velocity
 from evac.physics.contact.neighbours import segment_distance
 from evac.physics.extent import greatest_extent
-from evac.physics.seams import crossing, touches
+from evac.physics.seams import crossing, is_absent, lets_through, touches
 from evac.physics.sight import passes_through
 from evac.physics.state import CHUNK
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
@@ -33,7 +33,7 @@ def _crosses_wall(state, i, ax, ay, bx, by):
     world, bodies, lists = state.world, state.bodies, state.lists
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
-        if world.wall_open[w]:
+        if is_absent(world, bodies, w, i):
             continue
         if not passes_through(world.wall, w, ax, ay, bx, by):
             continue
@@ -54,7 +54,7 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
         best = 2.0
         link = -1
         for s in range(world.link_start[level], world.link_start[level + 1]):
-            if world.link_open[world.link_id[s]] == 0:
+            if not lets_through(world, bodies, world.link_id[s], i):
                 continue
             share = crossing(world.link_segment, s, ax, ay, bx, by, 0.0)
             if passed <= share < best:
@@ -71,6 +71,8 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
         events.link[n] = world.link_id[link]
         events.time[n] = time + best * h
         events.number = n + 1
+        if world.link_open[world.link_id[link]] > 1:
+            bodies.passing[i] = world.link_id[link]
         bodies.level[i] = world.link_to[link]
         if leaves:
             return OK

@@ -52,6 +52,21 @@ def way_out(world, level, ax, ay, bx, by, slack):
     return first
 
 
+@inner
+def lets_through(world, bodies, link, i):
+    """Return whether a link can be passed by body i."""
+    state = world.link_open[link]
+    return state == 1 or (state > 1 and (bodies.passing[i] == link or world.link_from[link] == bodies.level[i]))
+
+
+@inner
+def is_absent(world, bodies, w, i):
+    """Return whether wall w does not act on body i, because its link is open for it."""
+    if world.wall_open[w] < 2:
+        return world.wall_open[w] == 1
+    return lets_through(world, bodies, world.link_id[w - world.wall.shape[0] + world.link_id.shape[0]], i)
+
+
 @kernel
 def reaches(world: World, level_a: int, ax: float, ay: float, level_b: int, bx: float, by: float) -> bool:
     """Return whether the straight segment from a, continued through portals, ends on the level of b.

@@ -58,6 +58,10 @@ class Crowd(Struct):
     distance : (n,) path length walked in plan, up to the exit [m]
     contact_force : (n,) sum of contact forces [N] in the last step of the previous tick if a behaviour reads it,
         otherwise at the last output
+    passing : (n,) int32, link that lets a person through although it is closed, because the body is on its line; -1 for
+        none. Written by the scene, and by the contact model for people who pass a link of one direction
+    ahead : (n, 2) unit desired direction of people whom a link lets through, instead of that of their route, until they
+        have left its line; zero for others. Written by the scene
     """
 
     position: Pairs
@@ -78,6 +82,8 @@ class Crowd(Struct):
     exit_used: Ints
     distance: Floats
     contact_force: Floats
+    passing: Ints
+    ahead: Pairs
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to replace an array, since other holders of the crowd would keep the old one.
@@ -141,6 +147,8 @@ def make_crowd(
         exit_used=np.full(n, -1, np.int32),
         distance=np.zeros(n),
         contact_force=np.zeros(n),
+        passing=np.full(n, -1, np.int32),
+        ahead=np.zeros((n, 2)),
     )
 
 
@@ -158,7 +166,7 @@ class World(Struct):
 
     wall: Quads  # (w, 4)
     wall_level: Ints  # (w,)
-    wall_open: Bytes  # (w,) 1: absent, as at an open link
+    wall_open: Bytes  # (w,) 0: acts, 1: absent, as at an open link, 2: absent for those whom the link lets through
     bucket_wall: Ints  # walls near each bucket of the plan, level by level in ascending order; behind them all walls
     bucket_start: Ints  # (buckets + 2,) first of a bucket in bucket_wall
     buckets_x: int  # buckets along x and y
@@ -171,7 +179,8 @@ class World(Struct):
     link_start: Ints  # (levels + 1,) first segment of a level
     link_to: Ints  # (s,) level behind it, -1 outside
     link_id: Ints  # (s,)
-    link_open: Bytes  # (portals + exits,) 0: closed, acts as a wall
+    link_open: Bytes  # (portals + exits,) 0: closed, acts as a wall, 1: open, 2: open for those whom it lets through
+    link_from: Ints  # (portals + exits,) level from which a link in state 2 lets everybody through, -1 for none
     uphill: Pairs  # (levels, 2) unit plan vector, zero on the flat
     cosine: Floats  # (levels,) cosine of the slope
     backed: Bytes  # (levels,) 1: the level has walls right behind one of its exits
@@ -219,6 +228,8 @@ class Bodies(Struct):
     extra_direction: Pairs
     distance: Floats
     contact_force: Floats
+    passing: Ints
+    ahead: Pairs
     old_position: Pairs
     old_velocity: Pairs
     old_level: Ints

@@ -57,6 +57,7 @@ def make_world(building: Building, fields: Fields) -> World:
         link_to=to,
         link_id=link,
         link_open=link_open,
+        link_from=np.full(building.n_links, -1, np.int32),
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
         backed=walls_behind_exits(building),
@@ -68,7 +69,7 @@ def make_world(building: Building, fields: Fields) -> World:
     )
 
 
-def set_open(world: World, link: int, is_open: bool) -> None:
+def set_open(world: World, link: int, state: int) -> None:
     """Open or close a portal or exit: a closed one is a wall on both sides.
 
     Parameters
@@ -77,11 +78,12 @@ def set_open(world: World, link: int, is_open: bool) -> None:
         Its open flags are changed.
     link : int
         Index of a portal, or ``Building.link_of`` an exit.
-    is_open : bool
+    state : {0, 1, 2}
+        Closed, open, or open for those people whom it lets through (``Crowd.passing``, `World.link_from`).
     """
-    world.link_open[link] = is_open
+    world.link_open[link] = state
     walls = len(world.wall) - len(world.link_segment) + np.flatnonzero(world.link_id == link)
-    world.wall_open[walls] = is_open
+    world.wall_open[walls] = state
 
 
 def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray]:

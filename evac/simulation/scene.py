@@ -19,8 +19,9 @@ from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import links_named, with_links
 from evac.directions.fields import Fields
 from evac.directions.quickest import Quickest, Settings
-from evac.physics.state import World
+from evac.physics.state import Crowd, World
 from evac.physics.world import make_world, set_open
+from evac.simulation.doorways import begin_to_leave, go_on
 
 #: Times that differ by less are the same [s]: a multiple of the tick is rounded.
 AT_ONCE = 1e-9
@@ -65,6 +66,8 @@ class Scene:
         Simulated time [s]: the beginning of the next tick.
     changes : list of Change
         The changes so far, in order, each with the time at which it took effect.
+    crowd : Crowd or None
+        The people, once there are any: those on the line of a link that closes are let through.
     has_begun : bool
         Whether behaviours are prepared, so that no field can be added.
     has_ended : bool
@@ -84,6 +87,8 @@ class Scene:
         self.has_begun = self.has_ended = False
         self._planned: list[Change] = []  # what behaviours have applied before the run
         self._waiting: list[Change] = []
+        self.crowd: Crowd | None = None
+        self._held: set[int] = set()  # closed links that let people through who stand on their lines
         self._owned: dict[str, LevelField] = {}
         self._solve = solve
 
@@ -128,8 +133,10 @@ class Scene:
             self._planned.append(change)
         if change.time > self.time + AT_ONCE or self.has_ended:
             self._waiting.append(change)
-        elif kind.act(self, change):
-            self.changes.append(replace(change, time=self.time))
+            return
+        made = kind.act(self, change)
+        if made is not None:
+            self.changes.append(replace(change, time=self.time, values={**change.values, **made}))
 
     def set_open(self, name: str, is_open: bool) -> None:
         """Open or close an exit, a portal, or the portals of a stair now: closed ones are walls on both sides.
@@ -149,6 +156,8 @@ class Scene:
 
     def apply_waiting(self) -> None:
         """Apply the changes whose time has come, in the order of their times."""
+        if self.crowd is not None and self._held:
+            self._hold(go_on(self.building, self.crowd))
         if not self._waiting:
             return
         waiting, self._waiting = sorted(self._waiting, key=lambda change: change.time), []
@@ -218,32 +227,62 @@ class Scene:
         self.quickest = Quickest(fields, self._settings, self.quickest)
         return self.quickest.fields
 
-    def _become(self, building: Building) -> bool:
-        """Take over a building with other closed links; return whether they are others."""
-        changed = building.closed ^ self.building.closed
-        if changed:
-            for link in changed:
-                set_open(self.world, link, link not in building.closed)
-            self.building = building
-            if self._solve is not None:
-                self.fields = self._own_fields(self._solve(building))
-                self.world.fields = self.fields.packed
-        return bool(changed)
+    def hold(self) -> None:
+        """Let those people through who were on the lines of closed links when the state was saved."""
+        if self.crowd is not None:
+            passing = self.crowd.passing
+            is_free = (passing >= 0) & ~np.isin(passing, list(self.building.closed))
+            passing[is_free], self.crowd.ahead[is_free] = -1, 0.0
+            self._hold(set(passing[passing >= 0].tolist()))
+
+    def _hold(self, links: set[int]) -> None:
+        """Keep closed links open for those whom they let through, and only these links."""
+        for link in self._held - links:
+            set_open(self.world, link, link not in self.building.closed)
+        for link in links & self.building.closed:
+            set_open(self.world, link, 2)
+        self._held = links & self.building.closed
+
+    def _become(self, building: Building) -> list[int] | None:
+        """Take over a building with other closed links.
+
+        Returns
+        -------
+        list of int or None
+            The people on the lines of links that have closed; None if no link has closed or opened.
+        """
+        changed, on_lines = building.closed ^ self.building.closed, list[int]()
+        if not changed:
+            return None
+        for link in changed:
+            set_open(self.world, link, link not in building.closed)
+        if self.crowd is not None and building.closed & changed:
+            on_lines = begin_to_leave(self.building, self.fields, self.crowd, building.closed & changed)
+        self.building = building
+        self.hold()
+        if self._solve is not None:
+            self.fields = self._own_fields(self._solve(building))
+            self.world.fields = self.fields.packed
+        return on_lines
 
 
 class Kind(NamedTuple):
-    """A kind of change: `check` raises an error if it cannot be made, `act` returns whether it has had an effect."""
+    """A kind of change.
+
+    `check` raises an error if it cannot be made. `act` returns values to be recorded with it, None if it has no effect.
+    """
 
     check: Callable[[Scene, Change], Any]
-    act: Callable[[Scene, Change], bool]
+    act: Callable[[Scene, Change], Mapping[str, Any] | None]
 
 
 def _links(scene: Scene, change: Change) -> frozenset[int]:
     return links_named(scene.building, change.what)
 
 
-def _switch(scene: Scene, change: Change) -> bool:
-    return scene._become(with_links(scene.building, change.what, change.kind == "open"))
+def _switch(scene: Scene, change: Change) -> Mapping[str, Any] | None:
+    let_through = scene._become(with_links(scene.building, change.what, change.kind == "open"))
+    return {"let_through": tuple(let_through)} if let_through else None if let_through is None else {}
 
 
 #: All kinds of change.

@@ -29,6 +29,7 @@ from evac.results.results import Results, results_of
 from evac.results.watch import Watch
 from evac.simulation import assembly, needed
 from evac.simulation.deciding import Deciding
+from evac.simulation.doorways import doorway_warning
 from evac.simulation.loop import Loop
 from evac.simulation.scene import Ground, Scene, make_ground
 from evac.simulation.state import restore_state, saved_state
@@ -147,6 +148,7 @@ class Simulation:
             self.population, self.stopping, border = assembly.make_population(
                 case, self.scene.ground, self.contact, behaviours
             )
+            self.scene.crowd = self.population.crowd
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             self.displacement_velocity = self.population.crowd.velocity.copy()
@@ -194,7 +196,7 @@ class Simulation:
         tuple of str
             About the building, places that are too narrow for some people, people for whom no way to an exit is wide
             enough, unusual properties of people, people who start only after the end of the run, several behaviours
-            that keep distances, and threads that are not used.
+            that keep distances, people who stood in a closing doorway, and threads that are not used.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
@@ -202,7 +204,8 @@ class Simulation:
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
         people += rivals(self.case.keeps_distance)
         unused = unused_threads(self._threads, len(crowd.level))
-        return (*self.building.warnings, *map(str, (*narrow, *self.stopping)), *people, *unused)
+        shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
+        return (*self.building.warnings, *map(str, (*narrow, *self.stopping)), *people, *shut, *unused)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.

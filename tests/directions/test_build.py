@@ -232,13 +232,6 @@ def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     assert fields.packed.field_of[:, 0].tolist() == [-1, -1, -1]
 
 
-def test_a_route_to_closed_exits_alone_is_refused(drawing):
-    building = replace(two_storeys(drawing), closed=frozenset({2}))
-    (way_out,) = building.exits
-    with pytest.raises(ScenarioError, match=f"'{way_out.name}'.*building.closed"):
-        build_fields(building, (Route((way_out.name,)),))
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

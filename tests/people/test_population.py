@@ -44,7 +44,7 @@ def test_everybody_has_arrays_of_the_declared_kind_within_the_drawn_ranges(make_
     for name, array in crowd.values().items():
         assert len(array) == 25, name
         assert array.flags.c_contiguous, name
-        kind = np.int32 if name in ("level", "group", "route", "exit_used") else np.float64
+        kind = np.int32 if name in ("level", "group", "route", "exit_used", "passing") else np.float64
         assert array.dtype == kind, name
     assert ((crowd.radius >= 0.2) & (crowd.radius <= 0.25)).all()
     assert (crowd.mass[20:] == 70).all()

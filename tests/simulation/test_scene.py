@@ -67,6 +67,20 @@ def test_directions_are_those_of_the_building_as_it_is(room):
     assert simulation.scene.version == 2
 
 
+def test_a_group_whose_exits_are_all_closed_takes_any_other(room):
+    case = room.change({"people.people.exits": ["front"], "behaviours.route_choice": False})
+    simulation = Simulation(case)
+    ticks(simulation, 10)
+    inside = simulation.population.crowd.level >= 0
+    simulation.scene.set_open("front", False)
+    results = simulation.run()
+    assert results.ended == "everybody out"
+    assert inside.any()
+    assert (results.crowd.exit_used[inside] == 1).all()
+    with pytest.raises(ScenarioError, match=r"people\.people\.exits.*'front'.*building\.closed"):
+        Simulation(case.change({"building.closed": ["front"]}))
+
+
 @pytest.mark.parametrize("full", [False, True])
 def test_a_run_goes_on_to_the_same_bits_behind_a_closure(room, full):
     one, other, lean = Simulation(room, full=full), Simulation(room, full=full), Simulation(room)

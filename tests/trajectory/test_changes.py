@@ -107,7 +107,7 @@ def reds(image):
 
 
 def test_the_trajectory_says_when(trajectory):
-    assert trajectory.changes == (evac.Change(2.0, "close", "west"),)
+    assert trajectory.changes == (evac.Change(2.0, "close", "west", {"let_through": (6,)}),)
     west, east = (exit_ for exit_ in sorted(trajectory.building.exits, key=lambda one: one.name != "west"))
     for time, is_open in ((0.0, True), (1.9, True), (2.0, False), (4.0, False)):
         assert trajectory.building_at(time).is_open(west) is is_open
@@ -120,7 +120,7 @@ def test_a_run_that_goes_on_with_a_changed_case_keeps_what_was_before(case, tmp_
     evac.resume(tmp_path / "r", ["simulation.duration=3.5"], out=tmp_path / "other", plugin_files=plugins)
     trajectory = evac.read_trajectory(tmp_path / "other")
     assert trajectory.time[0] > 2.9
-    assert trajectory.changes == (evac.Change(2.0, "close", "west"),)
+    assert trajectory.changes == (evac.Change(2.0, "close", "west", {"let_through": (6,)}),)
     assert len(trajectory.building_at(trajectory.time[0]).closed) == 1
     assert closed_in(tmp_path / "other" / "replay.html")[-1] == [2.0, sorted(trajectory.building_at(2.0).closed)]
 

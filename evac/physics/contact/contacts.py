@@ -10,7 +10,7 @@ from evac.jit import inner
 from evac.physics.contact.memory import holds, slot_of
 from evac.physics.contact.neighbours import segment_distance, unit_normal
 from evac.physics.extent import extent, greatest_extent
-from evac.physics.seams import touches
+from evac.physics.seams import is_absent, touches
 from evac.physics.state import TAKE, call_phase
 from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
 
@@ -53,7 +53,7 @@ def _near_walls(state, i):
         )
         if distance >= nearest and distance > limit:
             continue
-        if world.wall_open[w] or not touches(state, level, x, y, world.wall_level[w], px, py):
+        if is_absent(world, bodies, w, i) or not touches(state, level, x, y, world.wall_level[w], px, py):
             continue
         nearest = min(nearest, distance)
         if distance > limit:

@@ -1,0 +1,122 @@
+"""People on the line of a link that closes are named and let through; nobody else passes it, and nobody overlaps."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.simulation.simulation import Simulation
+from tests.runs import MODELS, assert_same_bits, run_ticks
+
+CLOSES = 4.0
+
+
+def hall(model, seed=0):
+    """Return a hall of 60 people with an exit at either end."""
+    exits = [
+        {"name": "west", "storey": "f", "segment": [[0, 4], [0, 5.2]]},
+        {"name": "east", "storey": "f", "segment": [[12, 4], [12, 5.2]]},
+    ]
+    storey = {"name": "f", "polygons": [[[0, 0], [12, 0], [12, 9], [0, 9]]]}
+    return evac.load(
+        {
+            "building": {"plan": {"storeys": [storey], "exits": exits}},
+            "contact": {"model": model},
+            "simulation": {"duration": 60.0, "seed": seed},
+            "people": [{"name": "p", "number": 60, "level": "f"}],
+        }
+    )
+
+
+def distance_to(segment, position):
+    start, end = np.array(segment).reshape(2, 2)
+    share = np.clip((position - start) @ (end - start) / np.sum((end - start) ** 2), 0.0, 1.0)
+    return np.linalg.norm(position - start - share[:, None] * (end - start), axis=1)
+
+
+@pytest.mark.parametrize(("model", "overlap"), [("nsm1", 1e-4), ("nsm2", 0.03), ("dem", 0.08)])
+def test_who_stands_in_a_closing_doorway_is_named_and_leaves_by_it_and_nobody_else_does(model, overlap):
+    """In seed 0 of nsm2 the crowd pushes one of them back before."""
+    simulation = Simulation(hall(model, seed=2 if model == "dem" else 0))
+    simulation.scene.apply(evac.Change(CLOSES, "close", "west"))
+    run_ticks(simulation, round(CLOSES / 0.1))
+    crowd = simulation.population.crowd
+    way = next(way for way in simulation.building.exits if way.name == "west")
+    away = distance_to(way.segments[0], crowd.position)
+    on_line = np.flatnonzero((crowd.level >= 0) & (away < crowd.contact_radius)).tolist()
+    results = simulation.run()
+    (change,) = results.changes
+    assert len(on_line) == 2
+    assert list(change.values["let_through"]) == on_line
+    assert results.summary()["changes"][0]["values"] == {"let_through": on_line}
+    assert any("'west'" in warning and str(on_line[0]) in warning for warning in results.warnings)
+    later = (results.crowd.exit_used == way.index) & (results.crowd.exit_time > CLOSES)
+    assert np.flatnonzero(later).tolist() == on_line
+    assert results.ended == "everybody out"
+    assert results.report["greatest_overlap"] < overlap
+    assert (results.crowd.passing == -1).all()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_run_that_is_resumed_lets_the_same_people_through(model):
+    one, other = (Simulation(hall(model, seed=2 if model == "dem" else 0)) for _ in range(2))
+    one.scene.apply(evac.Change(CLOSES, "close", "west"))
+    run_ticks(one, round(CLOSES / 0.1) + 1)
+    assert (one.population.crowd.passing >= 0).any()
+    other.restore(one.state())
+    for simulation in (one, other):
+        simulation.run()
+    assert_same_bits(one, other)
+
+
+@pytest.fixture
+def stairs():
+    """Return a case of two storeys with a stair, and people who go down."""
+    floor = [[0, 0], [10, 0], [10, 6], [0, 6]]
+    stair = {"name": "stair", "lower": "ground", "lower_edge": [[1, 0.8], [1, 2]], "upper": "first", "length": 4.0}
+    plan = {
+        "storeys": [{"name": "ground", "polygons": [floor]}, {"name": "first", "z": 2.0, "polygons": [floor]}],
+        "stairs": [stair | {"direction": [1, 0]}],
+        "exits": [
+            {"name": "main", "storey": "ground", "segment": [[0, 3], [0, 4.2]]},
+            {"name": "balcony", "storey": "first", "segment": [[10, 3], [10, 4.2]]},
+        ],
+    }
+    return evac.load(
+        {
+            "building": {"plan": plan},
+            "contact": {"model": "nsm1"},
+            "simulation": {"duration": 60.0},
+            "people": [{"name": "people", "number": 30, "level": "first", "exits": ["main"]}],
+        }
+    )
+
+
+def test_who_stands_between_a_storey_and_a_closing_stair_goes_on_and_nobody_else_does(stairs):
+    simulation = Simulation(stairs)
+    closes = 6.0
+    simulation.scene.apply(evac.Change(closes, "close", "stair"))
+    results = simulation.run()
+    let_through = results.changes[0].values["let_through"]
+    person, portal, time = results.crossings
+    assert len(let_through) > 1
+    assert set(person[time > closes].tolist()) <= set(let_through)
+    last = {int(one): int(link) for one, link in zip(person, portal, strict=True)}
+    on_stair = [row for row in range(30) if results.building.levels[results.crowd.level[row]].kind == "flight"]
+    assert all(row in last for row in on_stair), "who is shut in on the stair has entered it"
+    above = [row for row in range(30) if row not in last]
+    first = simulation.building.level_named("first").index
+    assert len(above) > 5
+    assert (results.crowd.level[above] == first).all()
+
+
+def test_an_exit_that_opens_again_holds_nobody():
+    simulation = Simulation(hall("nsm1"))
+    simulation.scene.apply(evac.Change(CLOSES, "close", "west"))
+    simulation.scene.apply(evac.Change(CLOSES + 0.1, "open", "west"))
+    run_ticks(simulation, round(CLOSES / 0.1) + 1)
+    crowd = simulation.population.crowd
+    assert (crowd.passing >= 0).any()
+    run_ticks(simulation, 1)
+    assert (crowd.passing == -1).all()
+    assert not crowd.ahead.any()
+    assert simulation.scene.world.link_open.tolist() == [1, 1]
