@@ -1,0 +1,178 @@
+"""Numbers of the foreign buildings, read by shapely, trimesh, ezdxf and ifcopenshell, without any code of evac.
+
+python -m tests.importing.independent >tests/importing/foreign.csv
+"""
+
+import csv
+import json
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import shapely.geometry
+from shapely.geometry.base import BaseGeometry
+
+FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"
+TABLE = Path(__file__).parent / "foreign.csv"
+#: A space that is lower than this is an attic or a crawl space [m].
+STANDING = 1.8
+#: How far beyond a wall the outside begins [m].
+BEYOND = 0.6
+#: Radius of the Earth [m].
+EARTH = 6371008.8
+
+Row = tuple[str, str, str, str]  # file, quantity, value, source
+
+
+def rows_of(path: Path) -> Iterator[Row]:
+    """Yield the rows of one file."""
+    readers = {".wkt": _wkt, ".dxf": _dxf, ".ifc": _ifc, ".geojson": _geojson, ".obj": _obj}
+    for quantity, value, source in readers[path.suffix](path):
+        yield path.name, quantity, f"{value:.2f}" if isinstance(value, float) else str(value), source
+
+
+def _wkt(path: Path) -> Iterator[tuple[str, Any, str]]:
+    ground = shapely.union_all(shapely.get_parts(shapely.from_wkt(path.read_text())))
+    yield "storeys", 1, "one collection of polygons"
+    yield "stairs", 0, "a plan"
+    yield "area", ground.area, "shapely: area of the union"
+
+
+def _dxf(path: Path) -> Iterator[tuple[str, Any, str]]:
+    import ezdxf
+
+    layers: dict[str, list[BaseGeometry]] = {}
+    for line in ezdxf.readfile(path).modelspace().query("LWPOLYLINE"):
+        corners = [point[:2] for point in line.get_points()]
+        if len(corners) > 2:
+            layers.setdefault(line.dxf.layer, []).append(shapely.Polygon(corners))
+    yield "stairs", 0, "no text or block of the drawing names one that leaves the storey"
+    if "walkablearea" not in layers:
+        # The texts of the drawings: FLOOR PLAN; two copies of a plan (EXISTING LIVING ROOM twice); four labels.
+        plans = {"bjnortier_floorplan.dxf": 1, "constructiq_house_plan.dxf": 2, "wrld3d_cad.dxf": 1}
+        yield "storeys", plans[path.name], "plans of the drawing, by its texts"
+        return
+    yield "storeys", 1, "one walkablearea"
+    ground = shapely.union_all(layers["walkablearea"]).difference(shapely.union_all(layers["jps-exits"]))
+    yield "exits", len(layers["jps-exits"]), "polylines of layer jps-exits"
+    yield "area", ground.area, "shapely: walkablearea without exits"
+
+
+def _geojson(path: Path) -> Iterator[tuple[str, Any, str]]:
+    features = json.loads(path.read_text(encoding="utf-8"))["features"]
+    shapes = [shapely.geometry.shape(feature["geometry"]) for feature in features]
+    west, south, _, north = shapely.total_bounds(shapes)
+    scale = np.radians(EARTH) * np.array([np.cos(np.radians((south + north) / 2)), 1.0])
+    levels: dict[str, list[BaseGeometry]] = {}
+    walls = []
+    for feature, given in zip(features, shapes, strict=True):
+        shape = shapely.transform(given, lambda xy: (xy - [west, south]) * scale)
+        own = feature["properties"]
+        if shape.geom_type == "Polygon" and own.get("type") in ("wall", "window"):
+            walls.append(shape)
+        elif shape.geom_type == "Polygon" and own.get("type") == "building_outline":
+            levels["outline"] = [shape]
+        elif shape.geom_type == "Polygon" and ("level_id" in own or "indoor" in own):
+            for level in str(own.get("level_id") or own.get("level") or "").split(";"):
+                if level:
+                    levels.setdefault(level, []).append(shape)
+    area = sum(shapely.union_all(found).difference(shapely.union_all(walls)).area for found in levels.values())
+    yield "storeys", len(levels), "values of level and level_id, or the outline of the building"
+    yield "area", area, "shapely: union of the polygons of each level, without walls and windows"
+
+
+def _obj(path: Path) -> Iterator[tuple[str, Any, str]]:
+    import trimesh
+
+    mesh = trimesh.load(path, process=False)
+    steep = mesh.face_normals[:, 1] > np.cos(np.radians(50.0))
+    yield "area", float(mesh.area_faces[steep].sum()), "trimesh: faces within 50 degrees of level, before clear heights"
+
+
+def _ifc(path: Path) -> Iterator[tuple[str, Any, str]]:
+    import ifcopenshell
+
+    # An asterisk stands for a derived value, which ifcopenshell refuses where there is none.
+    text = re.sub(r"(?m)^#(?!.*IFCSIUNIT).*$", lambda line: line[0].replace("*", "$"), path.read_text("latin-1"))
+    model = ifcopenshell.file.from_string(text)
+    storeys, area, exits = 0, 0.0, 0
+    roofs = [_shape(slab).bounds[1, 2] for slab in model.by_type("IfcSlab") if slab.PredefinedType == "ROOF"]
+    for storey in model.by_type("IfcBuildingStorey"):
+        inside = [one for link in storey.ContainsElements for one in link.RelatedElements]
+        spaces = [_shape(one) for link in storey.IsDecomposedBy for one in link.RelatedObjects if one.is_a("IfcSpace")]
+        slabs = [_shape(one) for one in inside if one.is_a("IfcSlab") and one.PredefinedType in ("FLOOR", None)]
+        rooms = [one for one in spaces if np.ptp(one.bounds[:, 2]) >= STANDING]
+        if rooms and not slabs and any(abs(z - rooms[0].bounds[0, 2]) < 0.5 for z in roofs):
+            continue  # a space above the roof
+        walls = [_section(_shape(one), 0.1) for one in inside if one.is_a("IfcWall")]
+        if rooms:
+            ground = shapely.union_all([_face(one, up=False) for one in rooms])
+            below = shapely.union_all([_face(one, up=True) for one in slabs])
+            ground = ground if below.is_empty else ground.intersection(below.buffer(0.05))
+        elif spaces:
+            continue  # nobody can stand there
+        else:
+            ground = shapely.union_all([_face(one, up=True) for one in slabs]).difference(shapely.union_all(walls))
+        if ground.area < 1.0:
+            continue
+        storeys, area = storeys + 1, area + ground.area
+        hull = shapely.union_all([ground, *walls]).buffer(0.3).buffer(-0.3)
+        hull = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(hull)])
+        filled = [one.FillsVoids[0].RelatingOpeningElement for one in inside if one.is_a("IfcDoor") and one.FillsVoids]
+        doors = [_shape(one) for one in filled]
+        if min(abs(one.bounds[0, 2]) for one in spaces or slabs) < 0.5:
+            exits += sum(_leads_out(one, ground, hull) for one in doors)
+    yield "storeys", storeys, f"ifcopenshell: storeys with spaces at least {STANDING} m high and no roof, or with slabs"
+    yield "stairs", len(model.by_type("IfcStair")), "ifcopenshell: IfcStair"
+    yield "exits", exits, "ifcopenshell: doors at the outer hull of storeys up to 0.5 m"
+    yield "area", area, "ifcopenshell and trimesh: faces of spaces over slabs, or of slabs without walls"
+
+
+def _shape(element: Any) -> Any:
+    """Return an element as a mesh of trimesh, in metres."""
+    import ifcopenshell.geom
+    import trimesh
+
+    settings = ifcopenshell.geom.settings()
+    settings.set("use-world-coords", True)
+    geometry = ifcopenshell.geom.create_shape(settings, element).geometry
+    return trimesh.Trimesh(np.reshape(geometry.verts, (-1, 3)), np.reshape(geometry.faces, (-1, 3)))
+
+
+def _face(mesh: Any, *, up: bool) -> BaseGeometry:
+    """Return the level faces of a mesh, upwards or downwards, in plan."""
+    level = mesh.face_normals[:, 2] * (1.0 if up else -1.0) > 0.999
+    return shapely.union_all(shapely.polygons(mesh.triangles[level][:, :, :2]), grid_size=1e-4)
+
+
+def _section(mesh: Any, above: float) -> BaseGeometry:
+    """Return the section of a mesh at a height above its foot [m], in plan."""
+    import trimesh.intersections
+
+    lines = trimesh.intersections.mesh_plane(mesh, (0, 0, 1), (0, 0, mesh.bounds[0, 2] + above))
+    return shapely.build_area(shapely.union_all(shapely.linestrings(lines[:, :, :2]), grid_size=1e-4))
+
+
+def _leads_out(door: Any, ground: BaseGeometry, hull: BaseGeometry) -> bool:
+    """Return whether there is ground on one side of a door only, and the outside of the storey on the other."""
+    low, high = door.bounds[:, :2]
+    middle, along = (low + high) / 2, int(np.argmax(high - low))
+    way = np.eye(2)[1 - along] * ((high - low)[1 - along] / 2 + BEYOND)
+    sides = [shapely.Point(middle + way), shapely.Point(middle - way)]
+    return sum(ground.contains(one) for one in sides) == 1 and not all(hull.contains(one) for one in sides)
+
+
+def main() -> None:
+    """Write the table."""
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(("file", "quantity", "value", "source"))
+    for path in sorted(FOREIGN.iterdir()):
+        writer.writerows(rows_of(path))
+
+
+if __name__ == "__main__":
+    main()

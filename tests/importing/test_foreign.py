@@ -1,0 +1,83 @@
+"""Buildings made by others, ../shared/data/foreign: what is imported agrees with an independent reading (foreign.csv)."""
+
+import csv
+from collections import defaultdict
+
+import pytest
+
+from evac import import_building
+from tests.importing.independent import FOREIGN, TABLE, rows_of
+
+pytestmark = pytest.mark.skipif(not FOREIGN.is_dir(), reason="../shared/data/foreign is not there")
+
+EXPECTED: dict[str, dict[str, float]] = defaultdict(dict)
+with TABLE.open(encoding="utf-8") as file:
+    for row in csv.DictReader(file):
+        EXPECTED[row["file"]][row["quantity"]] = float(row["value"])
+
+#: Options of files that name no exit.
+OPTIONS = {
+    "aknz_evac.wkt": {"exits": [1]},
+    "corner_with_shortcut.wkt": {"exits": [5]},
+    "double_bottleneck.wkt": {"exits": [3]},
+    "imdf_unit.geojson": {"exits": [1]},
+    "office_rooms.wkt": {"exits": [11]},
+    "westport-1.geojson": {"exits": [20]},
+}
+#: Nothing in them can be walked to an exit.
+REFUSED = ("TallBuilding.ifc", "ios_411_walls.ifc")
+#: What is known to be wrong, and why.
+WRONG = {
+    "AC11-Institute.ifc": "treads that overlap in plan are taken for a spiral stair",
+    "Ifc4_SampleHouse.ifc": "an attic is a storey, and its area lies on two levels",
+    "aknz_evac.wkt": "a walk that ends within a cell of its exit has not arrived",
+    "bjnortier_floorplan.dxf": "walls are found only on layers that are named",
+    "caserne.geojson": "OSM indoor is not read",
+    "constructiq_house_plan.dxf": "walls are found only on layers that are named",
+    "Ifc2x3_Duplex_Architecture.ifc": "a space above a roof is a storey",
+    "imdf_unit.geojson": "level_id of IMDF is not read",
+    "ios_411_walls.ifc": "the shape of a product has no end",
+    "nav_test.obj": "a game level, not a surface",
+    "westport-1.geojson": "walls and outlines are floors",
+    "wrld3d_cad.dxf": "walls are found only on layers that are named",
+    "xbim_House.ifc": "a door in a thin leaf is an exit",
+}
+SLOW = (
+    "AC11-Institute.ifc",
+    "aknz_evac.wkt",
+    "imdf_unit.geojson",
+    "ios_411_walls.ifc",
+    "nav_test.obj",
+    "westport-1.geojson",
+    "wrld3d_cad.dxf",
+    "xbim_House.ifc",
+)
+
+
+def marked(name):
+    marks = [pytest.mark.xfail(reason=WRONG[name], strict=True)] if name in WRONG else []
+    return pytest.param(name, marks=[*marks, *([pytest.mark.slow] if name in SLOW else [])])
+
+
+@pytest.mark.parametrize("name", [marked(name) for name in sorted(EXPECTED) if name not in REFUSED])
+def test_the_whole_building_is_imported(tmp_path, name):
+    made = import_building([FOREIGN / name], tmp_path / "case", **OPTIONS.get(name, {}))
+    floors = [level for level in made.building.levels if level.kind == "floor"]
+    found = {
+        "storeys": len({level.name.partition(" z=")[0].partition(" (")[0] for level in floors}),
+        "stairs": len(made.building.stairs),
+        "exits": len(made.building.exits),
+        "area": pytest.approx(sum(level.polygon.area for level in floors), rel=0.02),
+    }
+    assert made.fault == ""
+    assert EXPECTED[name] == {quantity: found[quantity] for quantity in EXPECTED[name]}
+    assert all(room.number for room in made.rooms)
+
+
+@pytest.mark.parametrize("name", [name for name in sorted(EXPECTED) if not name.endswith(".ifc")])
+def test_the_table_is_what_the_independent_reading_finds(name):
+    for library in {".dxf": ["ezdxf"], ".obj": ["trimesh"]}.get(name[name.rindex(".") :], []):
+        pytest.importorskip(library)
+    with TABLE.open(encoding="utf-8") as file:
+        rows = [tuple(row) for row in csv.reader(file) if row[0] == name]
+    assert list(rows_of(FOREIGN / name)) == rows
