@@ -53,7 +53,7 @@ CODE = (":/*.py", ":/*.toml", ":/*.msh")
 WORKERS = 2
 
 #: Call by which runs do not warn: pages say what came of them.
-QUIET = (warnings.simplefilter, ("ignore", RunWarning))
+QUIET: tuple[Callable[..., None], tuple[object, ...]] = (warnings.simplefilter, ("ignore", RunWarning))
 
 #: Conditions of the measurement that are stored in run.json and shown on the page below its verdicts.
 REFERENCE = "reference run, at start and end [ms]"

@@ -1,4 +1,4 @@
-"""Buildings made by others, ../shared/data/foreign: what is imported agrees with an independent reading (foreign.csv)."""
+"""Walkable buildings made by others: storeys, stairs and areas beside independent readings of the files."""
 
 import csv
 from collections import defaultdict
