@@ -174,10 +174,6 @@ class Walking(Behaviour):
         self._motion.velocity[:] = self._displacement_velocity
         walk(self._world, crowd, self._outside, self._sights, self._motion, self._rule, self._tick, time)
 
-    def is_needed(self, scene: BehaviourScene) -> bool:
-        """Return False for a single person."""
-        return len(scene.crowd.level) > 1
-
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the headings of the last tick."""
         return {"heading": self._motion.heading}

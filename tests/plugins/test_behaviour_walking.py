@@ -160,3 +160,11 @@ def test_bodies_have_the_depth_of_the_chest():
     crowd = Simulation(room(0.8, 20)).population.crowd
     assert (crowd.contact_radius == 0.14).all()
     assert (crowd.radius >= 0.2).all()
+
+
+def test_a_single_person_walks_as_with_all_parts():
+    """Whose heading turns within the reaction time, too."""
+    alone = room(0.8, 1).change({"simulation.seed": 5})
+    simulations = [Simulation(alone, full=full) for full in (False, True)]
+    one, other = (run_ticks(simulation, 30) for simulation in simulations)
+    assert_same_bits(one, other)
