@@ -2,7 +2,7 @@
 
 `run` raises AssertionError unless nobody passes a closed link but those who stood on its line, everything that is
 written names the same changes, and a run that was resumed, in its folder or in another one (``branched``), or that has
-all parts (``full``) gives the same bits.
+all parts (``full``) or two threads (``threads``) gives the same bits.
 """
 
 import json

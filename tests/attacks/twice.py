@@ -1,17 +1,20 @@
-"""Runs that are made twice, of which the second one is killed and resumed or has all parts, with the same bits."""
+"""Runs that are made twice, the second time killed and resumed, with all parts or with threads: with the same bits."""
 
 import random
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from unittest.mock import patch
 
 import evac
 from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, TRAJECTORY_NAME
+from evac.physics.threads import threads
+from evac.simulation import assembly
 
 if TYPE_CHECKING:
     from evac.case.case import Case
 
-#: How the second run differs: it is killed and resumed, in its folder or in another one, or has all parts.
-KINDS = ("resumed", "branched", "full")
+#: How the second run differs: it is killed and resumed, in its folder or in another one, or has all parts or threads.
+KINDS = ("resumed", "branched", "full", "threads")
 
 
 class Killed(BaseException):
@@ -26,6 +29,9 @@ def made_again(kind: str, case: "Case", one: evac.Results, folder: Path, generat
     names = [PEOPLE_NAME, *({CROSSINGS_NAME} & {path.name for path in one.folder.iterdir()})]
     if kind == "full":
         two = evac.run(case, folder / "two", progress=False, full=True)
+    elif kind == "threads":
+        with patch(f"{threads.__name__}.PEOPLE_PER_THREAD", 1), patch(f"{assembly.__name__}.PEOPLE_PER_THREAD", 1):
+            two = evac.run(case, folder / "two", progress=False, threads=2)
     else:
         two = killed_and_resumed(
             case, one, folder / "two", folder / "branch" if kind == "branched" else None, generator
