@@ -118,19 +118,19 @@ def find_congestion(
     if least_time is None:
         least_time = SHARE * float(time[-1] - time[0])
     building = trajectory.building
-    found = [_Exceeding(Grid(level, spacing, KERNEL_RADIUS), density) for level in building.levels]
+    grids = [_Exceeding(Grid(level, spacing, KERNEL_RADIUS), density) for level in building.levels]
     spans = np.append(np.diff(time), 0.0)
     for k, span in enumerate(spans.tolist()):
         frame = trajectory[k]
         for level in building.levels:
-            found[level.index].add(frame["position"][frame["level"] == level.index], frame["time"], span)
-    places = [place for level in building.levels for place in found[level.index].places(building, level, least_time)]
+            grids[level.index].add(frame["position"][frame["level"] == level.index], frame["time"], span)
+    places = [place for level in building.levels for place in grids[level.index].places(building, level, least_time)]
     return Congestion(
         density=density,
         least_time=least_time,
         places=tuple(sorted(places, key=lambda place: -place.duration)),
-        longest=max(float(one.total.max()) for one in found),
-        greatest_density=max(float(one.greatest.max()) for one in found),
+        longest=max(float(grid.total.max()) for grid in grids),
+        greatest_density=max(float(grid.greatest.max()) for grid in grids),
     )
 
 

@@ -67,7 +67,7 @@ def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
     """
     building = trajectory.building
     links: list[Portal | Exit] = [*building.portals, *building.exits]
-    found: list[list[tuple[float, int, bool]]] = [[] for _ in links]
+    passages: list[list[tuple[float, int, bool]]] = [[] for _ in links]
     lines = [shapely.multilinestrings([s.reshape(2, 2) for s in link.segments]) for link in links]
     level, ways = trajectory.level, {}
     for k in range(1, len(trajectory)):
@@ -83,7 +83,7 @@ def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
                 parallel = open_ways.links(source, target)
                 link = min(parallel, key=lambda row: float(lines[row].distance(place)))
                 forward = target < 0 or links[link].levels[0] == source  # type: ignore[union-attr]
-                found[link].append((time, person, forward))
+                passages[link].append((time, person, forward))
                 source = target
     return {
         link.name: LineFlow(
@@ -92,7 +92,7 @@ def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
             time=np.array([time for time, _, _ in passed], np.float64),
             forward=np.array([forward for _, _, forward in passed], bool),
         )
-        for link, passed in zip(links, found, strict=True)
+        for link, passed in zip(links, passages, strict=True)
     }
 
 

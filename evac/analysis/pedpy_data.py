@@ -44,17 +44,17 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
         import pedpy
     except ImportError as error:
         raise ResultError(f"PedPy cannot be imported ({error}); install it with pip install evac[pedpy]") from error
-    found = level_of(trajectory.building, level)
+    shown_level = level_of(trajectory.building, level)
     frames, frame_rate = regular_frames(trajectory)
     rows = []
     for number, k in enumerate(frames.tolist()):
         frame = trajectory[k]
-        here = frame["level"] == found.index
+        here = frame["level"] == shown_level.index
         person = frame["person"][here]
         rows.append(np.column_stack([person, np.full(len(person), number), frame["position"][here]]))
     table = np.concatenate(rows)
     if not len(table):
-        raise ResultError(f"{trajectory.path}: nobody was ever on level {found.name!r}; choose another one")
+        raise ResultError(f"{trajectory.path}: nobody was ever on level {shown_level.name!r}; choose another one")
     data = pd.DataFrame(
         {
             "id": table[:, 0].astype(np.int64),
@@ -63,5 +63,5 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
             "y": table[:, 3],
         }
     )
-    largest = max(shapely.get_parts(found.polygon), key=lambda part: part.area)
+    largest = max(shapely.get_parts(shown_level.polygon), key=lambda part: part.area)
     return pedpy.TrajectoryData(data=data, frame_rate=frame_rate), pedpy.WalkableArea(largest)

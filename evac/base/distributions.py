@@ -238,11 +238,11 @@ def distribution_from(
     value: object, *, minimum: float | None = None, above: float | None = None, maximum: float | None = None
 ) -> Distribution:
     """Parse a distribution like `parse`, but raise ValueError without a key in the message."""
-    found = _read(value)
-    _check_bound(found, minimum, above)
+    distribution = _read(value)
+    _check_bound(distribution, minimum, above)
     if maximum is not None:
-        _check_greatest(found, maximum)
-    return found
+        _check_greatest(distribution, maximum)
+    return distribution
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
@@ -286,14 +286,14 @@ def _read(value: object) -> Distribution:
     kinds = [name for name in value if name in KINDS]
     if len(kinds) != 1:
         raise ValueError(f"needs exactly one of {', '.join(KINDS)}; got {', '.join(kinds) or 'none'}")
-    found = Distribution(
+    distribution = Distribution(
         kinds[0],
         _numbers(kinds[0], value[kinds[0]]),
         _number("minimum", value["minimum"]) if "minimum" in value else -math.inf,
         _number("maximum", value["maximum"]) if "maximum" in value else math.inf,
     )
-    _check_shape(found)
-    return found
+    _check_shape(distribution)
+    return distribution
 
 
 def _number(name: str, value: object) -> float:
@@ -332,52 +332,52 @@ def _lognormal_of(given: dict[str, object]) -> tuple[float, float]:
     return math.log(mean) - 0.5 * variance, math.sqrt(variance)
 
 
-def _check_shape(found: Distribution) -> None:
+def _check_shape(given: Distribution) -> None:
     """Refuse invalid parameters, and bounds that contain almost no probability."""
-    names = KINDS[found.kind]
-    positive = {"normal": (1,), "lognormal": (1,), "weibull": (0, 1), "gamma": (0, 1)}.get(found.kind, ())
+    names = KINDS[given.kind]
+    positive = {"normal": (1,), "lognormal": (1,), "weibull": (0, 1), "gamma": (0, 1)}.get(given.kind, ())
     for index in positive:
-        if found.numbers[index] <= 0:
-            raise ValueError(f"{names[index]} of {found.kind} must be greater than 0, got {found.numbers[index]:g}")
-    if found.kind == "uniform" and found.numbers[0] >= found.numbers[1]:
-        raise ValueError(f"uniform = [low, high] needs low < high, got [{found.numbers[0]:g}, {found.numbers[1]:g}]")
-    if found.minimum > found.maximum:
-        raise ValueError(f"minimum {found.minimum:g} is greater than maximum {found.maximum:g}; swap them")
-    if found.kind in ("constant", "list"):
-        outside = [x for x in found.numbers if not found.minimum <= x <= found.maximum]
+        if given.numbers[index] <= 0:
+            raise ValueError(f"{names[index]} of {given.kind} must be greater than 0, got {given.numbers[index]:g}")
+    if given.kind == "uniform" and given.numbers[0] >= given.numbers[1]:
+        raise ValueError(f"uniform = [low, high] needs low < high, got [{given.numbers[0]:g}, {given.numbers[1]:g}]")
+    if given.minimum > given.maximum:
+        raise ValueError(f"minimum {given.minimum:g} is greater than maximum {given.maximum:g}; swap them")
+    if given.kind in ("constant", "list"):
+        outside = [x for x in given.numbers if not given.minimum <= x <= given.maximum]
         if outside:
-            raise ValueError(f"the value {outside[0]:g} is outside [{found.minimum:g}, {found.maximum:g}]; correct it")
+            raise ValueError(f"the value {outside[0]:g} is outside [{given.minimum:g}, {given.maximum:g}]; correct it")
         return
-    low, high = found.support()
+    low, high = given.support()
     try:
-        is_empty = low >= high or found._shares()[1] - found._shares()[0] < LEAST_SHARE
-        mean = 0.0 if is_empty else found.mean()
+        is_empty = low >= high or given._shares()[1] - given._shares()[0] < LEAST_SHARE
+        mean = 0.0 if is_empty else given.mean()
     except (OverflowError, ZeroDivisionError):
         mean = math.inf
     if not math.isfinite(mean):
-        raise ValueError(f"the mean of {found.kind} = {list(found.numbers)} cannot be computed; correct the numbers")
+        raise ValueError(f"the mean of {given.kind} = {list(given.numbers)} cannot be computed; correct the numbers")
     if is_empty:
         raise ValueError(
-            f"the probability of {found.kind} in [{found.minimum:g}, {found.maximum:g}] is almost 0; widen the bounds"
+            f"the probability of {given.kind} in [{given.minimum:g}, {given.maximum:g}] is almost 0; widen the bounds"
         )
 
 
-def _check_bound(found: Distribution, minimum: float | None, above: float | None) -> None:
-    low, _ = found.support()
-    if above is not None and not (low > above or (above == 0 and found.is_positive())):
+def _check_bound(given: Distribution, minimum: float | None, above: float | None) -> None:
+    low, _ = given.support()
+    if above is not None and not (low > above or (above == 0 and given.is_positive())):
         bound = f"greater than {above:g}"
     elif minimum is not None and low < minimum:
         bound = f"at least {minimum:g}"
     else:
         return
     if math.isinf(low):
-        raise ValueError(f"must be {bound}, but {found.kind} has smaller values; add a minimum")
+        raise ValueError(f"must be {bound}, but {given.kind} has smaller values; add a minimum")
     raise ValueError(f"must be {bound}, got {low:g}")
 
 
-def _check_greatest(found: Distribution, maximum: float) -> None:
-    high = found.support()[1]
+def _check_greatest(given: Distribution, maximum: float) -> None:
+    high = given.support()[1]
     if math.isfinite(high) and high > maximum:
         raise ValueError(f"must be at most {maximum:g}, got {high:g}")
-    if found.mean() > maximum:
-        raise ValueError(f"must be at most {maximum:g}, but the mean of {found.kind} is {found.mean():g}")
+    if given.mean() > maximum:
+        raise ValueError(f"must be at most {maximum:g}, but the mean of {given.kind} is {given.mean():g}")

@@ -76,18 +76,18 @@ class CacheWarning(EvacWarning):
     """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
 
 
-def counted(number: int, one: str, several: str = "") -> str:
+def counted(number: int, singular: str, several: str = "") -> str:
     """Return a number with its noun in the singular or plural; the plural is `one` with an s if not given."""
-    return f"{number} {one if number == 1 else several or one + 's'}"
+    return f"{number} {singular if number == 1 else several or singular + 's'}"
 
 
 def quoted_line(text: str, error: str) -> str:
     """Return the line of a TOML text that a parser's error names, with a hint if the mistake is a frequent one."""
-    found = re.search(r"at line (\d+)", error)
+    match = re.search(r"at line (\d+)", error)
     lines = text.split("\n")
-    if not found or int(found[1]) > len(lines):
+    if not match or int(match[1]) > len(lines):
         return "; correct the file"
-    line = lines[int(found[1]) - 1].strip()
+    line = lines[int(match[1]) - 1].strip()
     quoted = f": {line[:LONGEST_QUOTED]}{'...' if len(line) > LONGEST_QUOTED else ''}"
     bare = re.fullmatch(r"([\w.-]+)\s*=\s*([A-Za-z][^\"'#\[\]{}]*?)\s*", line)
     if bare and bare[2].lower() in ("true", "false"):
@@ -181,7 +181,7 @@ def _place_of_code(source: Any, attribute: str = "") -> tuple[str, int]:
 def _is_own(file: str) -> bool:
     """Return whether a file belongs to evac or to its own plugins."""
     own = (getattr(sys.modules.get(name), "__file__", None) for name in ("evac", "evac_plugins"))
-    return any(one and Path(one).parent in Path(file).parents for one in own)
+    return any(origin and Path(origin).parent in Path(file).parents for origin in own)
 
 
 def is_foreign(plugin: Any) -> bool:

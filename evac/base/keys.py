@@ -168,9 +168,9 @@ class Fault:
 
 def faults_of(error: ValidationError, root: type[Table]) -> list[Fault]:
     """Convert the errors of pydantic for a table to faults in the terms of case.toml."""
-    found = error.errors(include_url=False, include_context=True)
-    parents = {other["loc"][:length] for other in found for length in range(len(other["loc"]))}
-    return [_fault(details, root) for details in found[:MOST_FAULTS] if not _is_repeat(details, parents)]
+    details_of = error.errors(include_url=False, include_context=True)
+    parents = {other["loc"][:length] for other in details_of for length in range(len(other["loc"]))}
+    return [_fault(details, root) for details in details_of[:MOST_FAULTS] if not _is_repeat(details, parents)]
 
 
 def _is_repeat(details: ErrorDetails, parents: set[Key]) -> bool:
@@ -244,4 +244,4 @@ def table_of(annotation: Any) -> type[Table] | None:
     """Return the table that is the type of a field or of the items of a list."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return annotation
-    return next((found for part in get_args(annotation) if (found := table_of(part)) is not None), None)
+    return next((inner for part in get_args(annotation) if (inner := table_of(part)) is not None), None)

@@ -146,10 +146,10 @@ class Configurable:
     @classmethod
     def declared(cls) -> Mapping[str, Parameter]:
         """Return the parameters of the class and its bases, by name, in order of declaration."""
-        found: dict[str, Parameter] = {}
+        parameters: dict[str, Parameter] = {}
         for base in reversed(cls.__mro__):
-            found.update({key: value for key, value in vars(base).items() if isinstance(value, Parameter)})
-        return found
+            parameters.update({key: value for key, value in vars(base).items() if isinstance(value, Parameter)})
+        return parameters
 
     def values(self) -> dict[str, Any]:
         """Return the values of the parameters by name."""

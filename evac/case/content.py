@@ -91,36 +91,36 @@ def content_faults(content: Mapping[str, Any]) -> list[Fault]:
 
     Later checks may then recurse, copy and compare without bounds. A mapping that contains itself is nested deeply.
     """
-    found: dict[str, Fault] = {}
+    faults: dict[str, Fault] = {}
     open_: list[tuple[Key, Any]] = [((), content)]
-    while open_ and not found:
+    while open_ and not faults:
         key, value = open_.pop()
         if isinstance(value, Mapping):
             if len(value) > MOST_KEYS:
-                found["keys"] = Fault(key, f"a table of {len(value):,} keys; at most {MOST_KEYS:,} are allowed")
+                faults["keys"] = Fault(key, f"a table of {len(value):,} keys; at most {MOST_KEYS:,} are allowed")
             long = next((name for name in value if isinstance(name, str) and len(name) > LONGEST_KEY), None)
             if long is not None:
                 text = f"a key of {len(long):,} characters; at most {LONGEST_KEY} are allowed"
-                found["key"] = Fault((*key, _shortened(long)), text)
+                faults["key"] = Fault((*key, _shortened(long)), text)
             other = next((name for name in value if not isinstance(name, str)), None)
             if other is not None:
-                found["name"] = Fault((*key, repr(other)), "a key must be a string")
+                faults["name"] = Fault((*key, repr(other)), "a key must be a string")
         if isinstance(value, (Mapping, list, tuple)):
             if len(key) >= MOST_NESTED:
                 text = f"tables and lists nested more than {MOST_NESTED} deep"
-                found["nested"] = Fault(tuple(_shortened(step) for step in key[:3]), text)
+                faults["nested"] = Fault(tuple(_shortened(step) for step in key[:3]), text)
             else:
                 items = value.items() if isinstance(value, Mapping) else enumerate(value)
                 open_ += [((*key, step), item) for step, item in items if _may_be_wrong(item)]
         elif isinstance(value, str):
             if len(value) > LONGEST_WORD:
                 text = f"{len(value):,} characters; at most {LONGEST_WORD:,} are allowed"
-                found["word"] = Fault(key, text)
+                faults["word"] = Fault(key, text)
             elif "\0" in value:
-                found["zero"] = Fault(key, "contains a NUL character; remove it")
+                faults["zero"] = Fault(key, "contains a NUL character; remove it")
         elif not _LEAST_WHOLE <= value <= _GREATEST_WHOLE:
-            found["whole"] = Fault(key, "an integer beyond 64 bits; write a smaller one, or a decimal point")
-    return list(found.values())
+            faults["whole"] = Fault(key, "an integer beyond 64 bits; write a smaller one, or a decimal point")
+    return list(faults.values())
 
 
 def with_own_classes(value: Any) -> Any:

@@ -243,12 +243,12 @@ def _known_or_plugin(name: str, known: Iterable[str]) -> str:
 def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]]]:
     """Return the tables of groups and presets, each with its key."""
     groups, presets = content.get("people"), content.get("presets")
-    found: list[tuple[Key, Any]] = []
+    tables: list[tuple[Key, Any]] = []
     if isinstance(groups, list):
-        found += [(("people", index), group) for index, group in enumerate(groups)]
+        tables += [(("people", index), group) for index, group in enumerate(groups)]
     if isinstance(presets, dict):
-        found += [(("presets", name), preset) for name, preset in presets.items()]
-    return [(key, table) for key, table in found if isinstance(table, dict)]
+        tables += [(("presets", name), preset) for name, preset in presets.items()]
+    return [(key, table) for key, table in tables if isinstance(table, dict)]
 
 
 def _solver_faults(tables: dict[str, Any], registry: "Registry") -> list[Fault]:

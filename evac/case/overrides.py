@@ -72,11 +72,11 @@ def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -
     keys: list[Key] = []
     for name, value in pairs:
         wrong = content_faults({"value": value})  # before it is copied
-        found = Fault((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
-        if isinstance(found, Fault):
-            faults.append(found)
+        outcome = Fault((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
+        if isinstance(outcome, Fault):
+            faults.append(outcome)
         else:
-            keys.append(found)
+            keys.append(outcome)
     return keys, faults
 
 

@@ -32,7 +32,7 @@ def toml_lines(table: Mapping[str, Any]) -> list[str]:
 
 def _is_table(value: Any) -> bool:
     """Return whether a value has a head of its own in TOML: a table, or a list of tables."""
-    is_list = isinstance(value, list) and bool(value) and all(isinstance(one, Mapping) for one in value)
+    is_list = isinstance(value, list) and bool(value) and all(isinstance(item, Mapping) for item in value)
     return isinstance(value, Mapping) or is_list
 
 
@@ -44,7 +44,7 @@ def toml_key(name: str) -> str:
 def toml_value(value: Any) -> str:
     """Return a value; None stands for infinity, which JSON does not have."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{toml_key(name)} = {toml_value(one)}" for name, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{toml_key(name)} = {toml_value(item)}" for name, item in value.items()) + " }"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml_value, value))}]"
     if value is None or (isinstance(value, float) and math.isinf(value)):

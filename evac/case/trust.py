@@ -103,12 +103,12 @@ def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
     used = {("contact_model", case.contact.model), *(("solver", table.get("solver")) for table in models)}
     used |= {("force", name) for name, table in case.forces.items() if table is not False}
     used |= {("behaviour", name) for name, table in case.behaviours.items() if table is not False}
-    found = []
+    unused = []
     for path in case.loaded_files:
         provided = case.registry.provided_by(path)
         if provided and all(kind in TABLES and (kind, name) not in used for kind, name in provided):
-            found.append((path, [TABLES[kind].format(name) for kind, name in provided]))
-    return found
+            unused.append((path, [TABLES[kind].format(name) for kind, name in provided]))
+    return unused
 
 
 def without_unknown(case: "Case") -> "Case":

@@ -93,14 +93,14 @@ def _shipped() -> str:
     if not kernels:
         return "none"
     about = json.loads((SHIPPED.folder / "about.json").read_text(encoding="utf-8"))
-    found = f"{kernels} for {about['processor']}"
+    text = f"{kernels} for {about['processor']}"
     if about["triple"] != generic().triple:
-        return f"{found}, not used: they are for {about['triple']}"
+        return f"{text}, not used: they are for {about['triple']}"
     if about["versions"] != versions():
-        return f"{found}, not used: they were compiled by {about['versions'].rpartition(',')[0]}"
+        return f"{text}, not used: they were compiled by {about['versions'].rpartition(',')[0]}"
     if missing_features():
-        return f"{found}, not used: this processor has no {', '.join(missing_features())}"
-    return f"{found}, used"
+        return f"{text}, not used: this processor has no {', '.join(missing_features())}"
+    return f"{text}, used"
 
 
 def all_entries() -> "list[Entry]":
@@ -112,5 +112,5 @@ def all_entries() -> "list[Entry]":
         if module.name.split(".")[1] not in ("__main__", "cli", "conformance", "evidence"):
             importlib.import_module(module.name)
     modules = [module for module in sys.modules.values() if isinstance(module, ModuleType)]
-    found = [entry for module in modules for entry in entries_of(module)]
-    return sorted(dict.fromkeys(found), key=lambda entry: entry.label)
+    entries = [entry for module in modules for entry in entries_of(module)]
+    return sorted(dict.fromkeys(entries), key=lambda entry: entry.label)

@@ -161,9 +161,9 @@ def show_building(building: "Building") -> None:
     if building.stairs:
         stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
         show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
-    assumed = [one for one in building.findings if one.kind in ASSUMED]
+    assumed = [finding for finding in building.findings if finding.kind in ASSUMED]
     if assumed:
-        found = [(one.kind, one.where, one.text) for one in assumed]
+        found = [(finding.kind, finding.where, finding.text) for finding in assumed]
         show_table("Assumed, repaired or left out", ("kind", "place", "description"), found)
 
 

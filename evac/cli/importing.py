@@ -40,7 +40,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if value is not None and not value >= least:
             raise ScenarioError(f"--{key} must be at least {least:g}, got {value:g}")
     options = values_of("--option", arguments.option)
-    exits = [int(one) for one in _numbers("--exit", arguments.exits, whole=True)]
+    exits = [int(number) for number in _numbers("--exit", arguments.exits, whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
     from evac.base.display import Display
 
@@ -65,8 +65,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
     try:
-        numbers = [float(one) for one in text.split(",") if one.strip()]
-        if all(math.isfinite(one) and not (whole and one % 1.0) for one in numbers):
+        numbers = [float(word) for word in text.split(",") if word.strip()]
+        if all(math.isfinite(word) and not (whole and word % 1.0) for word in numbers):
             return numbers
     except ValueError:
         pass
@@ -83,7 +83,7 @@ def _show(made: "Imported") -> None:
 
     building = made.building
     floors = [level for level in building.levels if level.kind == "floor"]
-    count = Counter(one.kind for one in made.findings)
+    count = Counter(finding.kind for finding in made.findings)
     show_facts(
         {
             "imported": ", ".join(str(file) for file in made.files),
@@ -100,7 +100,7 @@ def _show(made: "Imported") -> None:
         more = f", the first {shown} of {len(made.openings)} (all in report.md)" if shown < len(made.openings) else ""
         rows = [opening_row(made, k) for k in range(shown)]
         show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
-    show_warnings(str(one) for one in made.findings if one.kind in ("warning", "left out"))
+    show_warnings(str(finding) for finding in made.findings if finding.kind in ("warning", "left out"))
     if not building.exits:
         show_warnings(["the building has no exit yet: choose openings with --exit, such as --exit 1"])
     elif made.fault:

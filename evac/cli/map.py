@@ -42,8 +42,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     out = arguments.out or trajectory.path.parent
     if out.suffix and not out.is_dir() and (out.suffix.lower() not in FORMATS or len(quantities) > 1):
-        one = "several maps need a folder" if len(quantities) > 1 else f"use {', '.join(FORMATS)}, or a folder"
-        raise ResultError(f"{out}: cannot draw to this file; {one}")
+        advice = "several maps need a folder" if len(quantities) > 1 else f"use {', '.join(FORMATS)}, or a folder"
+        raise ResultError(f"{out}: cannot draw to this file; {advice}")
     for path in write_maps(trajectory, maps, quantities, out, arguments.level):
         print(path)
     return 0

@@ -131,7 +131,7 @@ def show_study(study: "Study") -> int:
     case = study.points[0].case
     people = {sum(group.count for group in point.case.people) for point in study.points}
     runs, blocked, failed = (
-        sum(getattr(one, name) for one in study.statistics) for name in ("runs", "blocked", "failed")
+        sum(getattr(estimates, name) for estimates in study.statistics) for name in ("runs", "blocked", "failed")
     )
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
@@ -176,8 +176,8 @@ def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _row(one: "Estimate", over: str) -> tuple[str, str, str, str]:
-    return one.name, seconds(one.value), interval(one), _noted(over, one.note)
+def _row(estimate: "Estimate", over: str) -> tuple[str, str, str, str]:
+    return estimate.name, seconds(estimate.value), interval(estimate), _noted(over, estimate.note)
 
 
 def _noted(over: str, note: str) -> str:
@@ -186,7 +186,7 @@ def _noted(over: str, note: str) -> str:
 
 def _show_step(study: "Study", change: "Estimate") -> None:
     """Show the effect of half the time step, and what follows from it."""
-    mean, half = (one.mean for one in study.statistics)
+    mean, half = (estimates.mean for estimates in study.statistics)
     step = study.points[1].parameters["simulation.step"]
     pairs = counted(change.runs, "pair") + " of runs with the same seed"
     rows = [_row(half, counted(half.runs, "complete run"))]
@@ -204,17 +204,17 @@ def _show_points(study: "Study") -> None:
     keys = parameter_keys(study)
     central, percentile = study.central, study.statistics[0].percentiles[-1].name
     rows = []
-    for point, one in list(zip(study.points, study.statistics, strict=True))[:MOST_SHOWN]:
-        middle, found = one[central], one.percentiles[-1]
+    for point, row in list(zip(study.points, study.statistics, strict=True))[:MOST_SHOWN]:
+        middle, found = row[central], row.percentiles[-1]
         values = [point.parameters.get(key) for key in keys]
-        blocked = f"{one.blocked} of {one.runs}" + (f", {one.failed} failed" if one.failed else "")
+        blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
         rows.append([*values, seconds(middle.value), interval(middle), seconds(found.value), interval(found), blocked])
     columns = (*keys, central, "95 % interval", percentile, "95 % interval", "blocked")
     show_table(TITLE, columns, rows)
     if len(study.points) > MOST_SHOWN:
         print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
     for name in ("mean", percentile):
-        notes = dict.fromkeys(one[name].note for one in study.statistics if one[name].note)
+        notes = dict.fromkeys(row[name].note for row in study.statistics if row[name].note)
         for note in list(notes)[:MOST_NOTES]:
             print(f"evac: {name}: {note}", file=sys.stderr)
 
@@ -224,9 +224,9 @@ def _settled_facts(study: "Study") -> dict[str, object]:
     from evac.study.convergence import convergence, settled
     from evac.study.outputs import curves
 
-    found = settled(convergence(curves(study, 0)))
-    at = [f"{name} after {counted(runs, 'run')}" for name, runs in found.items() if runs is not None]
-    open_ = [name for name, runs in found.items() if runs is None]
+    settled_runs = settled(convergence(curves(study, 0)))
+    at = [f"{name} after {counted(runs, 'run')}" for name, runs in settled_runs.items() if runs is not None]
+    open_ = [name for name, runs in settled_runs.items() if runs is None]
     text = "; ".join([", ".join(at), f"not yet: {', '.join(open_)}" if open_ else ""]).strip("; ")
     return {"convergence (Ronchi et al.)": text}
 
@@ -235,10 +235,10 @@ def _show_rule(study: "Study") -> None:
     """Show the points at which a study with --until has reached the required interval."""
     for point in study.points if study.rule.until is not None else ():
         if study.rule.is_known(study.times(point.index), study.populations(point.index)):
-            found = study.deciding(point.index)
+            decision = study.deciding(point.index)
             where = f" at {point.label}" if len(study.points) > 1 else ""
-            runs, half = counted(study.runs_of(point.index), "run"), 100 * found.relative_half_width
-            line = f"interval of the {found.name} narrow enough{where} after {runs}: half-width {half:.2g} %"
+            runs, half = counted(study.runs_of(point.index), "run"), 100 * decision.relative_half_width
+            line = f"interval of the {decision.name} narrow enough{where} after {runs}: half-width {half:.2g} %"
             print(f"evac: {line}", file=sys.stderr)
 
 
@@ -254,12 +254,12 @@ def signed(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:+.2f} s"
 
 
-def interval(one: "Estimate", told: Callable[[float], str] = seconds) -> str:
+def interval(estimate: "Estimate", told: Callable[[float], str] = seconds) -> str:
     """Format the interval of an estimate; a bound that the runs do not determine is "open"."""
-    if math.isnan(one.low) and math.isnan(one.high):
+    if math.isnan(estimate.low) and math.isnan(estimate.high):
         return "none"
-    low = "open" if math.isnan(one.low) else told(one.low)
-    high = told(one.high) if math.isfinite(one.high) else "open"
+    low = "open" if math.isnan(estimate.low) else told(estimate.low)
+    high = told(estimate.high) if math.isfinite(estimate.high) else "open"
     return f"{low} to {high}"
 
 

@@ -165,11 +165,11 @@ class Registry:
 
     def names_of_classes(self) -> list[str]:
         """Return module and name of each plugin that was registered with `add_class`."""
-        return [one.plugin for one in self.provenance if one.source == "class"]
+        return [source.plugin for source in self.provenance if source.source == "class"]
 
     def files(self) -> tuple[Path, ...]:
         """Return the plugin files, in the order they were registered."""
-        return tuple(Path(one.origin) for one in self.provenance if one.source == "file")
+        return tuple(Path(source.origin) for source in self.provenance if source.source == "file")
 
     def importer_for(self, path: Path, without: Collection[str] = ()) -> "type[Importer]":
         """Return the importer of a file by the ending of its name; of several, the one registered last.
@@ -211,7 +211,7 @@ class Registry:
             Name of the plugin, and its function with its arguments bound; in the order of registration.
         """
         found = getattr(self.hook, hook).get_hookimpls()
-        return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
+        return [(call.plugin_name, partial(call.function, *map(given.__getitem__, call.argnames))) for call in found]
 
     def call_all(self, hook: str, **given: Any) -> None:
         """Call a hook of every plugin that has it, the last registered first.
@@ -238,7 +238,7 @@ class Registry:
         used : iterable of Configurable
             Contact model, forces, behaviours, recorders and importer in use.
         """
-        owners = {self._owners[kind_of(type(one)), one.name] for one in used}
+        owners = {self._owners[kind_of(type(plugin)), plugin.name] for plugin in used}
         for hook in RUN_HOOKS:
             owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
         return [f"{entry.plugin} {entry.version}" for entry in self.provenance if entry.plugin in owners]

@@ -94,13 +94,15 @@ def classes_in(module: ModuleType) -> list[type[Any]]:
 
     A class without a name of its own is regarded as a base of the others if one of them derives from it.
     """
-    found = {
-        one: None for one in vars(module).values() if isinstance(one, type) and _is_in(module, one) and kind_of(one)
+    classes = {
+        item: None
+        for item in vars(module).values()
+        if isinstance(item, type) and _is_in(module, item) and kind_of(item)
     }
     return [
-        one
-        for one in found
-        if "name" in vars(one) or not any(other is not one and issubclass(other, one) for other in found)
+        item
+        for item in classes
+        if "name" in vars(item) or not any(other is not item and issubclass(other, item) for other in classes)
     ]
 
 
@@ -118,13 +120,13 @@ def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
     """
     what, returns = f"plugin {plugin}", f"{hook.__name__}() returns"
     if isinstance(answer, str | bytes) or not isinstance(answer, Sequence):
-        found = reprlib.repr(getattr(answer, "__name__", answer))
-        raise fault(what, f"{returns} {found}", "return a list, such as [MyClass]", hook)
+        got = reprlib.repr(getattr(answer, "__name__", answer))
+        raise fault(what, f"{returns} {got}", "return a list, such as [MyClass]", hook)
     for item in answer if kind != "case" else ():
         base = f"evac.{BASES[kind][1]}"
         if not isinstance(item, type):
-            found = f"an object of class {type(item).__name__}"
-            raise fault(what, f"{returns} {found}", f"return the class itself, which must derive from {base}", hook)
+            got = f"an object of class {type(item).__name__}"
+            raise fault(what, f"{returns} {got}", f"return the class itself, which must derive from {base}", hook)
         if kind_of(item) != kind:
             raise fault(what, f"{returns} {item.__name__}", f"derive it from {base}", hook)
 
@@ -222,7 +224,7 @@ def _are_suffixes(value: Any) -> bool:
     return (
         isinstance(value, tuple)
         and len(value) > 0
-        and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in value)
+        and all(isinstance(suffix, str) and suffix.startswith(".") and suffix == suffix.lower() for suffix in value)
     )
 
 

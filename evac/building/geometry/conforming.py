@@ -88,16 +88,16 @@ class _Corners:
     def split(self, sides: Sequence[tuple[Point, Point]]) -> list[list[Point]]:
         """Return, for each side, its start and the corners between its ends, in order."""
         ends = np.array(sides, dtype=np.float64)
-        rows, found = self._tree.query(shapely.linestrings(ends[:, :, :2]), "dwithin", distance=10.0 * TOLERANCE)
+        rows, corners = self._tree.query(shapely.linestrings(ends[:, :, :2]), "dwithin", distance=10.0 * TOLERANCE)
         origin, along = ends[rows, 0], ends[rows, 1] - ends[rows, 0]
-        step = self._points[found] - origin
+        step = self._points[corners] - origin
         square = (along * along).sum(axis=1)
         share = np.divide((step * along).sum(axis=1), square, out=np.zeros(len(rows)), where=square > 0.0)
         off = np.linalg.norm(step - share[:, None] * along, axis=1)
         on = (off < TOLERANCE) & (share > TOLERANCE) & (share < 1.0 - TOLERANCE)
         split = [[side[0]] for side in sides]
         for k in np.flatnonzero(on)[np.lexsort((share[on], rows[on]))]:
-            x, y, z = self._points[found[k]].tolist()
+            x, y, z = self._points[corners[k]].tolist()
             split[rows[k]].append((x, y, z))
         return split
 

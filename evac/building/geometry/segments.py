@@ -51,5 +51,5 @@ def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> B
     places = start + np.linspace(0.0, 1.0, 2 * SAMPLES + 1)[1::2, None] * step
     rays = shapely.linestrings(np.stack([places + LEAST_LENGTH * outward, places + reach * outward], axis=-2))
     shapely.prepare(polygon)
-    found: BoolArray = shapely.intersects(polygon, rays).mean(axis=1) > 0.5
-    return found
+    is_between: BoolArray = shapely.intersects(polygon, rays).mean(axis=1) > 0.5
+    return is_between

@@ -125,8 +125,8 @@ class LevelField:
         position : (n, 2) [m]
         """
         level = np.asarray(level)
-        found = np.zeros((*self.values.shape[:-1], len(level)))
+        values = np.zeros((*self.values.shape[:-1], len(level)))
         for index in np.unique(level[level >= 0]).tolist():
             on = np.flatnonzero(level == index)
-            found[..., on] = self.values[..., self._start[index] + self.cells[index].cell(position[on])]
-        return found
+            values[..., on] = self.values[..., self._start[index] + self.cells[index].cell(position[on])]
+        return values

@@ -59,12 +59,12 @@ class Finding:
 
 def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tuple[Finding, ...]:
     """Convert texts to warnings; findings are returned unchanged."""
-    return tuple(one if isinstance(one, Finding) else Finding("warning", one) for one in given)
+    return tuple(item if isinstance(item, Finding) else Finding("warning", item) for item in given)
 
 
 def warnings_of(findings: tuple[Finding, ...] | list[Finding]) -> tuple[str, ...]:
     """Return the texts of the warnings among findings."""
-    return tuple(str(one) for one in findings if one.kind == "warning")
+    return tuple(str(finding) for finding in findings if finding.kind == "warning")
 
 
 def away(distance: float) -> str:

@@ -26,11 +26,11 @@ def with_repaired_names(source: Path, tags: Mapping[str, Value], notes: list[Fin
     BuildingError
         Two tags become the same.
     """
-    found: dict[str, Value] = {}
+    renamed: dict[str, Value] = {}
     for tag, value in tags.items():
         kind, colon, name = tag.partition(":")
         own = f"{kind}{colon}{repaired(name)}"
-        if own in found:
+        if own in renamed:
             raise BuildingError(
                 f"{source}: two names are {own!r} when written in one line of at most {LONGEST_NAME} characters; "
                 "rename one"
@@ -38,5 +38,5 @@ def with_repaired_names(source: Path, tags: Mapping[str, Value], notes: list[Fin
         if own != tag:
             text = f"the name {tag!r:.{2 * LONGEST_NAME}} is read as {own!r}: names are one line of at most "
             notes.append(Finding("repaired", f"{text}{LONGEST_NAME} characters"))
-        found[own] = value
-    return found
+        renamed[own] = value
+    return renamed

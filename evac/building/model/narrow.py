@@ -167,22 +167,22 @@ class _Pairs:
         def leads_away(corner: NDArray[np.int64], towards: FloatArray) -> BoolArray:
             onwards = is_wall[corner] & ((along[corner] * towards).sum(axis=1) > PARALLEL * size)
             back = is_wall[behind[corner]] & ((along[behind[corner]] * towards).sum(axis=1) < -PARALLEL * size)
-            found: BoolArray = ~onwards & ~back
-            return found
+            is_shortest: BoolArray = ~onwards & ~back
+            return is_shortest
 
         share = np.hypot(*(self.ends[:, 1] - sides[self.side, 0]).T)
-        found = leads_away(self.corner, step)
+        is_shortest = leads_away(self.corner, step)
         for corner, distance in ((self.side, share), (ahead[self.side], self.length[self.side] - share)):
-            found &= (distance > JOINED) | leads_away(corner, -step)
-        return found
+            is_shortest &= (distance > JOINED) | leads_away(corner, -step)
+        return is_shortest
 
     def across(self, polygon: BaseGeometry, chosen: BoolArray, within: FloatArray) -> FloatArray:
         """Return the segments (g, 4) of chosen pairs, each once, whose parts `within` (m, 2, 2) are in the level."""
-        found = chosen.copy()
+        across = chosen.copy()
         shapely.prepare(polygon)
-        found[found] = shapely.contains(polygon, shapely.linestrings(within[found]))
+        across[across] = shapely.contains(polygon, shapely.linestrings(within[across]))
         # The smaller end first, so that a gap between two corners is found once.
-        segments: FloatArray = np.unique([sorted(pair) for pair in self.ends[found].tolist()], axis=0).reshape(-1, 4)
+        segments: FloatArray = np.unique([sorted(pair) for pair in self.ends[across].tolist()], axis=0).reshape(-1, 4)
         return segments
 
 
@@ -208,12 +208,12 @@ def necks(building: Building, level: Level, width: float) -> list[tuple[float, t
     walls = shapely.line_merge(walls)  # buffering merged chains of walls is many times faster
     parts = _reachable(level, walls, width)
     parts = sorted((part for part in parts if part.area > LEAST_PART), key=lambda part: part.area)
-    found: dict[tuple[float, float], tuple[float, tuple[float, float]]] = {}
+    widest: dict[tuple[float, float], tuple[float, tuple[float, float]]] = {}
     for index in range(len(parts) - 1):
         neck = _neck_of(level, walls, width, parts[index], shapely.union_all(parts[:index] + parts[index + 1 :]))
         if neck is not None:  # found from both sides, it counts once
-            found.setdefault((round(neck[1][0], 1), round(neck[1][1], 1)), neck)
-    return list(found.values())
+            widest.setdefault((round(neck[1][0], 1), round(neck[1][1], 1)), neck)
+    return list(widest.values())
 
 
 def _neck_of(
@@ -231,13 +231,13 @@ def _neck_of(
             passes, joined = middle, wider
         else:
             stops = middle
-    one = _around(level, walls, stops, part)
+    ring = _around(level, walls, stops, part)
     rest = [piece for piece in _reachable(level, walls, stops) if piece.intersects(others)]
     other = shapely.union_all(rest)
     reach = 2.0 * PRECISION
-    links = shapely.get_parts(joined.difference(one.buffer(reach)).difference(other.buffer(reach)))
-    between = [link for link in links if link.dwithin(one, 2.0 * reach) and link.dwithin(other, 2.0 * reach)]
-    place = min(between, key=lambda link: link.area) if between else shapely.shortest_line(one, other)
+    links = shapely.get_parts(joined.difference(ring.buffer(reach)).difference(other.buffer(reach)))
+    between = [link for link in links if link.dwithin(ring, 2.0 * reach) and link.dwithin(other, 2.0 * reach)]
+    place = min(between, key=lambda link: link.area) if between else shapely.shortest_line(ring, other)
     x, y = place.centroid.coords[0]
     return passes, (x, y)
 

@@ -17,10 +17,12 @@ def level_of(building: Building, level: str | int) -> Level:
         if not 0 <= level < len(building.levels):
             raise ResultError(f"there is no level {level}; the building has levels 0 to {len(building.levels) - 1}")
         return building.levels[level]
-    found = building.level_named(level)
-    if found is None:
-        raise ResultError(f"there is no level {level!r}; {did_you_mean(level, [one.name for one in building.levels])}")
-    return found
+    index = building.level_named(level)
+    if index is None:
+        raise ResultError(
+            f"there is no level {level!r}; {did_you_mean(level, [each.name for each in building.levels])}"
+        )
+    return index
 
 
 def storeys(building: Building) -> list[tuple[str, list[Level]]]:
@@ -31,12 +33,12 @@ def storeys(building: Building) -> list[tuple[str, list[Level]]]:
     """
     floors = [level for level in building.levels if level.kind == "floor"] or list(building.levels)
     heights = sorted({round(level.z_min, 2) for level in floors})
-    found: list[list[Level]] = [[] for _ in heights]
+    members: list[list[Level]] = [[] for _ in heights]
     for level in building.levels:
         below = [k for k, height in enumerate(heights) if height <= level.z_min + 0.05]
-        found[below[-1] if below else 0].append(level)
+        members[below[-1] if below else 0].append(level)
     return [
         (", ".join(level.name for level in levels if level.kind == "floor") or levels[0].name, levels)
-        for levels in found
+        for levels in members
         if levels
     ]

@@ -111,12 +111,12 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
         raise ValueError(_across(at, ends, float(turn.max())))
     if length - float(shapely.length(parts).sum()) <= ON_FLOOR:
         return ends, ""
-    found = np.round(at + ((ends - at) @ wall)[:, None] * wall, 6) + 0.0
-    if np.abs(found - ends).max() <= ON_FLOOR:
+    segment = np.round(at + ((ends - at) @ wall)[:, None] * wall, 6) + 0.0
+    if np.abs(segment - ends).max() <= ON_FLOOR:
         return ends, ""
     angle = np.degrees(np.arccos(min(float(turn.max()), 1.0)))
-    width = float(np.hypot(*(found[1] - found[0])))
-    return found, f"turned by {angle:.0f} degrees to run along its wall, where it is {width:.2f} m wide"
+    width = float(np.hypot(*(segment[1] - segment[0])))
+    return segment, f"turned by {angle:.0f} degrees to run along its wall, where it is {width:.2f} m wide"
 
 
 def _on_floor(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatArray, str]:
@@ -127,9 +127,9 @@ def _on_floor(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[Floa
         middle = shapely.Point(ends.mean(axis=0))
         x1, y1, x2, y2 = pieces[np.argmin(shapely.distance(shapely.linestrings(pieces.reshape(-1, 2, 2)), middle))]
         origin, wall = np.array([x1, y1]), np.array([x2 - x1, y2 - y1]) / np.hypot(x2 - x1, y2 - y1)
-        found = np.round(origin + ((ends - origin) @ wall)[:, None] * wall, 6) + 0.0
-        off = float(np.hypot(*(found - ends).T).max())
-        return (ends, "") if off < LEAST_LENGTH else (found, f"moved by {off:.2f} m to the wall beside it")
+        segment = np.round(origin + ((ends - origin) @ wall)[:, None] * wall, 6) + 0.0
+        off = float(np.hypot(*(segment - ends).T).max())
+        return (ends, "") if off < LEAST_LENGTH else (segment, f"moved by {off:.2f} m to the wall beside it")
     if (shapely.distance(shapely.points(ends), shapely.boundary(floor)) <= SNAP).all():
         return ends, ""
     raise ValueError(

@@ -95,7 +95,7 @@ class _Drawing:
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
         self.findings += [*low_storeys(plan.storeys, self.floors, plan.headroom), *beside_floor(plan.areas, self.rooms)]
-        surfaces: list[Drawn] = [*self._ground(), *(found for found in obstacles if found is not None)]
+        surfaces: list[Drawn] = [*self._ground(), *(drawn for drawn in obstacles if drawn is not None)]
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
         edges = []
@@ -165,13 +165,13 @@ class _Drawing:
         segment, change = placed(floor, door.segment, door.reach)
         if change:
             self._find("assumed", f"door {door.name!r} {change}", door.storey, segment)
-        found = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
-        ground = [one.polygon for one in found if one is not None and not one.polygon.is_empty]
-        if all(found):
+        strips = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
+        ground = [side.polygon for side in strips if side is not None and not side.polygon.is_empty]
+        if all(strips):
             z = self.plan.storeys[door.storey].z
             self.doors.append((door.name, np.column_stack([segment, [z, z]])))
             return ground
-        if not any(found):
+        if not any(strips):
             raise ValueError(
                 f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
                 f"{nearest(floor, segment, reach=door.reach, between=True)}: move the door there, or increase reach"
@@ -190,7 +190,7 @@ class _Drawing:
 
     def _add(self, storey: str, strips: list[Strip]) -> None:
         """Add strips of ground to a floor."""
-        parts = [one.polygon for one in strips if not one.polygon.is_empty]
+        parts = [part.polygon for part in strips if not part.polygon.is_empty]
         if parts:
             self.floors[storey] = united([self.floors[storey], *parts])
 
@@ -357,8 +357,8 @@ class _Drawing:
         edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
         if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
             raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
-        found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
-        inward = [one for one in found if one is not None and not one.polygon.is_empty]
+        strips = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
+        inward = [side for side in strips if side is not None and not side.polygon.is_empty]
         if len(inward) > 1:
             raise ValueError(between_rooms(segment, item.storey))
         if not inward:

@@ -179,10 +179,10 @@ def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeom
 
 def distinct(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     """Return polygons without those that are equal to an earlier one."""
-    found: dict[bytes, BaseGeometry] = {}
+    by_shape: dict[bytes, BaseGeometry] = {}
     for polygon in polygons:
-        found.setdefault(shapely.to_wkb(shapely.normalize(polygon)), polygon)
-    return list(found.values())
+        by_shape.setdefault(shapely.to_wkb(shapely.normalize(polygon)), polygon)
+    return list(by_shape.values())
 
 
 def overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:

@@ -117,9 +117,9 @@ class Plan:
         self._number(what, "wall", wall, least=0.0)
         if not isinstance(options or {}, Mapping):
             raise BuildingError(f"{self.source}: {what}: options must be a table, not {options!r}")
-        found = () if polygons is None else self._polygons(what, name, polygons)
+        shapes = () if polygons is None else self._polygons(what, name, polygons)
         self.storeys[name] = Storey(
-            name, float(z), found, Path(file) if file is not None else None, float(wall), dict(options or {})
+            name, float(z), shapes, Path(file) if file is not None else None, float(wall), dict(options or {})
         )
 
     def stair(
@@ -170,7 +170,7 @@ class Plan:
             The name is already used, or the arguments do not define a stair.
         """
         what = f"stair {name!r}"
-        if any(one.name == name for one in self.stairs):
+        if any(stair.name == name for stair in self.stairs):
             raise BuildingError(f"{self.source}: there are two stairs named {name!r}; rename one")
         if upper_edge is None and length is None:
             raise BuildingError(f"{self.source}: {what}: give upper_edge or length")
@@ -197,8 +197,8 @@ class Plan:
     def landing(self, stair: str, polygon: Shape, z: float) -> None:
         """Add one landing of a stair of any shape, at its height [m]; flights must end at its outline."""
         what = f"a landing of stair {stair!r}"
-        found = self._polygons(what, None, polygon)
-        self.pieces.append((stair, "landing", (found, self._number(what, "z", z))))
+        shapes = self._polygons(what, None, polygon)
+        self.pieces.append((stair, "landing", (shapes, self._number(what, "z", z))))
 
     def door(
         self, name: str, storey: str, segment: Shape, *, reach: float = DOOR_REACH, outside: str = "refuse"
@@ -247,13 +247,13 @@ class Plan:
             The name is already used, or the shape is invalid.
         """
         what = f"exit {name!r}"
-        if any(one.name == name for one in self.exits):
+        if any(way.name == name for way in self.exits):
             raise BuildingError(f"{self.source}: there are two exits named {name!r}; rename one")
         if (segment is None) == (polygon is None):
             raise BuildingError(f"{self.source}: {what}: give either segment or polygon, and not both")
         ends = None if segment is None else self._segment(what, "segment", segment)
-        found = () if polygon is None else self._polygons(what, storey, polygon)
-        self.exits.append(Item(name, storey, ends, found))
+        shapes = () if polygon is None else self._polygons(what, storey, polygon)
+        self.exits.append(Item(name, storey, ends, shapes))
 
     def opening(self, storey: str, segment: Shape, name: str = "") -> None:
         """Add an opening to the outside that is not declared as an exit; `evac import` suggests it as an exit.
@@ -273,7 +273,7 @@ class Plan:
         BuildingError
             The name is already used, or the shape is invalid.
         """
-        if any(one.name == name for one in self.areas):
+        if any(area.name == name for area in self.areas):
             raise BuildingError(f"{self.source}: there are two areas named {name!r}; rename one")
         self.areas.append(Item(name, storey, polygons=self._polygons(f"area {name!r}", storey, polygon)))
 

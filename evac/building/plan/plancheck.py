@@ -23,7 +23,7 @@ def low_storeys(
     storeys: Mapping[str, Storey], floors: Mapping[str, BaseGeometry], headroom: float
 ) -> Iterable[Finding]:
     """Warn of floors that overlap in plan with less than `headroom` [m] between them."""
-    for lower, upper in itertools.combinations(sorted(storeys.values(), key=lambda one: one.z), 2):
+    for lower, upper in itertools.combinations(sorted(storeys.values(), key=lambda storey: storey.z), 2):
         height = upper.z - lower.z
         if 0.0 < height < headroom:
             both = common(floors[lower.name], floors[upper.name])
@@ -66,7 +66,7 @@ def both_sides(item: Item, floor: BaseGeometry, pieces: FloatArray) -> Iterable[
 
 def with_cause(message: str, source: Path, findings: Iterable[Finding]) -> str:
     """Put the repairs of outlines of the storeys that an error names before its message: it may follow from them."""
-    told = [str(one) for one in findings if one.kind == "repaired" and repr(one.level) in message]
+    told = [str(finding) for finding in findings if finding.kind == "repaired" and repr(finding.level) in message]
     if not told:
         return message
     return (

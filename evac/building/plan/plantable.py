@@ -132,4 +132,4 @@ def _item(item: Item) -> dict[str, Any]:
 
 def _wkt(polygons: tuple[Any, ...]) -> list[str]:
     """Return polygons, whose coordinates are on the grid of plans, as WKT without loss of digits."""
-    return [str(shapely.to_wkt(one, rounding_precision=6)) for one in polygons]
+    return [str(shapely.to_wkt(polygon, rounding_precision=6)) for polygon in polygons]

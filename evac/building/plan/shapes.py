@@ -70,11 +70,11 @@ def from_wkt(text: str) -> BaseGeometry:
 
 
 def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> list[BaseGeometry]:
-    """Return the valid polygons of a shape on the grid of plans; add a finding for each repair or omission.
+    """Return the valid polygons of a part on the grid of plans; add a finding for each repair or omission.
 
     Parameters
     ----------
-    given : shape
+    given : part
         As for `geometries`.
     level : str, optional
         Name of the storey for findings.
@@ -84,26 +84,26 @@ def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> lis
     Raises
     ------
     ValueError
-        The shape is invalid, a coordinate is not finite or too far from the origin, or there is no polygon with a
+        The part is invalid, a coordinate is not finite or too far from the origin, or there is no polygon with a
         positive area.
     """
-    found: list[BaseGeometry] = []
+    shapes: list[BaseGeometry] = []
     others: list[BaseGeometry] = []
-    for one in geometries(given):
-        corners = shapely.get_coordinates(one)
+    for part in geometries(given):
+        corners = shapely.get_coordinates(part)
         if not (np.abs(corners) <= FARTHEST).all():  # nor NaN
             raise ValueError(f"a coordinate is not finite, or farther than {FARTHEST:g} m from the origin; correct it")
-        if one.geom_type == "Polygon":
-            found += _valid(shapely.force_2d(one), level, findings)
-        elif not one.is_empty:
-            others.append(one)
+        if part.geom_type == "Polygon":
+            shapes += _valid(shapely.force_2d(part), level, findings)
+        elif not part.is_empty:
+            others.append(part)
     if others:
-        kinds = ", ".join(sorted({one.geom_type for one in others}))
+        kinds = ", ".join(sorted({part.geom_type for part in others}))
         text = f"{len(others)} shapes that are not polygons ({kinds}); the first one is here"
         findings.append(Finding("left out", text, level, place_of(others[0])))
-    if not found:
-        raise ValueError("the shape contains no polygon with an area")
-    return found
+    if not shapes:
+        raise ValueError("the part contains no polygon with an area")
+    return shapes
 
 
 def segment_of(given: Shape) -> FloatArray:

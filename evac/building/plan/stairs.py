@@ -91,16 +91,16 @@ def straight(
             f"{landings} landings of {depth:g} m leave {flight_share * run:.2f} m per flight on a run of {run:.2f} m; "
             "shorten the landings or lengthen the stair"
         )
-    found: list[Piece] = []
+    pieces: list[Piece] = []
     for k in range(landings + 1):
         start = k * (flight_share + share)
         ends = [lower + s * (upper - lower) for s in (start, start + flight_share)]
         z = [z_lower + s / (landings + 1) * (z_upper - z_lower) for s in (k, k + 1)]
-        found += flight(_rounded(ends[0]), z[0], _rounded(ends[1]), z[1])
+        pieces += flight(_rounded(ends[0]), z[0], _rounded(ends[1]), z[1])
         if k < landings:
             beyond = _rounded(lower + (start + flight_share + share) * (upper - lower))
-            found.append(landing(shapely.Polygon([*_rounded(ends[1]), *beyond[::-1]]), z[1]))
-    return found
+            pieces.append(landing(shapely.Polygon([*_rounded(ends[1]), *beyond[::-1]]), z[1]))
+    return pieces
 
 
 def switchback(
@@ -133,7 +133,9 @@ def switchback(
     turn_lower, turn_upper = lower + run * way, upper + back * way
     first = flight(lower, z_lower, _rounded(turn_lower), z_middle)
     second = flight(_rounded(turn_upper), z_middle, upper, z_upper)
-    both = shapely.union_all([one.plan for one in first]).intersection(shapely.union_all([one.plan for one in second]))
+    both = shapely.union_all([step.plan for step in first]).intersection(
+        shapely.union_all([step.plan for step in second])
+    )
     if both.area > LEAST_AREA:
         raise ValueError("the two flights overlap in plan; put the upper edge beside the lower one")
     side = np.concatenate([turn_lower, turn_upper]) @ across

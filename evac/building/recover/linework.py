@@ -70,10 +70,10 @@ def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
     pieces = _noded([*pieces, *_as_lines(closed)])
     faces, cuts, dangles, _ = shapely.polygonize_full(pieces)
     whole = shapely.get_parts(shapely.union_all(shapely.get_parts(faces), grid_size=GRID))
-    slivers = shapely.union_all([one for one in whole if one.buffer(-max(gap, LEAST_LENGTH) / 2).is_empty])
+    slivers = shapely.union_all([line for line in whole if line.buffer(-max(gap, LEAST_LENGTH) / 2).is_empty])
     loose = [*shapely.get_parts(cuts), *shapely.get_parts(dangles)]
     wide = [face for face in shapely.get_parts(faces) if not slivers.covers(face.representative_point())]
-    return Faces(pieces, wide, closed, [one for one in loose if one.length > gap])
+    return Faces(pieces, wide, closed, [line for line in loose if line.length > gap])
 
 
 def rooms_of(
@@ -142,7 +142,7 @@ def _noded(lines: Sequence[BaseGeometry] | Lines) -> Lines:
 
 
 def _as_lines(ends: FloatArray) -> list[BaseGeometry]:
-    return [shapely.LineString(one.reshape(2, 2)) for one in ends]
+    return [shapely.LineString(segment.reshape(2, 2)) for segment in ends]
 
 
 def _ends(lines: Sequence[BaseGeometry]) -> FloatArray:
@@ -235,7 +235,7 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
     for a, b in at.tolist():
         beside.setdefault(a, []).append(b)
         beside.setdefault(b, []).append(a)
-    found: dict[tuple[float, ...], tuple[FloatArray, FloatArray]] = {}
+    doors: dict[tuple[float, ...], tuple[FloatArray, FloatArray]] = {}
     rays: list[tuple[list[int], FloatArray]] = []
     for node in np.flatnonzero(count == 1).tolist():
         (behind,) = beside[node]
@@ -252,8 +252,8 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
         if all(hit is not None and hit > gap for hit in hits):
             pair = np.array([[*nodes[s], *(nodes[s] + h * way)] for s, h in zip(starts, hits, strict=True) if h])
             middle = pair.mean(axis=0)
-            found.setdefault(_key(middle), (middle, np.round(pair, 6) + 0.0))
-    return [found[name] for name in sorted(found)]
+            doors.setdefault(_key(middle), (middle, np.round(pair, 6) + 0.0))
+    return [doors[name] for name in sorted(doors)]
 
 
 def _key(ends: FloatArray) -> tuple[float, ...]:
@@ -264,7 +264,7 @@ def _key(ends: FloatArray) -> tuple[float, ...]:
 
 def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
     """Return whether a piece is the end face of a wall: both sides of the wall lead away from it in one direction."""
-    lengths = [float(np.hypot(*one)) for one in back]
+    lengths = [float(np.hypot(*step)) for step in back]
     width = float(np.hypot(*across))
     alike = float(back[0] @ back[1]) > PARALLEL * lengths[0] * lengths[1]
     return alike and abs(float(back[0] @ across)) < 0.5 * lengths[0] * width and min(lengths) > 0.5 * width

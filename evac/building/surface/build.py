@@ -138,7 +138,7 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
 
 def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str, Level, BaseGeometry]]:
     """Find tagged obstacles drawn on top of a floor; obstacles cut out of the floor already have walls."""
-    found = []
+    obstacles = []
     for tag, corners in sorted(surface.obstacles.items()):
         cells = shapely.polygons(corners[:, :, :2])
         outline = union(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
@@ -149,5 +149,5 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str,
                 continue
             height = level_elevation(building.vertices, level, shapely.get_coordinates(on.centroid))[0]
             if -HEIGHT_REACH <= z - height <= OBSTACLE_HEIGHT:
-                found.append((tag.removeprefix("obstacle:"), level, on))
-    return found
+                obstacles.append((tag.removeprefix("obstacle:"), level, on))
+    return obstacles

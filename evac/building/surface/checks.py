@@ -161,10 +161,10 @@ def check_stairs(building: Building) -> None:
         if len(ends) < 2:
             own = [building.levels[index] for index in members]
             x, y = own[0].polygon.representative_point().coords[0]
-            found = f"only {ends.pop()}" if ends else "nothing"
+            joined = f"only {ends.pop()}" if ends else "nothing"
             raise BuildingError(
                 f"{building.source}: stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
-                f"{max(lv.z_max for lv in own):.2f}, joins {found}: its ends must share vertices with two levels "
+                f"{max(lv.z_max for lv in own):.2f}, joins {joined}: its ends must share vertices with two levels "
                 f"(within building.weld){_nearest_end(building, own)}"
             )
 

@@ -69,14 +69,14 @@ def chains(ends: IndexArray) -> list[IndexArray]:
         following[a].append(b)
         arriving[b] += 1
     passed = {a for a, next_ in following.items() if len(next_) == 1 and arriving[a] == 1}
-    found = [_walk(a, b, following, passed) for a in following if a not in passed for b in following[a]]
-    left = passed.difference(*found)
+    loops = [_walk(a, b, following, passed) for a in following if a not in passed for b in following[a]]
+    left = passed.difference(*loops)
     for a in sorted(left):
         if a in left:
             loop = _walk(a, following[a][0], following, passed - {a})
             left.difference_update(loop)
-            found.append(loop)
-    return [np.array(chain, dtype=np.int64) for chain in sorted(found)]
+            loops.append(loop)
+    return [np.array(chain, dtype=np.int64) for chain in sorted(loops)]
 
 
 def _walk(a: int, b: int, following: dict[int, list[int]], passed: set[int]) -> list[int]:

@@ -107,9 +107,9 @@ def _vertices_on_edges(vertices: FloatArray, edges: IndexArray, candidates: Inde
     on = (p != a) & (p != b) & (share > 0) & (share < 1) & (off <= distance)
     hanging: Hanging = {}
     for row in np.flatnonzero(on)[np.argsort(share[on], kind="stable")]:
-        found = hanging.setdefault((int(a[row]), int(b[row])), [])
-        if int(p[row]) not in found:
-            found.append(int(p[row]))
+        places = hanging.setdefault((int(a[row]), int(b[row])), [])
+        if int(p[row]) not in places:
+            places.append(int(p[row]))
     return hanging
 
 

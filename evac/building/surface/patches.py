@@ -79,7 +79,7 @@ def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags
     own = np.stack([*tags.values()], axis=1) if tags else np.zeros((len(triangles), 0), dtype=bool)
     keys = np.column_stack([body, own, np.round(rise / SAME_RISE), np.round(z / SAME_HEIGHT)]).astype(np.int64)
     _, group = np.unique(keys, axis=0, return_inverse=True)
-    found = []
+    patches = []
     for number in range(int(group.max(initial=-1)) + 1):
         rows = np.flatnonzero(group.ravel() == number)
         plans = shapely.polygons(corners[rows][:, :, :2])
@@ -87,12 +87,12 @@ def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags
         first = rows[0]
         height = float(corners[first, 0, 2] - corners[first, 0, :2] @ rise[first])
         names = frozenset(name for k, name in enumerate(tags) if own[first, k])
-        found += [
+        patches += [
             Patch(int(body[first]), names, part, rise[first] + 0.0, height)
             for part in shapely.get_parts(joined)
             if part.area > LEAST_AREA
         ]
-    return sorted(found, key=lambda one: (one.z, *one.plan.bounds, one.body))
+    return sorted(patches, key=lambda patch: (patch.z, *patch.plan.bounds, patch.body))
 
 
 def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]]:

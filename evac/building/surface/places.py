@@ -137,13 +137,13 @@ def find_level(building: Building, item: Placed, what: str, geometry: BaseGeomet
         If there is none; the message names the existing levels.
     """
     if item.level is not None:
-        found = building.level_named(item.level)
-        if found is None:
+        index = building.level_named(item.level)
+        if index is None:
             names = [level.name for level in building.levels]
             raise BuildingError(
                 f"{building.source}: {what}: no level is named {item.level!r}; {did_you_mean(item.level, names)}"
             )
-        return found
+        return index
     assert item.z is not None
     centre = shapely.points(shapely.get_coordinates(geometry.centroid))
     near = []

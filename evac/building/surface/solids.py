@@ -78,13 +78,13 @@ def walked_on(
 def _beside(patches: list[Patch]) -> list[list[int]]:
     """Return, for each patch, the other patches that it touches in plan."""
     plans = np.array([patch.plan for patch in patches], dtype=object)
-    found: list[list[int]] = [[] for _ in patches]
+    neighbours: list[list[int]] = [[] for _ in patches]
     if patches:
         one, other = shapely.STRtree(plans).query(plans, predicate="dwithin", distance=APART)
         for a, b in sorted(zip(one.tolist(), other.tolist(), strict=True)):
             if a != b:
-                found[a].append(b)
-    return found
+                neighbours[a].append(b)
+    return neighbours
 
 
 def _inside(own: list[Patch], k: int, beside: list[int]) -> BaseGeometry:

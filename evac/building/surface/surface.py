@@ -245,11 +245,11 @@ def _select(tags: dict[str, BoolArray], rows: BoolArray | IndexArray) -> dict[st
 
 def _any_tag(tags: dict[str, BoolArray], kind: str, n_cells: int) -> BoolArray:
     """Return the mask of cells with a tag of a given kind."""
-    found = np.zeros(n_cells, dtype=bool)
+    is_tagged = np.zeros(n_cells, dtype=bool)
     for name, mask in tags.items():
         if name.startswith(f"{kind}:"):
-            found |= mask
-    return found
+            is_tagged |= mask
+    return is_tagged
 
 
 def _count(mask: BoolArray) -> str:

@@ -150,7 +150,7 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
         raise BuildingError(f"{source}: {error}; repair this face, or triangulate the mesh") from error
     triangles = np.concatenate([piece for piece, _ in pieces])
     cell = np.concatenate([of[owner] for of, (_, owner) in zip(rows, pieces, strict=True)])
-    notes = [replace(one, level=one.level and repaired(one.level)) for one in as_findings(tuple(mesh.findings))]
+    notes = [replace(note, level=note.level and repaired(note.level)) for note in as_findings(tuple(mesh.findings))]
     for name in [*masks, *edges]:
         kind = name.partition(":")[0]
         if kind in EDGE_TAGS and not len(edges.get(name, ())) and not np.any(masks.get(name, False)):
@@ -170,10 +170,10 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
 
 def _door_ends(source: Path, name: str, ends: ArrayLike) -> FloatArray:
     """Check and return the ends (2, 3) of a door."""
-    found: FloatArray = _as_array(source, f"door:{name}", ends, np.float64, (-1, 3))
-    if len(found) != 2 or not np.isfinite(found).all():
+    places: FloatArray = _as_array(source, f"door:{name}", ends, np.float64, (-1, 3))
+    if len(places) != 2 or not np.isfinite(places).all():
         raise PluginError(f"{source}: the importer's door {name!r} is {ends!r}; it must be two finite points (x, y, z)")
-    return found
+    return places
 
 
 def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:

@@ -62,7 +62,7 @@ def with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], li
                 "landings between them"
             )
             notes.append(Finding("warning", text, place=(x, y, flight.treads[0].z)))
-    kept = [patch for patch in patches if not any(patch is one for one in gone)]
+    kept = [patch for patch in patches if not any(patch is other for other in gone)]
     for flight_ in made:
         for row, patch in enumerate(kept):
             low = shapely.union_all([flight_.over(patch, -headroom, headroom)])
@@ -90,7 +90,7 @@ def _flights(patches: list[Patch]) -> list[Flight]:
         if (is_tread[a] or is_tread[b]) and is_riser and _meet(flat[a], flat[b]):
             above.setdefault(a, []).append(b)
             beneath.setdefault(b, []).append(a)
-    found, seen = [], set[int]()
+    flights, seen = [], set[int]()
     for first in sorted((k for k in range(len(flat)) if is_tread[k]), key=lambda k: (flat[k].z, k)):
         if first in seen:
             continue
@@ -104,8 +104,8 @@ def _flights(patches: list[Patch]) -> list[Flight]:
         if len(row) >= FEWEST:
             near = (beneath.get(row[0], []), above.get(row[-1], []))
             lower, upper = (next((flat[k] for k in ends if k not in row), None) for ends in near)
-            found.append(Flight([flat[k] for k in row], lower, upper))
-    return found
+            flights.append(Flight([flat[k] for k in row], lower, upper))
+    return flights
 
 
 def _is_tread(patch: Patch) -> bool:

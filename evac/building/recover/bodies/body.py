@@ -81,12 +81,12 @@ class Body:
         order = np.argsort(height, kind="stable")
         rows, height = rows[order], height[order]
         ends = np.flatnonzero(np.diff(height) > SAME_HEIGHT) + 1
-        found = []
+        levels = []
         for group in np.split(np.arange(len(rows)), ends):
             plan = in_plan(self.corners[rows[group], :, :2])
             if not plan.is_empty:
-                found.append((plan, float(height[group].max())))
-        return found
+                levels.append((plan, float(height[group].max())))
+        return levels
 
     def shadow(self) -> BaseGeometry:
         """Return the projection of the body onto the plan."""

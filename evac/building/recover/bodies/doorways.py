@@ -86,7 +86,7 @@ def _filled(door: Body, openings: FloatArray) -> int | None:
 
 def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: list[Finding]) -> list[Doorway]:
     """Return the doors of each floor that join rooms or lead outside; doors without a room are added to `findings`."""
-    found = []
+    doorways = []
     for body in passages:
         near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
         if not near and body.name.startswith("opening"):
@@ -96,13 +96,13 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
                 Finding("left out", f"{body.name!r} is not on a floor (z = {body.z_min:z.2f} m)", None, body.place)
             )
             continue
-        floor = min(near, key=lambda one: abs(one.z - body.z_min))
+        floor = min(near, key=lambda storey: abs(storey.z - body.z_min))
         way = _fit(body, floor)
         if way is None:
             findings.append(Finding("left out", f"{body.name!r} has no room on either side", floor.name, body.place))
         else:
-            found.append(way)
-    return found
+            doorways.append(way)
+    return doorways
 
 
 def _fit(body: Body, floor: Floor) -> Doorway | None:
@@ -139,7 +139,7 @@ def opened(floor: Floor, ways: Sequence[Doorway]) -> BaseGeometry:
     strips = [floor.ground]
     for way in (way for way in ways if way.floor is floor):
         for side in (normal(way.segment), -normal(way.segment)):
-            found = strip(floor.ground, way.segment, side, way.reach)
-            if found is not None and not found.polygon.is_empty:
-                strips.append(found.polygon)
+            passage = strip(floor.ground, way.segment, side, way.reach)
+            if passage is not None and not passage.polygon.is_empty:
+                strips.append(passage.polygon)
     return snapped(united(strips))

@@ -63,8 +63,8 @@ class FoundStair:
     @property
     def floors(self) -> list[Floor]:
         """Floors that the stair joins."""
-        found = [end.floor for ends in self.flights for end in ends if end.floor is not None]
-        return list({floor.name: floor for floor in found}.values())
+        floors = [end.floor for ends in self.flights for end in ends if end.floor is not None]
+        return list({floor.name: floor for floor in floors}.values())
 
     @property
     def plan(self) -> BaseGeometry:
@@ -123,14 +123,14 @@ def stairs_of(
             ends.append((run, (_end(run, False, floors, landings), _end(run, True, floors, landings))))
         except LeftOutError as left:
             findings.append(left.finding)
-    found: list[FoundStair] = []
+    stairs: list[FoundStair] = []
     for group in _groups([both for _, both in ends], len(landings)):
         names = tuple(dict.fromkeys(name for row in group for name in ends[row][0].names))
-        stair = FoundStair(f"stair {len(found) + 1}", _names(names), [ends[row][1] for row in group])
+        stair = FoundStair(f"stair {len(stairs) + 1}", _names(names), [ends[row][1] for row in group])
         try:
             _complete(stair, landings)
             findings += _check_slabs(stair, floors, cut_slabs)
-            _try([*found, stair], floors)
+            _try([*stairs, stair], floors)
         except (LeftOutError, BuildingError, ValueError) as error:
             place = ends[group[0]][0].place
             text = f"{stair.bodies} is left out: {str(error).removeprefix('<plan>: ')}"
@@ -141,12 +141,12 @@ def stairs_of(
             )
             findings.append(at)
             continue
-        found.append(stair)
+        stairs.append(stair)
         floor = ", ".join(repr(one.name) for one in sorted(stair.floors, key=lambda one: one.z))
         rise = max(upper.z for _, upper in stair.flights) - min(lower.z for lower, _ in stair.flights)
         text = f"{stair.name!r} of {stair.bodies}: {len(group)} flights, {rise:.2f} m high, joins {floor}"
         findings.append(Finding("found", text, stair.floors[0].name, ends[group[0]][0].place))
-    return found
+    return stairs
 
 
 def _names(names: Sequence[str]) -> str:
@@ -196,7 +196,7 @@ def _end(run: Run, is_upper: bool, floors: Sequence[Floor], landings: Sequence[L
         )
         x, y = _edge(run, is_upper, z).mean(axis=0).tolist()
         raise LeftOutError(text, _storey(floors, z), (x, y))
-    return min(candidates, key=lambda one: one[:2])[2]
+    return min(candidates, key=lambda candidate: candidate[:2])[2]
 
 
 def _edge(run: Run, is_upper: bool, z: float) -> FloatArray:
@@ -226,7 +226,7 @@ def _complete(stair: FoundStair, landings: Sequence[Landing]) -> None:
         for less in NARROWED:
             ends = (_narrowed(lower, less), _narrowed(upper, less))
             strips = [_strip(end, ends, landings) for end in ends]
-            if all(one is not None for one in strips):
+            if all(each is not None for each in strips):
                 break
         else:
             end = next(end for end in (lower, upper) if _strip(end, (lower, upper), landings) is None)
@@ -277,8 +277,8 @@ def _strip(end: End, both: tuple[End, End], landings: Sequence[Landing]) -> Base
     outline = _outline(*both)
     way = _away(end, outline)
     ground = end.floor.ground if end.floor is not None else landings[end.landing or 0].plan
-    found = strip(cut(ground, outline), end.edge, way, FAR if end.floor is not None else BESIDE)
-    return None if found is None else found.polygon
+    landing = strip(cut(ground, outline), end.edge, way, FAR if end.floor is not None else BESIDE)
+    return None if landing is None else landing.polygon
 
 
 def _check_slabs(stair: FoundStair, floors: Sequence[Floor], cut_slabs: bool) -> list[Finding]:

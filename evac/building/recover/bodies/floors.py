@@ -101,13 +101,13 @@ def floors_of(
 
 def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
     """Group plans whose heights differ by at most `step` [m] into floors, starting from the largest."""
-    found: list[tuple[float, float, Body, BaseGeometry]] = []
+    candidates: list[tuple[float, float, Body, BaseGeometry]] = []
     if ground != "slabs":
         spaces = [(body, *face) for body in bodies if body.kind == "space" for face in body.bottoms()]
-        found += [(plan.area, z, body, plan) for body, plan, z in spaces]
+        candidates += [(plan.area, z, body, plan) for body, plan, z in spaces]
     slabs = [(plan.area, z, body, plan) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     heights: list[_Height] = []
-    for _, z, body, plan in sorted(found, key=lambda one: (-one[0], one[1])):
+    for _, z, body, plan in sorted(candidates, key=lambda one: (-one[0], one[1])):
         height = _nearest(heights, z, step)
         height.spaces.append((body, plan, z))
     for _, z, _, plan in sorted(slabs, key=lambda one: (-one[0], one[1])):

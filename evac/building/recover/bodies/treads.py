@@ -89,11 +89,11 @@ class Treads:
 
 def treads_of(bodies: Sequence[Body]) -> Treads:
     """Find runs and landings in bodies that are whole stairs, flights or landings."""
-    found = Treads()
+    treads = Treads()
     for body in bodies:
         faces = _faces(body)
         if body.kind == "landing":
-            found.landings += [Landing(plan, z) for plan, z in faces[-1:]]
+            treads.landings += [Landing(plan, z) for plan, z in faces[-1:]]
             continue
         usual = float(np.median([plan.area for plan, _ in faces])) if faces else 0.0
         landings = [face for face in faces if len(faces) > 2 and face[0].area > LANDING * usual]
@@ -102,13 +102,13 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
         if any(len(chain) > 1 and isinstance(_run(body.name, chain), Turning) for chain in chains):
             short = []
             chains = _chains([face for face in faces if face not in landings])
-        found.short += [Landing(*face) for face in short]
-        found.landings += [Landing(*face) for face in landings if face not in short]
+        treads.short += [Landing(*face) for face in short]
+        treads.landings += [Landing(*face) for face in landings if face not in short]
         made = [_run(body.name, chain) for chain in chains if len(chain) > 1]
-        found.runs += [one for one in made if isinstance(one, Run)]
-        found.turning += [one for one in made if isinstance(one, Turning)]
-        found.bare += [] if made else [body]
-    return found
+        treads.runs += [item for item in made if isinstance(item, Run)]
+        treads.turning += [item for item in made if isinstance(item, Turning)]
+        treads.bare += [] if made else [body]
+    return treads
 
 
 def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
