@@ -3,7 +3,8 @@
 Writes to --out the surface as a tagged mesh (building.msh), a case.toml with preliminary people, a picture of every
 level (levels.png) and a report on everything found, assumed, repaired or left out (report.md). Several files are the
 storeys of one building, from the lowest up. If the files name no exit, the outer openings are listed and numbered,
-widest first; choose exits among them with --exit.
+widest first; choose exits among them with --exit. If a storey, a stair or more than 2 % of the ground is missing or
+has no way out, no case is written, and the exit status is 2, unless --partial is given.
 """
 
 import argparse
@@ -30,11 +31,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (3 m apart)")
     what = "parameters of the importer (`evac plugins` lists them), and scale, up, weld, headroom, treads and angles"
     declare_set(parser, what, option="--option")
+    what = "write a case even if parts of the building are missing; each of its runs has a quality warning"
+    parser.add_argument("--partial", action="store_true", help=what)
     declare_plugin(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Import the files and show the result; return 0 even if the case has no exit yet."""
+    """Import the files and show the result; return 2 if the building is incomplete, 0 even if there is no exit yet."""
     for key, least in (("people", 1), ("density", 0.0)):
         value = getattr(arguments, key)
         if value is not None and not value >= least:
@@ -57,10 +60,13 @@ def execute(arguments: argparse.Namespace) -> int:
             density=arguments.density,
             z=z,
             options=options,
+            partial=arguments.partial,
             registry=Registry(arguments.plugins),
         )
     _show(made)
-    return 0
+    from evac.cli.main import BAD_INPUT
+
+    return 0 if made.is_accepted else BAD_INPUT
 
 
 def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
@@ -74,16 +80,19 @@ def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
 
 
 def _show(made: "Imported") -> None:
-    """Show a summary, the openings if there is no exit, the warnings, and the next command."""
+    """Show what is missing, a summary, the openings if there is no exit, the warnings, and the next command."""
     from collections import Counter
 
     from evac.building.model.findings import KINDS
     from evac.cli.screen import show_facts, show_table, show_warnings
+    from evac.importing.importing import PICTURE, REPORT
     from evac.importing.report import MOST_OPENINGS, opening_row
 
     building = made.building
     floors = [level for level in building.levels if level.kind == "floor"]
     count = Counter(finding.kind for finding in made.findings)
+    for missing in made.missing:
+        print(f"incomplete: {missing}", flush=True)
     show_facts(
         {
             "imported": ", ".join(str(file) for file in made.files),
@@ -92,7 +101,9 @@ def _show(made: "Imported") -> None:
             "exits": ", ".join(way.name for way in building.exits) or "none",
             "people": f"{sum(room.number for room in made.rooms)} in {counted(len(made.rooms), 'room')}",
             "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
-            "case": made.folder,
+            **({"case": made.folder} if made.is_accepted else {}),
+            "picture": made.folder / PICTURE,
+            "report": made.folder / REPORT,
         }
     )
     if not building.exits and made.openings:
@@ -100,8 +111,11 @@ def _show(made: "Imported") -> None:
         more = f", the first {shown} of {len(made.openings)} (all in report.md)" if shown < len(made.openings) else ""
         rows = [opening_row(made, k) for k in range(shown)]
         show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
-    show_warnings(str(finding) for finding in made.findings if finding.kind in ("warning", "left out"))
-    if not building.exits:
+    for kind in ("warning", "left out"):
+        show_warnings(str(finding) for finding in made.findings if finding.kind == kind)
+    if not made.is_accepted:
+        show_warnings(["no case has been written, since the building is incomplete; --partial imports what there is"])
+    elif not building.exits:
         show_warnings(["the building has no exit yet: choose openings with --exit, such as --exit 1"])
     elif made.fault:
         show_warnings([f"the case cannot be run yet: {made.fault}"])

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from evac.importing.importing import Imported
 
 #: Line of report.md that shows whether the case has been changed since the import.
-DIGEST = re.compile(r"case\.toml as written: ([0-9a-f]{16})")
+DIGEST = re.compile(r"case\.toml as written: ([0-9a-f]{16}|none)")
 
 PEOPLE = """
 # Adapt the number of people in each room and their properties.
@@ -99,7 +99,7 @@ def check_folder(folder: Path, case: str, report: str) -> None:
         return
     try:
         written = DIGEST.search((folder / report).read_text(encoding="utf-8"))
-        current = digest_of_file(folder / case)[:16]
+        current = digest_of_file(folder / case)[:16] if (folder / case).exists() else "none"
     except (OSError, EvacError):
         written, current = None, ""
     if written is None:

@@ -20,6 +20,7 @@ from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry
 from evac.importing.casefile import case_text, check_folder
+from evac.importing.completeness import missing_parts
 from evac.importing.openings import Opening, find_openings
 from evac.importing.report import report_text
 from evac.importing.rooms import Room, fill, find_rooms
@@ -43,13 +44,15 @@ class Imported:
     """The result of an import."""
 
     files: tuple[Path, ...]
-    folder: Path  # folder with case.toml, building.msh, levels.png and report.md
+    folder: Path  # folder with levels.png and report.md, and with case.toml and building.msh if the import is accepted
     building: Building
     findings: tuple[Finding, ...]  # findings of the importer, on the building and on the case
     openings: tuple[Opening, ...]  # possible exits
     rooms: tuple[Room, ...]  # rooms in which people start
     options: dict[str, Any]  # values of all options of the importers and the building
+    missing: tuple[str, ...]  # what the building lacks, the worst first, see `missing_parts`
     fault: str  # why the case cannot be run yet; empty if it can
+    is_accepted: bool  # whether there is a case: nothing is missing, or this was allowed
 
 
 def import_building(
@@ -61,9 +64,13 @@ def import_building(
     density: float | None = None,
     z: Sequence[float] | None = None,
     options: Mapping[str, Any] | None = None,
+    partial: bool = False,
     registry: Registry | None = None,
 ) -> Imported:
     """Create a case from building files: one file, or one for each storey, from the lowest up.
+
+    If a storey or more than 2 % of the ground has no way out, or a stair could not be used, only the report and the
+    picture are written, unless `partial` is true.
 
     Parameters
     ----------
@@ -80,6 +87,8 @@ def import_building(
         Heights of the storeys of several files [m]; 3 m from one to the next by default.
     options : mapping
         Parameters of the importers, and keys of ``[building]`` that control how a mesh is read.
+    partial : bool
+        Whether a case is written for a building that lacks something; every run of it has a quality warning.
     registry : Registry, optional
         Registry whose importers read the files; by default the built-in and the installed ones.
 
@@ -103,7 +112,7 @@ def import_building(
     mesh, notes = _surface(paths, importers, z, registry)
     surface = clean(mesh, paths[0], own)
     building = building_of(surface, paths[0], need_exit=False)
-    with _published(place) as draft:
+    with _drafted(place) as draft:
         write_surface(tagged_surface(surface, building), draft / MESH)
         # The other options have been applied to building.msh.
         kept = own.model_dump(include={"flat_angle", "walkable_angle", "treads"}, exclude_defaults=True)
@@ -123,19 +132,36 @@ def import_building(
         rooms, left_out = fill(written, find_rooms(written), people, DENSITY if density is None else density)
         findings += left_out
         written = replace(written, source=place / MESH)
-        made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, "")
+        missing = missing_parts(written, findings)
+        made = Imported(
+            paths,
+            place,
+            written,
+            findings=tuple(findings),
+            openings=tuple(openings),
+            rooms=tuple(rooms),
+            options=values,
+            missing=missing,
+            fault="",
+            is_accepted=partial or not missing,
+        )
         # Names of files need not be UTF-8.
-        (draft / CASE).write_text(case_text(made, chosen, kept), encoding="utf-8", errors="replace")
-        made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
+        text = case_text(made, chosen, kept | ({"missing": list(missing)} if missing else {}))
+        (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
+        if not made.is_accepted:
+            made = replace(made, fault="the building is incomplete")
+        else:
+            made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
         text = report_text(made, draft / CASE)
         (draft / REPORT).write_text(text, encoding="utf-8", errors="replace")
         _draw(made, draft)
+        _publish(draft, place, (PICTURE, REPORT, *((MESH, CASE) if made.is_accepted else ())))
     return made
 
 
 @contextmanager
-def _published(folder: Path) -> Iterator[Path]:
-    """Yield a draft of a folder, whose files are moved into it at the end; an error leaves the folder as it was.
+def _drafted(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside a folder, which an error leaves as it was.
 
     Raises
     ------
@@ -146,11 +172,18 @@ def _published(folder: Path) -> Iterator[Path]:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=".evac-import-", dir=folder.parent, ignore_cleanup_errors=True) as draft:
             yield Path(draft)
-            folder.mkdir(exist_ok=True)
-            for name in (MESH, PICTURE, CASE, REPORT):
-                (Path(draft) / name).replace(folder / name)
     except OSError as error:
         raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
+
+
+def _publish(draft: Path, folder: Path, names: Sequence[str]) -> None:
+    """Move the files of an import to its folder, and remove those of an earlier import that it does not have."""
+    folder.mkdir(exist_ok=True)
+    for name in (MESH, PICTURE, CASE, REPORT):
+        if name in names:
+            (draft / name).replace(folder / name)
+        else:
+            (folder / name).unlink(missing_ok=True)
 
 
 def _options(

@@ -20,6 +20,7 @@ TITLES = {
     "repaired": "Repaired",
     "left out": "Left out",
     "warning": "Warnings",
+    "missing": "Missing",
 }
 
 
@@ -27,8 +28,13 @@ def report_text(made: "Imported", case: Path) -> str:
     """Return the text of report.md."""
     building = made.building
     names = ", ".join(f"`{file.name}`" for file in made.files)
-    runs = "can be run" if not made.fault else f"cannot be run yet: {made.fault}"
-    text = [f"# Import of {names}", "", f"The case {runs}.", "", "![every level](levels.png)", "", "## Levels", ""]
+    runs = "The case can be run." if not made.fault else f"The case cannot be run yet: {made.fault}."
+    if not made.is_accepted:
+        runs = "No case has been written, since the building is incomplete; `--partial` imports what there is."
+    text = [f"# Import of {names}", "", runs, ""]
+    if made.missing:
+        text += [*(f"- {one}" for one in made.missing), ""]
+    text += ["![every level](levels.png)", "", "## Levels", ""]
     number = {room.name: room.number for room in made.rooms}
     rows = [
         (level.name, level.kind, f"{level.z_min:z.2f}", f"{level.polygon.area:.2f}", f"{math.degrees(level.slope):.1f}")
@@ -52,7 +58,8 @@ def report_text(made: "Imported", case: Path) -> str:
             listed = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
             text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), listed)]
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
-    return "\n".join([*text, f"case.toml as written: {digest_of_file(case)[:16]}", ""])
+    digest = digest_of_file(case)[:16] if made.is_accepted else "none"
+    return "\n".join([*text, f"case.toml as written: {digest}", ""])
 
 
 def opening_row(made: "Imported", row: int) -> tuple[object, ...]:

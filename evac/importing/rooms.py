@@ -47,11 +47,13 @@ def fill(building: Building, rooms: list[Room], people: int | None, density: flo
     open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
     used = [room for room in rooms if room.level in open_levels]
     notes = []
-    for room in rooms:
-        if room not in used:
-            x, y = building.levels[room.level].polygon.representative_point().coords[0]
-            name = building.levels[room.level].name
-            notes.append(Finding("left out", f"no people in {room.name!r}: no exit can be reached", name, (x, y)))
+    for level in building.levels:
+        closed = [room.name for room in rooms if room.level == level.index and room not in used]
+        if closed:
+            x, y = level.polygon.representative_point().coords[0]
+            what = repr(closed[0]) if len(closed) == 1 else f"the {len(closed)} rooms, such as {closed[0]!r}"
+            text = f"no people in {what}: no exit can be reached"
+            notes.append(Finding("left out", text, level.name, (x, y)))
     if people is None:
         counts = [max(int(density * room.ground + 0.5), 1) for room in used]
         return [replace(room, number=count) for room, count in zip(used, counts, strict=True)], notes

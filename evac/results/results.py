@@ -475,6 +475,7 @@ def results_of(
     keepers.sort(key=lambda name: name != DEFAULT_MOVEMENT)
     advised = None if case.keeps_distance else keepers
     quality = [
+        *(f"the building is incomplete: {one}" for one in building.findings if one.kind == "missing"),
         *contact_warnings(report, rigid),
         *([chatter_warning(chatter, names, rigid)] if chatter else []),
         *([crushing_warning(crushing, names, advised)] if crushing else []),

@@ -3,6 +3,9 @@
 import tomllib
 
 import pytest
+import shapely
+
+from evac import Plan
 
 ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 
@@ -26,6 +29,22 @@ def test_an_import_in_two_calls(evac, room, capsys, tmp_path):
     assert {path.name for path in (tmp_path / "case").iterdir()} == {
         "building.msh", "case.toml", "levels.png", "report.md",
     }  # fmt: skip
+
+
+def test_an_incomplete_building_is_refused_unless_it_is_wanted(evac, capsys, tmp_path):
+    plan = Plan()
+    for k in range(3):
+        plan.storey(f"floor {k}", shapely.box(0, 0, 8, 5), z=3.0 * k)
+    plan.exit("door", "floor 0", [(0, 1), (0, 2)])
+    plan.write(tmp_path / "house.msh")
+    assert evac("import", "house.msh", "--out", "case") == 2
+    first, *_ = capsys.readouterr().out.splitlines()
+    assert first == "incomplete: 2 of 3 storeys have no way out: 'floor 1', 'floor 2'"
+    assert not (tmp_path / "case" / "case.toml").exists()
+    assert evac("import", "house.msh", "--out", "case", "--partial") == 0
+    assert capsys.readouterr().out.splitlines()[0] == first
+    assert evac("run", "case") == 0
+    assert first in capsys.readouterr().err.replace("the building is incomplete", "incomplete")
 
 
 @pytest.mark.parametrize(

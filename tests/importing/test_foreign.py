@@ -1,4 +1,4 @@
-"""Walkable buildings made by others: storeys, stairs and areas beside independent readings of the files."""
+"""Buildings made by others (../shared/data/foreign) are imported as independent libraries read them (foreign.csv)."""
 
 import csv
 from collections import defaultdict

@@ -87,7 +87,7 @@ def test_inner_walls_are_no_openings():
 
 
 def test_everything_in_a_file_is_kept(house, tmp_path):
-    made = import_building([house], tmp_path / "case", density=0.05)
+    made = import_building([house], tmp_path / "case", density=0.05, partial=True)
     one, other = read_building(house), read_building(made.folder / "building.msh")
     assert [(level.name, level.kind) for level in one.levels] == [(level.name, level.kind) for level in other.levels]
     assert [way.name for way in other.exits] == ["door"]
@@ -99,6 +99,38 @@ def test_everything_in_a_file_is_kept(house, tmp_path):
     (left,) = [finding for finding in made.findings if finding.kind == "left out"]
     assert (left.level, "attic" in left.text) == ("attic", True)
     assert made.fault.startswith(str(made.folder)) or made.fault == ""
+
+
+def test_an_incomplete_building_is_refused_with_report_and_picture(house, tmp_path):
+    import_building([house], tmp_path / "case", partial=True)
+    made = import_building([house], tmp_path / "case")
+    assert (made.is_accepted, len(made.missing)) == (False, 1)
+    assert made.missing[0].startswith("1 of 3 storeys has no way out: 'attic'")
+    assert sorted(file.name for file in made.folder.iterdir()) == ["levels.png", "report.md"]
+    assert made.missing[0] in text_of(made, "report.md")
+    again = import_building([house], tmp_path / "case", partial=True)
+    assert again.is_accepted
+
+
+def test_a_partial_import_is_a_quality_warning_of_every_run(house, tmp_path):
+    made = import_building([house], tmp_path / "case", people=3, partial=True)
+    case = evac.load(made.folder)
+    assert case.building.missing == made.missing
+    results = evac.run(case, tmp_path / "result")
+    assert [made.missing[0] in one for one in results.quality_warnings] == [True]
+    assert made.missing[0] in (tmp_path / "result" / "summary.json").read_text(encoding="utf-8")
+
+
+def test_a_closet_without_a_door_leaves_the_building_whole(tmp_path):
+    plan = evac.Plan()
+    plan.storey("ground", [shapely.box(0, 0, 20, 10), shapely.box(20.1, 0, 21.5, 2)])
+    plan.exit("door", "ground", [(0, 3), (0, 4)])
+    plan.write(tmp_path / "a.msh")
+    assert import_building([tmp_path / "a.msh"], tmp_path / "closet").missing == ()
+    plan.obstacle("shelf", "ground", shapely.box(2, 0, 3, 10))
+    plan.write(tmp_path / "a.msh")
+    (text,) = import_building([tmp_path / "a.msh"], tmp_path / "shelf").missing
+    assert text.startswith("172.8 m2 of ground (90 %)")
 
 
 def test_people_are_divided_by_the_ground_of_the_rooms(house, tmp_path):

@@ -230,8 +230,8 @@ def test_a_stair_that_is_there_twice_is_left_out_once(tmp_path):
     for kind, name in (("IFCSTAIRFLIGHT", "up"), ("IFCSTAIR", "again")):
         ifc.body(kind, name, *solids, tail=STAIR_TAIL[kind])
     path = ifc.write(tmp_path / "a.ifc")
-    ((level, _, text),) = warnings_of(path)
-    assert (level, "'again'" in text) == ("L0", True)
+    assert not told_by(path, "missing", "warning")
+    assert [level for level, _, text in told_by(path, "left out") if "'again'" in text] == ["L0"]
     assert list(building_of(path).stairs) == ["stair 1"]
 
 
@@ -244,10 +244,10 @@ def test_a_stair_that_turns_back(tmp_path, landing):
     assert landing != "own" or all_out(path, tmp_path)
 
 
-def warnings_of(path, **parameters):
+def told_by(path, *kinds, **parameters):
     plan = plan_of(path, **parameters)
     plan.building(need_exit=False)
-    return [(one.level, one.place, one.text) for one in plan.findings if one.kind == "warning"]
+    return [(one.level, one.place, one.text) for one in plan.findings if one.kind in kinds]
 
 
 def test_a_closed_slab_leaves_the_stair_out_unless_it_is_cut(tmp_path):
@@ -256,11 +256,9 @@ def test_a_closed_slab_leaves_the_stair_out_unless_it_is_cut(tmp_path):
         "IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"]
     )
     path = ifc.write(tmp_path / "a.ifc")
-    first, *rest = warnings_of(path)
-    assert first[0] == "L1"
-    assert "cut_slabs" in first[2]
-    assert 6.4 < first[1][0] < 7.6
-    assert [level for level, _, _ in rest] == ["L1"]
+    ((level, place, text),) = told_by(path, "missing", "warning")
+    assert (level, "cut_slabs" in text) == ("L1", True)
+    assert 6.4 < place[0] < 7.6
     assert list(building_of(path, cut_slabs=True).stairs) == ["stair 1"]
 
 
@@ -272,11 +270,9 @@ def test_a_spiral_stair_is_named_with_its_place_and_the_rest_runs(tmp_path):
         ring = [(8 + r * math.cos(t), 3 + r * math.sin(t)) for r, t in ((0.3, a), (1.3, a), (1.3, b), (0.3, b))]
         solids.append(ifc.extruded(ring, 3.0 / 17 * k, 3.0 / 17))
     ifc.body("IFCSTAIR", "round", *solids, tail=",$,.SPIRAL_STAIR.")
-    first, *rest = warnings_of(ifc.write(tmp_path / "a.ifc"))
-    assert first[0] == "L0"
-    assert "'round'" in first[2]
-    assert math.dist(first[1], (8, 3)) < 0.5
-    assert [level for level, _, _ in rest] == ["L1"]
+    ((level, place, text),) = told_by(ifc.write(tmp_path / "a.ifc"), "missing", "warning")
+    assert (level, "'round'" in text) == ("L0", True)
+    assert math.dist(place, (8, 3)) < 0.5
 
 
 def test_a_stair_that_leads_nowhere_is_named_with_its_place(tmp_path):
@@ -284,18 +280,19 @@ def test_a_stair_that_leads_nowhere_is_named_with_its_place(tmp_path):
     ifc.body(
         "IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"]
     )
-    ((level, place, text),) = warnings_of(ifc.write(tmp_path / "a.ifc"))
+    ((level, place, text),) = told_by(ifc.write(tmp_path / "a.ifc"), "missing")
     assert (level, "'up'" in text) == ("L0", True)
     assert place == pytest.approx((7.0, 0.9 + 16 * 0.28), abs=0.01)
 
 
-def test_storeys_without_a_stair_are_told_and_the_ground_floor_runs(tmp_path):
+def test_storeys_without_a_stair_are_told_and_the_ground_floor_runs_if_that_is_wanted(tmp_path):
     path = house(IfcFile(), storeys=4).write(tmp_path / "a.ifc")
-    told = warnings_of(path)
-    assert [level for level, _, _ in told] == ["L1", "L2", "L3"]
+    told = told_by(path, "warning", exits="none")
+    assert [level for level, _, _ in told] == ["L0", "L1", "L2", "L3"]
     assert all(0.0 < x < 10.4 and 0.0 < y < 6.4 for _, (x, y), _ in told)
-    made = evac.import_building([path], tmp_path / "case", people=5)
+    made = evac.import_building([path], tmp_path / "case", people=5, partial=True)
     assert made.fault == ""
+    assert made.missing[0].startswith("3 of 4 storeys have no way out")
     assert {made.building.levels[room.level].name for room in made.rooms} == {"L0"}
 
 

@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 
-#: Kinds of findings, in the order of a report. Warnings are shown at every run, the others when a file is imported.
-KINDS = ("found", "assumed", "repaired", "left out", "warning")
+#: Kinds of findings, in the order of a report. Warnings are shown at every run, the others when a file is imported;
+#: what is missing, such as a stair that cannot be used, makes an import incomplete.
+KINDS = ("found", "assumed", "repaired", "left out", "warning", "missing")
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A fact about a building: something found, assumed, repaired or left out, or a warning.
+    """A fact about a building: something found, assumed, repaired, left out or missing, or a warning.
 
     Its text form (``str``) begins with the place, if there is one.
 

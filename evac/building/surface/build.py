@@ -14,6 +14,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry.polygons import union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
+from evac.building.model.findings import Finding
 from evac.building.model.links import close_links, isolated_parts
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.surface.checks import (
@@ -92,7 +93,7 @@ def building_of(
         walls=walls,
         wall_level=wall_level,
         stairs=level_set.stairs,
-        findings=(*surface.findings, *level_set.findings),
+        findings=(*surface.findings, *level_set.findings, *(Finding("missing", text) for text in options.missing)),
         doors=find_doors(surface, level_set.levels),
     )
     check_overlap(building)

@@ -8,7 +8,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.building.geometry.components import connected_components
 from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan.plan import Plan
@@ -93,14 +92,15 @@ def plan_of_bodies(
         plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
     for stair in stairs:
         stair.add_to(plan)
-    exits = _add_doors(plan, ways, rules)
+    _add_doors(plan, ways, rules)
     _add_rooms(plan, floors, stairs)
-    _note_unreachable(plan, floors, stairs, exits)
+    if not plan.exits:
+        _note_alone(plan, floors, stairs)
     return plan
 
 
-def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]:
-    """Add the doors, and return the floors that have exits."""
+def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:
+    """Add the doors and exits."""
     outer = [way for way in ways if way.sides == 1]
     floors = list({way.floor.name: way.floor for way in outer}.values())
     if rules.exits == "none":
@@ -123,7 +123,6 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]
         width = float(np.hypot(*(way.segment[1] - way.segment[0])))
         what = "exit" if is_exit else "door" if way.sides == 2 else "door to the outside (not an exit)"
         plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, middle_of(way))
-    return floors
 
 
 def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]) -> None:
@@ -140,21 +139,15 @@ def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]
             name = room if room not in names else f"{room} of {floor.name}"
             names.add(name)
             # Slightly larger than the room, so that the outline of the area follows the outline of the floor at walls.
-            area = cut(snapped(shapely.buffer(polygon, BEYOND, join_style="mitre")), united(taken))
+            grown = snapped(shapely.buffer(polygon, BEYOND, join_style="mitre"))
+            area = common(cut(grown, united(taken)), floor.ground)
             taken.append(area)
             plan.area(name, floor.name, area)
 
 
-def _note_unreachable(
-    plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair], exits: Sequence[Floor]
-) -> None:
-    """Warn of each storey from which no stair leads to an exit, or to any other storey if there is no exit."""
-    row = {floor.name: k for k, floor in enumerate(floors)}
-    pairs = [(row[stair.floors[0].name], row[floor.name]) for stair in stairs for floor in stair.floors[1:]]
-    part = connected_components(len(floors), np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    open_parts = {int(part[row[floor.name]]) for floor in exits}
-    alone = [k for k in range(len(floors)) if np.count_nonzero(part == part[k]) == 1 and len(floors) > 1]
-    for k, floor in enumerate(floors):
-        if int(part[k]) not in open_parts if exits else k in alone:
-            text = "no stair that can be walked leads from this storey to an exit" if exits else "no stair leads here"
-            plan.note("warning", text, floor.name, place_of(floor.ground))
+def _note_alone(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]) -> None:
+    """Warn of each storey to which no stair leads; where there are exits, the building tells what has no way out."""
+    met = {floor.name for stair in stairs for floor in stair.floors}
+    for floor in floors:
+        if len(floors) > 1 and floor.name not in met:
+            plan.note("warning", "no stair leads here", floor.name, place_of(floor.ground))

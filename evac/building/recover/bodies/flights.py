@@ -1,7 +1,7 @@
 """Convert runs of treads and landings to stairs of a plan; each stair is built once as a test before it is used."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -36,6 +36,8 @@ NARROWED = (0.0, 0.02, 0.05, 0.1)
 PASSABLE = 1.5
 #: A slab is taken as closed if it covers more than this share of the ground that a flight needs free.
 CLOSED = 0.5
+#: A stair that cannot be used is there twice if others cover more than this share of it.
+TWICE = 0.8
 
 
 @dataclass
@@ -84,7 +86,7 @@ class LeftOutError(ValueError):
 
     def __init__(self, text: str, floor: str | None, place: tuple[float, float]) -> None:
         super().__init__(text)
-        self.finding = Finding("warning", text, floor, place)
+        self.finding = Finding("missing", text, floor, place)
 
 
 def stairs_of(
@@ -109,10 +111,10 @@ def stairs_of(
             f"{_names(one.names)} is left out: its treads turn by up to {one.degrees:.0f} degrees, as in a "
             "spiral or winding stair, so they do not form a plane flight"
         )
-        findings.append(Finding("warning", text, _storey(floors, one.treads[0][1]), one.place))
+        findings.append(Finding("missing", text, _storey(floors, one.treads[0][1]), one.place))
     for body in treads.bare:
         text = f"{body.name!r} is left out: no row of treads was found in its shape"
-        findings.append(Finding("warning", text, _storey(floors, body.z_min), body.place))
+        findings.append(Finding("missing", text, _storey(floors, body.z_min), body.place))
     for landing in treads.short:
         text = f"a landing less than {SHORT:g} m deep is treated as part of its flight"
         findings.append(Finding("assumed", text, _storey(floors, landing.z), place_of(landing.plan)))
@@ -137,9 +139,10 @@ def stairs_of(
             at = (
                 error.finding
                 if isinstance(error, LeftOutError)
-                else Finding("warning", text, stair.floors[0].name, place)
+                else Finding("missing", text, stair.floors[0].name, place)
             )
-            findings.append(at)
+            is_there = common(stair.plan, united([other.plan for other in found])).area > TWICE * stair.plan.area
+            findings.append(replace(at, kind="left out") if is_there else at)
             continue
         stairs.append(stair)
         floor = ", ".join(repr(one.name) for one in sorted(stair.floors, key=lambda one: one.z))

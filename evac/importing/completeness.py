@@ -1,0 +1,53 @@
+"""What an import lacks: storeys, stairs and ground without a way out."""
+
+from collections.abc import Sequence
+
+from evac.base.errors import counted
+from evac.building.model.building import Building, Level
+from evac.building.model.findings import Finding
+from evac.building.model.links import levels_reaching
+from evac.building.model.storeys import storeys
+
+#: Share of the walkable ground that may have no way out, such as a closet without a door.
+NEGLIGIBLE = 0.02
+#: Number of levels that are named.
+MOST_NAMED = 10
+
+
+def missing_parts(building: Building, findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return what a building lacks, the worst first, in one line each; empty if it is whole.
+
+    Parameters
+    ----------
+    building : Building
+        Without exits, nothing is said about ways out.
+    findings : sequence of Finding
+        Those of the kind "missing" are what the importer could not use, such as stairs.
+    """
+    lacks = []
+    if building.exits:
+        reached = levels_reaching(building, building.exits)
+        floors = [
+            [level for level in levels if level.kind == "floor"]
+            for _, levels in storeys(building)
+            if any(level.kind == "floor" for level in levels)
+        ]
+        closed = [own for own in floors if reached.isdisjoint(level.index for level in own)]
+        if closed:
+            verb = "has" if len(closed) == 1 else "have"
+            lacks.append(
+                f"{len(closed)} of {counted(len(floors), 'storey')} {verb} no way out: {_names([own[0] for own in closed])}"
+            )
+        ground = sum(level.polygon.area for own in floors for level in own)
+        rest = [level for own in floors if own not in closed for level in own if level.index not in reached]
+        area = sum(level.polygon.area for level in rest)
+        if area > NEGLIGIBLE * ground:
+            share = 100.0 * area / ground
+            lacks.append(f"{area:.1f} m2 of ground ({share:.0f} %) on other storeys have no way out: {_names(rest)}")
+    return (*lacks, *(str(one) for one in findings if one.kind == "missing"))
+
+
+def _names(levels: Sequence[Level]) -> str:
+    """Return the names of some levels, of which only the first are written."""
+    others = f" and {len(levels) - MOST_NAMED} others" if len(levels) > MOST_NAMED else ""
+    return ", ".join(repr(level.name) for level in levels[:MOST_NAMED]) + others
