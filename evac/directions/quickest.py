@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.base.defaults import LEAST_FLOOR
 from evac.base.saved import taken
+from evac.building.model.building import Exit
 from evac.directions.descent import descend
 from evac.directions.fields import Fields, columns_of
 from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
@@ -290,14 +291,11 @@ class _Column:
         ways = make_ways(grids, np.zeros(0))
         slowness = marched.rates[index] / ways.cosine[:, None]
         exits = exits_of_route(grids.building, routes_at_present(marched.building, fields.routes)[index])
-        strips = np.zeros(grids.size, np.bool_)
-        for exit_ in exits:
-            grid = grids.levels[exit_.level]
-            strips[grid.offset + strips_of(grids, grid)[exit_.index]] = True
         is_own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
+        strips, starts = _strips_and_starts(grids, exits, base, slowness)
         joins = (is_own | strips) & np.isfinite(base)
         joins[blocked] = False
-        starts = joins & (strips | (base <= grids.lattice.spacing * slowness.min(axis=1)[ways.level_of]))
+        starts &= joins
         self._solved = joins & ~starts
         self._sizes = np.array([np.count_nonzero(self._solved[grid.packed]) for grid in grids.levels])
         nodes = np.flatnonzero(self._solved)
@@ -472,6 +470,27 @@ class _Column:
             there = lower._places[level].start
             self._travel_time[place.start + nodes] = self._travel_time[there + nodes]
             self._all_directions[place.start + nodes] = self._all_directions[there + nodes]
+
+
+def _strips_and_starts(
+    grids: BuildingGrids, exits: list[Exit], base: FloatArray, slowness: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return masks (nodes,) of the strips behind exits, and of the nodes whose times are known.
+
+    A march starts with the last rows of the strips, as that of the empty building, so that it keeps its clearance from
+    the posts of an exit; without a strip, within a cell of the exit.
+    """
+    strips, starts = np.zeros(grids.size, np.bool_), np.zeros(grids.size, np.bool_)
+    for exit_ in exits:
+        grid = grids.levels[exit_.level]
+        strip = grid.offset + strips_of(grids, grid)[exit_.index]
+        strips[strip] = True
+        cell = grids.lattice.spacing * slowness[exit_.level].min()
+        if rows := grid.strip_rows[exit_.index]:
+            starts[strip] = base[strip] <= (1.5 - rows) * cell
+        else:
+            starts[grid.packed] |= base[grid.packed] <= cell
+    return strips, starts
 
 
 def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:

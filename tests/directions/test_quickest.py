@@ -82,6 +82,14 @@ def test_without_a_crowd_the_times_are_those_of_the_empty_building(row):
     assert (quickest.fields.directions_at(level, places, 0, 0.2) * along).sum(axis=1).min() > 0.99
 
 
+def test_without_a_crowd_the_posts_of_an_exit_are_given_the_same_clearance(hall):
+    quickest = quickest_in(hall, clearance=0.25)
+    update(quickest, [])
+    places = np.array([(x, y) for x in np.arange(1.0, 4.0, 0.1) for y in np.arange(0.3, 1.5, 0.1)])
+    one, other = (of.directions_at(0, places, 0, 0.2) for of in (quickest.fields, quickest.fields.uncongested))
+    assert (one * other).sum(axis=1).min() > np.cos(np.radians(15.0))
+
+
 def test_only_levels_that_have_changed_and_those_behind_them_are_solved(row):
     quickest, far = quickest_in(row), [[1.0, 1.0]]
     assert update(quickest, far) == 3
