@@ -14,7 +14,7 @@ from evac.directions.sampling import column_of, sample_direction
 from evac.jit import Floats, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.outside import Outside
-from evac.people.sights import Sights, list_near, look_round, make_sights, sees, set_desired_motion
+from evac.people.sights import Sights, is_hidden, list_near, look_round, make_sights, sees, set_desired_motion
 from evac.physics.state import Crowd, World
 
 #: Side steps below this share of the desired direction are neglected.
@@ -32,6 +32,18 @@ REGULATION_TIME_GAP = 2.5
 
 #: Gap between bodies below which people do not push on those ahead [m].
 TOUCHING = 0.02
+
+#: Gap that people leave to the bodies of those who stand when they walk around them [m].
+CLEARANCE = 0.05
+
+#: Angle between the directions that they try for this, and number of these directions on each side: up to 90 degrees.
+TURN, TURNS = math.pi / 24.0, 12
+
+#: Value of a way of 1 m across the desired direction, in metres along it; and of a way along the present heading.
+ASIDE, STEADY = 0.3, 0.1
+
+#: Share of a wanted change of velocity that is made by the time a person comes near those who stand.
+SOON = 0.5
 
 
 class Rule(Struct):
@@ -70,15 +82,15 @@ class Walking(Behaviour):
     """People keep a distance, anticipate the motion of others, step aside, and do not push.
 
     The direction and speed of each person follow from what it sees within `sight`, through portals too, but not behind
-    walls. At each tick, it steps aside for all people j who are ahead of its desired direction e or its heading, by
+    walls. At each tick, it steps aside for all people j who walk ahead of its desired direction e or its heading, by
 
         k (1 + (1 - e.h_j) / 2) exp(-max(0, s - r_i - r_j - c t_s) / D)
 
     each, away from the side on which j will be after the time t_s: s is the distance, r are contact radii, c is the
     speed at which the two approach each other, and h_j is the heading of j. Of people who come towards it (e.h_j < 0),
-    it passes on the right: they are taken to be `right` farther to the left. For people who stand, the parenthesis is
-    1.5. The sum S of all side steps is at most `side_limit`, and the heading h turns towards e + S n, with n normal to
-    e, within the reaction time. The speed becomes
+    it passes on the right: they are taken to be `right` farther to the left. The sum S of all side steps is at most
+    `side_limit`, and the heading h turns towards e + S n, with n normal to e, within the reaction time. The speed
+    becomes
 
         min(v, max(V, (s - l + T_a max(0, u_j.h)) / T))
 
@@ -91,6 +103,12 @@ class Walking(Behaviour):
     and the velocity u_j of that person. V is `creep`, so that nobody waits for ever; it is 0 for people whose body is
     at most 0.02 m behind the one ahead of them on the same route. Bodies that push on others at a narrow door would
     form arches, which hold under the load.
+
+    People who stand, because they have not started yet or wait for others, are walked around: if one of them is in the
+    way, the heading turns instead towards the direction in which the person comes farthest, of those up to 90 degrees
+    from e + S n, with a gap of 0.05 m to their bodies and up to walls. If there is no such way, it waits for those who
+    have not started, and creeps on if those who stand never start or wait for others. Before they start, people stand
+    firm: forces between people do not act on them.
 
     Bodies that touch have half the depth of the chest as radius, because shoulders turn. People who have left count
     until they are 2 m behind their exit, and wait for each other likewise, without side steps.
@@ -106,16 +124,29 @@ class Walking(Behaviour):
     ----------
     Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
     (2016), 225-232, for the speed; Xu, Chraibi, Seyfried: Anticipation in a velocity-based model for pedestrian
-    dynamics. Transportation Research C 133 (2021) 103464, for side steps; Weidmann: Transporttechnik der Fussgaenger,
-    ETH Zurich (1993). The reaction time, creeping and not pushing are additions.
+    dynamics. Transportation Research C 133 (2021) 103464, for side steps; Moussaid, Helbing, Theraulaz: How simple
+    rules determine pedestrian behavior and crowd disasters. PNAS 108 (2011) 6884-6888, for ways around those who
+    stand; Weidmann: Transporttechnik der Fussgaenger, ETH Zurich (1993). The reaction time, creeping and not pushing
+    are additions.
     """
 
     name = "walking"
     group_keys = ("chest_depth",)
-    reads = ("position", "level", "contact_radius", "speed", "start_time", "route", "speed_factor", "extra_direction")
+    reads = (
+        "position",
+        "level",
+        "contact_radius",
+        "speed",
+        "tau",
+        "start_time",
+        "route",
+        "speed_factor",
+        "extra_direction",
+    )
     writes = ("speed_factor", "extra_direction")
     acts_last = True
     keeps_distance = True
+    stands_firm = True
 
     preset = Parameter(
         "measured",
@@ -205,7 +236,7 @@ def walk(
     for i in range(n):
         motion.factor[i] = 1.0
         if sights.wanted[i] > 0.0:
-            decide(world, crowd, sights, motion, rule, turn, i)
+            decide(world, crowd, sights, motion, rule, turn, time, i)
     for i in range(n):
         motion.heading[i, 0], motion.heading[i, 1] = motion.next[i, 0], motion.next[i, 1]
         if sights.wanted[i] <= 0.0:
@@ -223,7 +254,7 @@ def walk(
 
 
 @inner
-def decide(world, crowd, sights, motion, rule, turn, i):  # type: ignore[no-untyped-def]
+def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[no-untyped-def]
     """Set heading and speed of person i."""
     wanted = sights.wanted[i]
     is_inside = sights.level[i] < sights.levels
@@ -238,14 +269,18 @@ def decide(world, crowd, sights, motion, rule, turn, i):  # type: ignore[no-unty
             length, gap = rule.stair_length, rule.stair_time_gap
     reach = length + gap * wanted
     list_near(world, sights, i, max(reach, rule.sight) if is_inside else reach)
+    standing, free = 0, 0.0
     if is_inside:
+        standing = list_standing(world, sights, rule, i)
         if rule.side_step > 0.0:
-            side = side_step(world, crowd, sights, motion, rule, i)
+            side = side_step(world, crowd, sights, motion, rule, standing, i)
             tx, ty = ex - side * ey, ey + side * ex
             norm = math.sqrt(tx * tx + ty * ty)
             tx, ty = tx / norm, ty / norm
         else:
             tx, ty = ex, ey
+        if standing:
+            tx, ty, free = way_round(world, crowd, sights, motion, rule, standing, i, tx, ty)
         share = turn
         if (ex * tx + ey * ty) * (ex * hx + ey * hy) < 0.0:
             share = 1.0
@@ -284,7 +319,88 @@ def decide(world, crowd, sights, motion, rule, turn, i):  # type: ignore[no-unty
             best = speed
             if leads_on and s < crowd.contact_radius[i] + crowd.contact_radius[j] + TOUCHING:
                 least = 0.0
+    if standing:
+        free = min(free, free_way(crowd, sights, motion, rule, standing, i, hx, hy, TOUCHING))
+        if free < rule.sight:
+            # A way of tau u is left to the present velocity u after the desired one is zero.
+            stop = crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
+            best = max(min(best, (free - stop) / rule.oncoming_time_gap), 0.0)
+            if will_start(crowd, sights, standing, time):
+                least = min(best, least)
     motion.factor[i] = max(best, least) / wanted
+
+
+@inner
+def list_standing(world, sights, rule, i):  # type: ignore[no-untyped-def]
+    """Move the people inside whom person i sees standing to the end of `sights.near`; return their number."""
+    standing, k = 0, 0
+    while k < sights.number - standing:
+        j = sights.near[k]
+        k += 1
+        if sights.wanted[j] > 0.0 or sights.level[j] >= sights.levels:
+            continue
+        dx, dy = sights.position[j, 0] - sights.position[i, 0], sights.position[j, 1] - sights.position[i, 1]
+        s = math.sqrt(dx * dx + dy * dy)
+        if not 0.0 < s <= rule.sight:
+            continue
+        if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
+            k, standing = k - 1, standing + 1
+            sights.near[k], sights.near[sights.number - standing] = sights.near[sights.number - standing], j
+    return standing
+
+
+@inner
+def will_start(crowd, sights, standing, time):  # type: ignore[no-untyped-def]
+    """Return whether one of those who stand starts later."""
+    for k in range(sights.number - standing, sights.number):
+        if time < crowd.start_time[sights.near[k]] < math.inf:
+            return True
+    return False
+
+
+@inner
+def free_way(crowd, sights, motion, rule, standing, i, hx, hy, clearance):  # type: ignore[no-untyped-def]
+    """Return how far person i can walk towards h before it is at a distance `clearance` from a body that stands.
+
+    The way leads along the velocity that follows from the present one and the desired one.
+    """
+    ux, uy = motion.velocity[i, 0], motion.velocity[i, 1]
+    x, y = ux + SOON * (sights.wanted[i] * hx - ux), uy + SOON * (sights.wanted[i] * hy - uy)
+    norm = math.sqrt(x * x + y * y)
+    if norm == 0.0:
+        return 0.0
+    x, y = x / norm, y / norm
+    free = rule.sight
+    for k in range(sights.number - standing, sights.number):
+        j = sights.near[k]
+        dx, dy = sights.position[j, 0] - sights.position[i, 0], sights.position[j, 1] - sights.position[i, 1]
+        along, beside = x * dx + y * dy, x * dy - y * dx
+        reach = crowd.contact_radius[i] + crowd.contact_radius[j] + clearance
+        if along > 0.0 and abs(beside) < reach:
+            free = min(free, max(along - math.sqrt(reach * reach - beside * beside), 0.0))
+    return free
+
+
+@inner
+def way_round(world, crowd, sights, motion, rule, standing, i, tx, ty):  # type: ignore[no-untyped-def]
+    """Return the direction near (tx, ty) that leads person i past those who stand, and the free distance [m]."""
+    free = free_way(crowd, sights, motion, rule, standing, i, tx, ty, CLEARANCE)
+    if free == rule.sight:
+        return tx, ty, free
+    level, x, y = sights.level[i], sights.position[i, 0], sights.position[i, 1]
+    bx, by, most, farthest = tx, ty, -math.inf, free
+    for k in range(-TURNS, TURNS + 1):
+        cosine, sine = math.cos(TURN * k), math.sin(TURN * k)
+        cx, cy = cosine * tx - sine * ty, sine * tx + cosine * ty
+        free = free_way(crowd, sights, motion, rule, standing, i, cx, cy, CLEARANCE)
+        if k != 0:
+            far = crowd.contact_radius[i]
+            while free > 0.0 and is_hidden(world, level, x, y, level, x + (free + far) * cx, y + (free + far) * cy):
+                free = 0.5 * free if free > 2.0 * TOUCHING else 0.0
+        value = free * (cosine + ASIDE) + STEADY * (cx * motion.heading[i, 0] + cy * motion.heading[i, 1])
+        if value > most:
+            bx, by, most, farthest = cx, cy, value, free
+    return bx, by, farthest
 
 
 @inner
@@ -298,14 +414,14 @@ def is_ahead(crowd, sights, motion, i, j, dx, dy):  # type: ignore[no-untyped-de
 
 
 @inner
-def side_step(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped-def]
+def side_step(world, crowd, sights, motion, rule, standing, i):  # type: ignore[no-untyped-def]
     """Return the side step of person i, relative to the desired direction, positive to the left."""
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
     vx, vy = motion.velocity[i, 0], motion.velocity[i, 1]
     total = 0.0
     farthest = rule.side_range * math.log(2.0 * rule.side_step / FAINT)  # gap at which the greatest weight is faint
-    for k in range(sights.number):
+    for k in range(sights.number - standing):
         j = sights.near[k]
         dx = sights.position[j, 0] - sights.position[i, 0]
         dy = sights.position[j, 1] - sights.position[i, 1]
@@ -320,18 +436,15 @@ def side_step(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped
         gap = s - crowd.contact_radius[i] - crowd.contact_radius[j] - closing * rule.side_time
         if gap > farthest:
             continue
-        align = 1.5
         cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
-        if sights.wanted[j] > 0.0:
-            align = 1.0 + 0.5 * (1.0 - cosine)
-        weight = rule.side_step * align * math.exp(-max(gap, 0.0) / rule.side_range)
+        weight = rule.side_step * (1.0 + 0.5 * (1.0 - cosine)) * math.exp(-max(gap, 0.0) / rule.side_range)
         if weight < FAINT:
             continue
         if not ((s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j)):
             continue
         # Where j will be, to the left of the way.
         across = ex * (dy + wy * rule.side_time) - ey * (dx + wx * rule.side_time)
-        if cosine < 0.0 and sights.wanted[j] > 0.0:
+        if cosine < 0.0:
             across += rule.right
         if abs(across) < ON_LINE:
             across = motion.side[i]

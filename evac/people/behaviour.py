@@ -63,6 +63,9 @@ class Behaviour(Configurable):
     #: people who have left, whom the behaviour sees as those ahead, and whose speed factors it multiplies, too.
     keeps_distance: ClassVar[bool] = False
 
+    #: Whether people stand firm before their response time: forces between people do not act on them, but contacts do.
+    stands_firm: ClassVar[bool] = False
+
     #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
     group_keys: ClassVar[tuple[str, ...]] = ()
 

@@ -79,6 +79,8 @@ class Engine(Protocol):
         Threads that share a step; their number does not change the results.
     people_per_thread : int
         People inside for each of the threads below which a step has one.
+    spare_waiting : bool
+        Whether forces between people do not act on those who have not reached their response time.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class Engine(Protocol):
         solvers: Mapping[str, type[Solver]] | None = None,
         threads: int = 1,
         people_per_thread: int = 0,
+        spare_waiting: bool = False,
     ) -> None: ...
 
     @classmethod
@@ -209,6 +212,7 @@ class CompiledEngine(Engine):
         solvers: Mapping[str, type[Solver]] | None = None,
         threads: int = 1,
         people_per_thread: int = 0,
+        spare_waiting: bool = False,
     ) -> None:
         self.levels = levels
         self.full = full
@@ -217,6 +221,7 @@ class CompiledEngine(Engine):
         self._pair_forces = [force for force in self._forces if force.pair is not None]
         self._body_forces = [force for force in self._forces if force.body is not None]
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
+        self.state.forces.spare_waiting = int(spare_waiting)
         self._own: Any = None
         self.threads = Threads(self.state, threads, people_per_thread * threads)
         self._model: ContactModel | None = None

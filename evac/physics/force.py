@@ -74,12 +74,14 @@ def add_forces(state: State) -> int:
                 call, given = forces.address[f], row(forces.parameters, f)
                 ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
                 fx, fy = call_pair_force(call, gap, nx, ny, vx, vy, ex, ey, given)
-                bodies.push[i, 0] += fx
-                bodies.push[i, 1] += fy
+                if not (forces.spare_waiting and state.clock.time < bodies.start_time[i]):
+                    bodies.push[i, 0] += fx
+                    bodies.push[i, 1] += fy
                 ex, ey = bodies.desired[j, 0], bodies.desired[j, 1]
                 fx, fy = call_pair_force(call, gap, -nx, -ny, -vx, -vy, ex, ey, given)
-                bodies.push[j, 0] += fx
-                bodies.push[j, 1] += fy
+                if not (forces.spare_waiting and state.clock.time < bodies.start_time[j]):
+                    bodies.push[j, 0] += fx
+                    bodies.push[j, 1] += fy
     return OK
 
 

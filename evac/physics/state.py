@@ -402,6 +402,7 @@ class Forces(Struct):
     cutoff: Floats  # gaps beyond which they are neglected [m]
     parameters: FloatGrid
     farthest: float  # greatest cutoff [m]
+    spare_waiting: int  # 1: they do not act on people before their response time
 
 
 class Traits(Struct):

@@ -162,12 +162,19 @@ def make_population(
 
 
 def make_engine(
-    case: "Case", scene: Scene, people: int, forces: "Sequence[Force]", full: bool, threads: int | None
+    case: "Case",
+    scene: Scene,
+    people: int,
+    forces: "Sequence[Force]",
+    behaviours: "Sequence[Behaviour]",
+    full: bool,
+    threads: int | None,
 ) -> Engine:
     """Return the engine of a run with a number of people."""
     levels, number = [level.name for level in scene.building.levels], number_of_threads(threads, people)
     solvers = case.registry.solvers
-    return ENGINE(scene.world, people, forces, full, levels, solvers, number, PEOPLE_PER_THREAD)
+    spare = any(behaviour.stands_firm for behaviour in behaviours)
+    return ENGINE(scene.world, people, forces, full, levels, solvers, number, PEOPLE_PER_THREAD, spare)
 
 
 def make_forces(case: "Case") -> "list[Force]":

@@ -159,7 +159,7 @@ class Simulation:
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
         n = len(self.population.crowd.level)
-        self.engine = assembly.make_engine(case, self.scene, n, self.forces, self.full, self._threads)
+        self.engine = assembly.make_engine(case, self.scene, n, self.forces, behaviours, self.full, self._threads)
 
     def _watch_people(self) -> None:
         """Keep the initial state of people, and begin to watch how they get on."""

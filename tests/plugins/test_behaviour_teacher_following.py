@@ -4,13 +4,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from shapely import box
 
+import evac
 from evac.base.errors import ScenarioError
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.people.behaviour import BehaviourScene
 from evac.physics.state import make_crowd
 from evac.simulation.scene import Ground, Scene
+from evac.simulation.simulation import Simulation
 from evac_plugins.behaviour_teacher_following import HINDERED, WAITED, TeacherFollowing
 
 LENGTH = 100.0
@@ -352,3 +355,58 @@ def test_refuses_a_teacher_that_is_none(wanted, message):
             ("staff", [1.0, 2.0], [1.0] * 2, {}),
             ("class", [0.0], [1.0], {"teacher": wanted}),
         )
+
+
+def walking_class(plan, others, force):
+    """Return the case of a class that walks behind its teacher, and of people who come towards it."""
+    person = {"speed": {"normal": [1.34, 0.26], "minimum": 0.7}, "speed_up": {"factor": 0.5}, "radius": 0.2}
+    people = [
+        {"name": "teacher", "number": 1, "area": "teacher", "exits": ["far"], **person, "speed": 1.2},
+        {"name": "class", "number": 20, "area": "class", "exits": ["far"], **person},
+    ]
+    people[1]["behaviours"] = {"teacher_following": {"teacher": "teacher"}}
+    if others:
+        people.append({"name": "others", "number": 20, "area": "others", "exits": ["near"], **person})
+    content = {"building": plan, "people": people, "behaviours": {"teacher_following": {}, "walking": {}}}
+    return Simulation(evac.load(content | {"forces": force, "contact": {"model": "nsm2"}}))
+
+
+def on_stairs(force):
+    plan = evac.Plan()
+    plan.storey("below", box(0, 0, 10, 6))
+    plan.storey("above", box(16, 0, 26, 6), z=3.0)
+    plan.stair("stair", "below", [(10, 2), (10, 4)], "above", [(16, 2), (16, 4)])
+    plan.exit("near", "below", [(0, 1), (0, 3)])
+    plan.exit("far", "above", [(26, 1), (26, 3)])
+    plan.area("teacher", "below", box(8.6, 2.5, 9.4, 3.5))
+    plan.area("class", "below", box(2, 0.3, 8.4, 5.7))
+    return walking_class(plan, False, force)
+
+
+def in_two_way_traffic(force):
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 40, 4))
+    plan.exit("near", "floor", [(0, 0), (0, 4)])
+    plan.exit("far", "floor", [(40, 0), (40, 4)])
+    plan.area("teacher", "floor", box(9, 1.5, 10, 2.5))
+    plan.area("class", "floor", box(2, 0.3, 8.5, 3.7))
+    plan.area("others", "floor", box(16, 0.3, 36, 3.7))
+    return walking_class(plan, True, force)
+
+
+@pytest.mark.parametrize("force", [{}, {"social": {}}])
+@pytest.mark.parametrize("scene", [on_stairs, in_two_way_traffic])
+def test_with_walking_a_class_stays_behind_its_teacher_and_together(scene, force):
+    simulation = scene(force)
+    crowd, distances = simulation.population.crowd, []
+    rows = {group.name: group.rows for group in simulation.population.groups_for("teacher_following")}
+    teacher, members = rows["teacher"][0], rows["class"]
+    while not simulation.ended:
+        simulation.advance_tick()
+        if crowd.level[teacher] >= 0:
+            here = members[crowd.level[members] == crowd.level[teacher]]
+            distances += list(np.hypot(*(crowd.position[here] - crowd.position[teacher]).T))
+    assert simulation.ended == "everybody out"
+    assert crowd.exit_time[teacher] < crowd.exit_time[members].min()
+    assert np.median(distances) < 6.0
+    assert crowd.exit_time[members].max() - crowd.exit_time[teacher] < 15.0

@@ -168,3 +168,77 @@ def test_a_single_person_walks_as_with_all_parts():
     simulations = [Simulation(alone, full=full) for full in (False, True)]
     one, other = (run_ticks(simulation, 30) for simulation in simulations)
     assert_same_bits(one, other)
+
+
+def waiting(force, seed):
+    """Return RiMEA 5: ten people at random places, who start to leave a room after 10 to 100 s."""
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 5, 8))
+    plan.exit("out", "floor", [(2, 8), (3, 8)])
+    plan.area("room", "floor", box(0.3, 0.3, 4.7, 7.7))
+    people = {"name": "people", "area": "room", "number": 10, "speed": {"normal": [1.34, 0.26], "minimum": 0.7}}
+    behaviours = {"walking": {}, "response_time": {"time": {"uniform": [10.0, 100.0]}}}
+    content = {"building": plan, "people": [people], "behaviours": behaviours, "forces": force}
+    return evac.load(content | {"simulation": {"duration": 150.0, "seed": seed}, "contact": {"model": "nsm2"}})
+
+
+@pytest.mark.parametrize("force", [{}, {"social": {}}])
+def test_who_has_not_started_is_walked_around_and_not_pushed(force):
+    """Of people who keep no clearance, 3 % are pushed by more than 0.01 m, and with the social force more than half."""
+    for seed in range(1, 6):
+        simulation = Simulation(waiting(force, seed))
+        crowd, start = simulation.population.crowd, simulation.start_position
+        while not simulation.ended:
+            simulation.advance_tick()
+            stands = (crowd.level >= 0) & (simulation.time <= crowd.start_time)
+            assert np.hypot(*(crowd.position - start)[stands].T).max(initial=0.0) < 0.01
+        assert simulation.ended == "everybody out"
+
+
+def passed(standing, walls=()):
+    """Return the factor and heading of a person at the origin that comes towards people who stand."""
+    crowd = make_crowd([[0.0, 0.0], *standing], speed=1.2, radius=0.22, contact_radius=0.14)
+    crowd.start_time[1:] = 60.0
+    building = make_building(walls=walls)
+    scene = Scene(make_ground(building, uniform_fields(1)))
+    moved = np.zeros_like(crowd.position)
+    behaviour = Walking(reaction_time=0.0)
+    view = BehaviourScene(
+        crowd, scene, (), np.random.default_rng(1), 0.1, make_outside(len(crowd.level)), displacement_velocity=moved
+    )
+    behaviour.prepare(view)
+    behaviour.act(crowd, 0.0)
+    return crowd.speed_factor[0], (crowd.extra_direction + EAST)[0]
+
+
+@pytest.mark.parametrize("across", [0.1, -0.1])
+def test_people_pass_those_who_stand_on_the_nearer_side_with_a_gap(across):
+    factor, heading = passed([[1.0, across]])
+    assert heading[1] * across < 0.0
+    closest = abs(heading[0] * across - heading[1] * 1.0)
+    assert 0.33 <= closest < 0.33 + math.radians(7.5)
+    assert factor == 1.0
+
+
+def test_people_pass_on_the_farther_side_if_a_wall_is_on_the_nearer_one():
+    _, heading = passed([[1.0, 0.1]], walls=[(-1.0, -0.2, 3.0, -0.2)])
+    assert heading[1] > 0.4
+
+
+def test_people_wait_behind_a_row_of_people_who_close_a_corridor():
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 12, 2))
+    plan.exit("out", "floor", [(12, 0), (12, 2)])
+    row = {"name": "row", "positions": [[6.0, 0.25 + 0.5 * k] for k in range(4)], "level": "floor"}
+    row["behaviours"] = {"response_time": {"time": {"constant": 20.0}}}
+    others = {"name": "others", "positions": [[2.0, 0.6], [3.0, 1.3], [4.0, 1.0]], "level": "floor"}
+    behaviours = {"walking": {}, "response_time": {}}
+    content = {"building": plan, "people": [row, others], "behaviours": behaviours, "contact": {"model": "nsm2"}}
+    simulation = Simulation(evac.load(content))
+    crowd, tick = simulation.population.crowd, simulation.case.simulation.tick
+    run_ticks(simulation, round(20.0 / tick))
+    stands = crowd.start_time > 0.0
+    assert crowd.position[stands] == pytest.approx(simulation.start_position[stands], abs=0.01)
+    assert crowd.position[~stands, 0].max() < 6.0
+    run_ticks(simulation, round(40.0 / tick))
+    assert simulation.ended == "everybody out"

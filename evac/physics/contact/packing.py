@@ -103,4 +103,5 @@ def pack_forces(forces: Sequence[Force]) -> Forces:
         cutoff=cutoff,
         parameters=parameters,
         farthest=float(cutoff.max(initial=0.0)),
+        spare_waiting=0,
     )
