@@ -35,9 +35,8 @@ def missing_parts(building: Building, findings: Sequence[Finding]) -> tuple[str,
         closed = [own for own in floors if reached.isdisjoint(level.index for level in own)]
         if closed:
             verb = "has" if len(closed) == 1 else "have"
-            lacks.append(
-                f"{len(closed)} of {counted(len(floors), 'storey')} {verb} no way out: {_names([own[0] for own in closed])}"
-            )
+            names = _names([own[0] for own in closed])
+            lacks.append(f"{len(closed)} of {counted(len(floors), 'storey')} {verb} no way out: {names}")
         ground = sum(level.polygon.area for own in floors for level in own)
         rest = [level for own in floors if own not in closed for level in own if level.index not in reached]
         area = sum(level.polygon.area for level in rest)

@@ -141,7 +141,7 @@ def stairs_of(
                 if isinstance(error, LeftOutError)
                 else Finding("missing", text, stair.floors[0].name, place)
             )
-            is_there = common(stair.plan, united([other.plan for other in found])).area > TWICE * stair.plan.area
+            is_there = common(stair.plan, united([other.plan for other in stairs])).area > TWICE * stair.plan.area
             findings.append(replace(at, kind="left out") if is_there else at)
             continue
         stairs.append(stair)
