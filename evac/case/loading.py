@@ -14,6 +14,7 @@ from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
 from evac.case.content import content_faults, read_table, with_own_classes
 from evac.case.overrides import apply, dotted
+from evac.case.presets import shipped_presets, with_preset
 from evac.case.schema import MOST_STATES
 from evac.case.trust import named_files
 
@@ -153,15 +154,14 @@ def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Fault]]
     presets, groups = content.get("presets", {}), content.get("people")
     if not isinstance(presets, dict) or not isinstance(groups, list):
         return content, []
-    filled: list[Any] = []
     faults: list[Fault] = []
     for index, group in enumerate(groups):
         name = group.get("preset") if isinstance(group, dict) else None
-        preset = presets.get(name) if isinstance(name, str) else None
-        filled.append({**preset, **group} if isinstance(preset, dict) else group)
-        if isinstance(name, str) and name not in presets:
-            hint = did_you_mean(name, list(presets))
+        known = [*presets, *shipped_presets()]
+        if isinstance(name, str) and name not in known:
+            hint = did_you_mean(name, known)
             faults.append(Fault(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
+    filled = [with_preset(group, presets) if isinstance(group, dict) else group for group in groups]
     return {**content, "people": filled}, faults
 
 

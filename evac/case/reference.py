@@ -8,6 +8,7 @@ from pydantic.fields import FieldInfo
 from evac.base.distributions import KINDS, Distribution
 from evac.base.keys import Factor, Table, table_of
 from evac.case.case import Case
+from evac.case.presets import DESCRIPTION, shipped_presets
 from evac.case.schema import GroupSettings, PeopleSettings
 
 #: Names of the types of single values.
@@ -32,7 +33,10 @@ WORDS: dict[Any, str] = {
 
 def reference() -> str:
     """Return every key of case.toml with its type, unit, default and meaning, as Markdown, by table."""
-    return "\n\n".join([_table(Case, "", "At the top of the file"), *_tables(Case, ""), _distributions()]) + "\n"
+    return (
+        "\n\n".join([_table(Case, "", "At the top of the file"), *_tables(Case, ""), _distributions(), _presets()])
+        + "\n"
+    )
 
 
 def _tables(table: type[Table], path: str) -> list[str]:
@@ -106,6 +110,18 @@ def as_toml(value: Any) -> str:
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {as_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
     return repr(value)
+
+
+def _presets() -> str:
+    rows = []
+    for name, preset in shipped_presets().items():
+        given = ", ".join(f"{key} = {as_toml(value)}" for key, value in preset.items() if key not in DESCRIPTION)
+        rows.append(f"| `{name}` | {preset['about']} | `{given}` | {preset['source']} |")
+    return (
+        "### Shipped presets\n\nThe values that a preset does not have are the defaults above. Speeds on stairs are "
+        "along the slope; those that the source gives in plan are converted for 30 degrees.\n\n"
+        "| name | people | values | source |\n|---|---|---|---|\n" + "\n".join(rows)
+    )
 
 
 def _distributions() -> str:

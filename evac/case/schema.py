@@ -144,6 +144,20 @@ class PeopleSettings(Table):
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
+    turns: Switch = key(
+        "whether people turn their shoulders, so that a behaviour such as `walking` may give them a narrower body; "
+        "false for wheelchairs, for example",
+        "",
+        True,
+    )
+    steepest: Real | None = key(
+        "steepest stair or ramp that their routes use, as rise over run: 0 bars all of them, 0.0834 those above 1:12; "
+        "if not given, none is barred",
+        "",
+        None,
+        ge=0,
+        le=10,
+    )
     limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
     exits: tuple[str, ...] = key(
         "names of the exits that the group uses; empty: any. People who are pushed out by another exit are out as well",
@@ -158,7 +172,11 @@ class GroupSettings(PeopleSettings):
     """`[[people]]`: a group: properties, number and start positions of its people."""
 
     name: Name = key("name of the group; groups are sorted by name, so that the order of the tables has no influence")
-    preset: str | None = key("name of a preset, whose values are used for keys that this table does not have", "", None)
+    preset: str | None = key(
+        "name of a preset of the case or a shipped one, whose values are used for keys that this table does not have",
+        "",
+        None,
+    )
     number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key(
         "area of the building in which they start at random places; this, `level` or `positions`", "", None
@@ -180,6 +198,12 @@ class GroupSettings(PeopleSettings):
     def count(self) -> int:
         """Number of people in the group."""
         return len(self.positions) if self.positions is not None else self.number or 0
+
+    @model_validator(mode="after")
+    def _follows_no_crowd_where_barred(self) -> Self:
+        if self.steepest is not None and self.strategy == "quickest":
+            raise wrong("strategy", '"quickest" does not avoid slopes; use "fastest", or remove steepest')
+        return self
 
     @model_validator(mode="after")
     def _placed_one_way(self) -> Self:

@@ -23,6 +23,7 @@ from evac.directions.fields import ClassGrids, Fields, PackedFields
 from evac.directions.lengths import (
     Marched,
     MarchedClass,
+    barred_on,
     continue_values,
     exits_of_route,
     nodes_not_marched,
@@ -116,6 +117,7 @@ def build_fields(
     _check_memory(building, len(routes) * (1 + len(classes)), spacing, clearance)
     present = routes_at_present(building, routes)
     ways = [exits_of_route(building, route) for route in present]
+    barred = tuple(barred_on(building, route) for route in present)
     solver = _Solver(
         building=building,
         routes=present,
@@ -124,7 +126,10 @@ def build_fields(
         rates=tuple(_rates(route.strategy, speeds, comfort) for route in routes),
         order=order,
         threads=threads,
-        reaching=tuple(tuple(sorted(levels_reaching(building, exits))) for exits in ways),
+        barred=barred,
+        reaching=tuple(
+            tuple(sorted(levels_reaching(building, exits, shut))) for exits, shut in zip(ways, barred, strict=True)
+        ),
     )
     solved = [_narrowest_class(solver, narrowest)]
     for body_class in classes:
@@ -204,6 +209,7 @@ class _Solver:
     rates: tuple[FloatArray, ...]
     order: int
     threads: int | None
+    barred: tuple[frozenset[int], ...]
     reaching: tuple[tuple[int, ...], ...]
 
     def solve(self, barred: float, avoided: float = 0.0) -> _Solved:
@@ -216,7 +222,7 @@ class _Solver:
         solved = _Solved(
             grids, factor if bent is None else bent, barred, self.reaching, [], [], nodes_not_marched(grids), [], [], []
         )
-        with closing(_solve(grids, ways, self.rates, factor, bent, self.order, self.threads)) as fields:
+        with closing(_solve(grids, ways, self, factor, bent)) as fields:
             for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
                 solved.misled.append(np.concatenate([_nodes_past(grids, one, narrow) for one in (travel_time, cost)]))
                 solved.costs.append(travel_time[solved.nodes])
@@ -393,11 +399,9 @@ def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatA
 def _solve(
     grids: BuildingGrids,
     ways: Sequence[list[Exit]],
-    rates: Sequence[FloatArray],
+    solver: _Solver,
     avoided: FloatArray,
     bent: FloatArray | None,
-    order: int,
-    threads: int | None,
 ) -> Generator[tuple[FloatArray, FloatArray, FloatArray], None, None]:
     """Yield directions (nodes, 2), travel times (nodes,) and the cost (nodes,) that directions descend, as marched.
 
@@ -405,13 +409,13 @@ def _solve(
     """
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
     marches = []
-    for rate, exits in zip(rates, ways, strict=True):
+    for rate, exits, barred in zip(solver.rates, ways, solver.barred, strict=True):
         slowness = rate / cosine[:, None]
-        marches.append(March(Metric(slowness, avoided), exits))
+        marches.append(March(Metric(slowness, avoided), exits, barred))
         if bent is not None:
-            marches.append(March(Metric(slowness, bent, is_plain=False), exits))
-    workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), threads)
-    with closing(march_all(grids, marches, order, workers)) as costs:
+            marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred))
+    workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.threads)
+    with closing(march_all(grids, marches, solver.order, workers)) as costs:
         for exits in ways:
             plain = next(costs)
             cost = plain if bent is None else next(costs)

@@ -64,6 +64,14 @@ def exits_of_route(building: Building, route: Route) -> list[Exit]:
     return [exit_ for exit_ in building.exits if route.leads_to(exit_.name) and building.is_open(exit_)]
 
 
+def barred_on(building: Building, route: Route) -> frozenset[int]:
+    """Return the indices of the portals to levels that are too steep for a route."""
+    if route.steepest is None:
+        return frozenset()
+    steep = {level.index for level in building.levels if math.tan(level.slope) > route.steepest}
+    return frozenset(portal.index for portal in building.portals if steep.intersection(portal.levels))
+
+
 def find_lengths(
     marched: Marched, routes: tuple[Route, ...], field_of: NDArray[np.int32], travel_time: FloatArray
 ) -> FloatArray:

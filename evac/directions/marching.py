@@ -33,7 +33,9 @@ class Metric:
     is_plain: bool = True
 
 
-def march(grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int) -> FloatArray:
+def march(
+    grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int, barred: frozenset[int] = frozenset()
+) -> FloatArray:
     """Return the minimum cost from each node of all grids to any of the given exits.
 
     A level is marched from the exits on it, and from each portal behind which the cost is lower. A march from a portal
@@ -49,6 +51,8 @@ def march(grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int) -
         Open exits, where the cost is 0.
     order : {1, 2}
         Order of the marching stencil.
+    barred : frozenset of int
+        Indices of portals through which no way leads.
 
     Returns
     -------
@@ -56,16 +60,17 @@ def march(grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int) -
         Cost [s] of own nodes and of halos as marched with each level; negative behind exits, inf where no exit can be
         reached.
     """
-    return _March(grids, metric, order).run(exits)
+    return _March(grids, metric, order, barred).run(exits)
 
 
 class _March:
     """The costs found so far, and the queue of portals."""
 
-    def __init__(self, grids: BuildingGrids, metric: Metric, order: int) -> None:
+    def __init__(self, grids: BuildingGrids, metric: Metric, order: int, barred: frozenset[int]) -> None:
         self.grids = grids
         self.metric = metric
         self.order = order
+        self.barred = barred
         self.spacing = grids.lattice.spacing
         self.is_plain = metric.is_plain
         self.cost = np.full(grids.size, math.inf)
@@ -97,6 +102,8 @@ class _March:
     def _queue_portals(self, level: int) -> None:
         """Add all portals of a level to the queue, in both directions."""
         for portal in self.grids.portals_of(level):
+            if portal.index in self.barred:
+                continue
             for entered in portal.levels:
                 start = self._start(portal, entered)
                 if start < math.inf:

@@ -22,10 +22,13 @@ class Route:
         Names of the permitted exits; empty means any exit.
     strategy : str
         One of `STRATEGIES`.
+    steepest : float, optional
+        Steepest stair or ramp that it uses, as rise over run; None bars none.
     """
 
     exits: tuple[str, ...] = ()
     strategy: str = "fastest"
+    steepest: float | None = None
 
     @property
     def destination(self) -> str:
@@ -38,4 +41,5 @@ class Route:
 
     def __str__(self) -> str:
         """Return strategy and destination, such as ``"fastest to north|south"``."""
-        return f"{self.strategy} to {self.destination}"
+        gentle = "" if self.steepest is None else f" without slopes above {self.steepest:g}"
+        return f"{self.strategy} to {self.destination}{gentle}"

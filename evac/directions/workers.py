@@ -30,6 +30,7 @@ class March(NamedTuple):
 
     metric: Metric
     exits: list[Exit]
+    barred: frozenset[int] = frozenset()
 
 
 def number_of_workers(grids: BuildingGrids, marches: int, memory: float, wanted: int | None) -> int:
@@ -68,12 +69,12 @@ def march_all(
     with Pool(workers, (_take, (grids, order)), is_quiet=True, replaces=False) as pool:
         futures: deque[Future[FloatArray]] = deque()
         with suppress(OSError):  # no process can be started
-            for metric, exits in marches if workers > 1 else ():
+            for metric, exits, barred in marches if workers > 1 else ():
                 factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number, repeated
-                futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits))
-        for metric, exits in marches:
+                futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred))
+        for metric, exits, barred in marches:
             cost = _answer(futures.popleft()) if futures else None
-            yield march(grids, metric, exits, order) if cost is None else cost
+            yield march(grids, metric, exits, order, barred) if cost is None else cost
 
 
 def _answer(future: "Future[FloatArray]") -> FloatArray | None:
@@ -94,7 +95,9 @@ def _take(grids: BuildingGrids, order: int) -> None:
     _given.append((grids, order))
 
 
-def _march(slowness: FloatArray, factor: FloatArray, is_plain: bool, exits: list[Exit]) -> FloatArray:
+def _march(
+    slowness: FloatArray, factor: FloatArray, is_plain: bool, exits: list[Exit], barred: frozenset[int]
+) -> FloatArray:
     """Return the costs of a march."""
     ((grids, order),) = _given
-    return march(grids, Metric(slowness, np.broadcast_to(factor, grids.size), is_plain), exits, order)
+    return march(grids, Metric(slowness, np.broadcast_to(factor, grids.size), is_plain), exits, order, barred)

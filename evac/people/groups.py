@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evac.base.arrays import FloatArray
 from evac.base.distributions import Distribution
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 def route_of(people: "GroupSettings") -> Route:
     """Return the initial route of a group."""
-    return Route(people.exits, people.strategy)
+    return Route(people.exits, people.strategy, people.steepest)
 
 
 def routes_of(case: "Case") -> tuple[Route, ...]:
@@ -51,8 +52,20 @@ def narrowest_body(case: "Case", behaviours: Sequence[Behaviour] = ()) -> float:
     return 2.0 * min(_contact_radius(behaviours, people, people.radius.support()[0]) for people in case.people)
 
 
+def contact_radii(behaviours: Sequence[Behaviour], people: "GroupSettings", radius: FloatArray) -> FloatArray:
+    """Return the contact radii of people of a group: those that the behaviours of the case state, if they turn.
+
+    Parameters
+    ----------
+    behaviours : sequence of Behaviour
+    people : GroupSettings
+    radius : (n,) float64 [m]
+    """
+    return contact_radius(behaviours if people.turns else (), people.name, people.behaviours, radius)
+
+
 def _contact_radius(behaviours: Sequence[Behaviour], people: "GroupSettings", radius: float) -> float:
-    return float(contact_radius(behaviours, people.name, people.behaviours, np.array([radius]))[0])
+    return float(contact_radii(behaviours, people, np.array([radius]))[0])
 
 
 def reference_speeds(case: "Case") -> tuple[float, float, float]:

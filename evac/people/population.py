@@ -16,8 +16,8 @@ from evac.base.saved import FINITE, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.surface.places import HEIGHT_REACH
-from evac.people.behaviour import Behaviour, contact_radius
-from evac.people.groups import check_people, route_of
+from evac.people.behaviour import Behaviour
+from evac.people.groups import check_people, contact_radii, route_of
 from evac.people.placement import clearance, place
 from evac.physics.motion import EXIT
 from evac.physics.state import Crowd, Events, make_crowd
@@ -221,7 +221,7 @@ def build_population(
         with naming(case.source):
             _draw_quantities(crowd, people, group.rows, seed if own is None else own)
         drawn = crowd.radius[group.rows]
-        crowd.contact_radius[group.rows] = contact_radius(behaviours, people.name, people.behaviours, drawn)
+        crowd.contact_radius[group.rows] = contact_radii(behaviours, people, drawn)
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)

@@ -241,8 +241,12 @@ def _unreachable(
     source: "Path", building: Building, fields: Fields, crowd: Crowd, group: "Group", rows: IntArray
 ) -> str:
     """Describe, for a message, why people have no travel time to an exit."""
-    exits = " or ".join(fields.routes[crowd.route[rows[0]]].exits) or "any exit"
+    route = fields.routes[crowd.route[rows[0]]]
+    exits = " or ".join(route.exits) or "any exit"
     opened = "remove a name from building.closed" if building.closed else "add a connection to the mesh"
+    if route.steepest is not None:
+        exits += f" without slopes above {route.steepest:g}"
+        opened = f"raise people.{group.name}.steepest"
     return (
         f"{_affected(source, building, crowd, group, rows, f'cannot reach {exits}')}; move them, allow other exits, "
         f"{opened}, or if a narrow gap leads there, reduce directions.spacing = {fields.packed.spacing:g} m"

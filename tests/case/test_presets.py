@@ -1,9 +1,12 @@
 """Presets: what groups take from them, and faults in them."""
 
+import re
+
 import pytest
 
 from evac.case import case_from, load_case
-from evac.case.schema import GroupSettings
+from evac.case.presets import DESCRIPTION, shipped_presets
+from evac.case.schema import GroupSettings, PeopleSettings
 from tests.case.faults import lines_of, says
 
 PRESETS = {
@@ -51,3 +54,37 @@ def test_a_fault_of_a_preset_is_one_line(case_file, registry, key, value, line):
 def test_a_preset_that_does_not_fit_a_group_is_a_fault_of_the_group(case_file, registry):
     (line,) = lines_of(case_file, {**PRESETS, "presets.pupil.mass": {"list": [60.0, 70.0]}}, registry)
     assert says(line, case_file, "people.pupils.mass: 2 values for 5 people")
+
+
+@pytest.mark.parametrize("name", shipped_presets())
+def test_every_shipped_preset_is_a_group_and_has_its_source(case_file, registry, name):
+    preset = shipped_presets()[name]
+    case = load_case(case_file, {"people.pupils.preset": name}, registry=registry)
+    group = case.people[0]
+    assert group.steepest == preset.get("steepest")
+    assert group.speed.mean() == pytest.approx(
+        case.change({"people.pupils.speed": preset["speed"]}).people[0].speed.mean()
+    )
+    assert preset["about"]
+    assert re.search(r"\d{4}|FDS\+Evac", preset["source"])
+    assert set(preset) - set(DESCRIPTION) <= set(PeopleSettings.model_fields)
+
+
+def test_a_preset_of_the_case_goes_before_a_shipped_one(case_file, registry):
+    case = load_case(
+        case_file, {"people.pupils.preset": "adult", "presets": {"adult": {"speed": 0.5}}}, registry=registry
+    )
+    assert case.people[0].speed.mean() == 0.5
+
+
+def test_impaired_people_of_guidelines_are_slower_and_wheelchairs_wide():
+    shipped = shipped_presets()
+    assert shipped["wheelchair"]["radius"] == 0.4
+    assert not shipped["wheelchair"]["turns"]
+    assert shipped["imo_male_30_to_50"]["speed"] == {"uniform": [0.97, 1.62]}
+    assert shipped["impaired"]["speed"] == {"uniform": [0.46, 0.76]}
+
+
+def test_the_strategy_that_follows_the_crowd_cannot_avoid_slopes(case_file, registry):
+    (line,) = lines_of(case_file, {"people.pupils.steepest": 0.1, "people.pupils.strategy": "quickest"}, registry)
+    assert says(line, case_file, 'people.pupils.strategy: "quickest" does not avoid slopes')

@@ -112,9 +112,9 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
     return replace(result, findings=(*building.findings, *cut_off))
 
 
-def levels_reaching(building: Building, exits: Iterable[Exit]) -> set[int]:
-    """Return the levels from which one of some open exits can be reached."""
-    part = _parts(building)
+def levels_reaching(building: Building, exits: Iterable[Exit], barred: Collection[int] = ()) -> set[int]:
+    """Return the levels from which one of some open exits can be reached, without the portals `barred`."""
+    part = _parts(building, barred)
     return set(np.flatnonzero(np.isin(part, [part[exit_.level] for exit_ in exits])).tolist())
 
 
@@ -134,7 +134,7 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
     return tuple(notes)
 
 
-def _parts(building: Building) -> IndexArray:
-    """Return the part of the building that each level belongs to: open portals join levels to parts."""
-    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
+def _parts(building: Building, barred: Collection[int] = ()) -> IndexArray:
+    """Return the part of the building that each level belongs to: open portals not `barred` join levels to parts."""
+    pairs = [one.levels for one in building.portals if building.is_open(one) and one.index not in barred]
     return connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
