@@ -29,13 +29,14 @@ INTERRUPTED_STATUS = 130
 #: Commands in the order of the help, and the modules whose names differ from those of their commands.
 COMMANDS = (
     *("run", "resume", "repeat", "sweep", "list", "check", "import", "new", "explain", "plugins", "cache"),
-    *("replay", "export", "render", "map", "report", "evidence"),
+    *("replay", "export", "render", "map", "report", "verify", "evidence"),
 )
 MODULES = {"list": "catalogue", "import": "importing", "report": "write_report"}
 
 EPILOG = """\
 Exit status:
   0    success; for a run: everybody is out
+  1    evac verify: a standard test is failed
   2    bad input: a case, building, plugin, file or command line; the message names it; for a study: runs failed
   3    people are left inside
   70   internal error, or not enough memory; the message names a file to attach to a bug report

@@ -109,16 +109,8 @@ class Evidence:
         if self.quick:
             yield from map(function, items)
             return
-        with Pool(min(WORKERS, cores()), QUIET) as pool:
-            for future in [pool.submit(function, item) for item in items]:
-                try:
-                    result = future.result()
-                except BrokenExecutor as error:
-                    raise SimulationError(
-                        f"evidence of {self.kind}: a worker process ended unexpectedly, possibly for lack of memory: "
-                        f"{error}; make the evidence again, or a part of it with --quick"
-                    ) from error
-                yield result
+        remedy = "make the evidence again, or a part of it with --quick"
+        yield from in_processes(function, items, min(WORKERS, cores()), f"evidence of {self.kind}", remedy)
 
     def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
         """Measure, write NAME.csv with full precision, and return its rows; with `page_only` only read them.
@@ -226,6 +218,27 @@ class Evidence:
         if not path.is_file():
             raise ResultError(f"{path}: no such file; run `evac evidence {self.kind}` without --page-only first")
         return path
+
+
+def in_processes(
+    function: Callable[[Item], Result], items: Iterable[Item], workers: int, what: str, remedy: str
+) -> Iterator[Result]:
+    """Yield ``function(item)`` for each item in order, from so many processes; an error says what ended and a remedy.
+
+    Raises
+    ------
+    SimulationError
+        A process died.
+    """
+    with Pool(workers, QUIET) as pool:
+        for future in [pool.submit(function, item) for item in items]:
+            try:
+                result = future.result()
+            except BrokenExecutor as error:
+                raise SimulationError(
+                    f"{what}: a worker process ended unexpectedly, possibly for lack of memory: {error}; {remedy}"
+                ) from error
+            yield result
 
 
 def _read(text: str) -> Any:

@@ -10,12 +10,12 @@ from evac.analysis.flows import steady_flow
 from evac.base.errors import ResultError
 from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
-from evac.evidence.validation.buildings import across, rectangle, write_case
 from evac.people.outside import REACH, PeopleOutside
 from evac.physics.state import make_crowd
 from evac.simulation.simulation import Simulation
 from tests.physics.scenes import make_building
 from tests.runs import assert_same_bits, run_ticks
+from tests.validation.buildings import across, rectangle, write_case
 
 DOOR = (2.0, -1.0, 2.0, 1.0)
 

@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from evac.evidence.validation.buildings import write_case
-from evac.evidence.validation.kinematics import ONE
+from evac.case.loading import load_case
+from evac.evidence.validation.alone import ONE
 from evac.simulation.simulation import Simulation
+
+MESH_NAME = "building.obj"
 
 
 def make_case(folder, faces, exits, people, model="nsm2", **sections):
@@ -50,3 +52,64 @@ def alone(simulation, person, state):
 
 def simulate(*arguments, **sections):
     return Simulation(make_case(*arguments, **sections))
+
+
+def rectangle(x1, y1, x2, y2, z1=0.0, z2=None):
+    """Return a face over [x1, x2] x [y1, y2] that rises from z1 at x1 to z2 at x2 [m]; level if z2 is not given."""
+    z2 = z1 if z2 is None else z2
+    return [(x1, y1, z1), (x2, y1, z2), (x2, y2, z2), (x1, y2, z1)]
+
+
+def write_obj(path, faces):
+    """Write faces as an OBJ mesh; corners at the same place are left for evac to weld."""
+    faces = list(faces)
+    corners = iter(range(1, 1 + sum(len(face) for face in faces)))
+    lines = ["v {!r} {!r} {!r}".format(*map(float, point)) for face in faces for point in face]
+    lines += ["f " + " ".join(str(next(corners)) for _ in face) for face in faces]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def write_case(
+    folder,
+    faces,
+    exits,
+    people,
+    areas=(),
+    sections=None,
+):
+    """Write a mesh and the case.toml that names it into `folder`, and load the case.
+
+    Exits are (name, segment [m], z [m]), areas in which people start (name, (x1, y1, x2, y2) [m], z [m]). A group
+    without name is named by its index. `sections` are other keys of the case, dotted, or whole sections.
+    """
+    write_obj(folder / MESH_NAME, faces)
+    (folder / "case.toml").write_text(f'[building]\nmesh = "{MESH_NAME}"\n', encoding="utf-8")
+    building = {
+        "building.exits": [{"name": name, "segment": segment, "z": z} for name, segment, z in exits],
+        "building.areas": [
+            {"name": name, "polygon": [[x1, y1], [x2, y1], [x2, y2], [x1, y2]], "z": z}
+            for name, (x1, y1, x2, y2), z in areas
+        ],
+    }
+    groups = [{"name": f"group {number}", **group} for number, group in enumerate(people)]
+    return load_case(folder / "case.toml", {**building, "people": groups, **(sections or {})})
+
+
+def across(x, y1, y2):
+    """Return the segment of an exit at `x` from y1 to y2 [m]."""
+    return [[x, y1], [x, y2]]
+
+
+def straight_stair(run=8.0, rise=6.0, width=2.0, landing=2.0):
+    """Return a stair along x from (0, 0) with floors before and behind it; RiMEA 2 and 3 as it stands [m]."""
+    return [
+        rectangle(-landing, 0, 0, width, 0.0),
+        rectangle(0, 0, run, width, 0.0, rise),
+        rectangle(run, 0, run + landing, width, rise),
+    ]
+
+
+def corner():
+    """Return the corner of RiMEA 6: a leg along x to 12 m, 2 m wide, and one along y from x = 10 to 12 m."""
+    return [rectangle(0, 0, 10, 2), rectangle(10, 0, 12, 2), rectangle(10, 2, 12, 12)]

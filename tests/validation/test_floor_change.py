@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from evac.case.loading import load_case
-from evac.evidence.validation.buildings import rectangle, straight_stair
 from evac.simulation.simulation import Simulation
-from tests.validation.buildings import crossing_times, simulate, track
+from tests.validation.buildings import crossing_times, rectangle, simulate, straight_stair, track
 
 MODELS = ["dem", "nsm1", "nsm2"]
 

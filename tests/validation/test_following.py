@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from evac.case.loading import load_case
-from evac.evidence.validation.buildings import rectangle, write_case
 from evac.simulation.simulation import Simulation
-from tests.validation.buildings import simulate, track
+from tests.validation.buildings import rectangle, simulate, track, write_case
 
 SECOND = 1.0  # of travel time
 

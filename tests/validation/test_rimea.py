@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.evidence.validation.buildings import corner, rectangle, straight_stair
-from tests.validation.buildings import crossing_times, simulate, track
+from tests.validation.buildings import corner, crossing_times, rectangle, simulate, straight_stair, track
 
 MODELS = ["dem", "nsm1", "nsm2"]
 

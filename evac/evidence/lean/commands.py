@@ -99,6 +99,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac render": [result, "--out", str(folder / "picture.png")],
         "evac import --help": [],
         "evac new": [str(folder / "new")],
+        "evac verify": [],
         "evac evidence --help": [],
         "evac check primary_school": [],
         "evac explain primary_school": [],

@@ -1,42 +1,53 @@
-"""Parts of a validation test: the tested model, its runs, and values compared with a criterion."""
+"""Parts of a standard test: who walks, the runs that it makes, and values compared with a criterion."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import box
 
 from evac.base.arrays import FloatArray
+from evac.base.errors import RunWarning
+from evac.building.plan.plan import Plan
 from evac.case.case import Case
-from evac.evidence.models import model_overrides
-from evac.evidence.validation.buildings import Face, Segment, write_case
+from evac.case.loading import load_case
+from evac.contract.builtin import DEFAULT_MOVEMENT
 from evac.results.results import Results
 from evac.simulation.running import run
 from evac.study.statistics import estimate
 from evac.trajectory.trajectory import Trajectory, read_trajectory
 
+#: Contact model where none is set, that of new cases.
+CONTACT_MODEL = "nsm2"
+
+#: Longest run [s], and the time between two recorded states [s].
+DURATION, EVERY = 900.0, 0.1
+
 
 @dataclass(frozen=True)
 class Criterion:
-    """The criterion of a test: a quantity, the range in which it must lie, and the source."""
+    """A quantity, the range in which its mean over the runs must lie, and the source of the range.
 
-    test: str  # common name of the test, such as "RiMEA 2"
-    quantity: str  # the measured quantity, with its unit
-    source: str  # source of the range
-    low: float = -np.inf  # the range; infinite if it is open
-    high: float = np.inf  # the range; infinite if it is open
+    The range of a quantity that is reported only is open at both ends.
+    """
+
+    quantity: str  # with its unit
+    source: str
+    low: float = -np.inf
+    high: float = np.inf
 
     @property
     def band(self) -> str:
-        """The band in words."""
+        """The range in words."""
         if self.low == self.high:
             return f"{self.low:g}"
         if not np.isfinite(self.low):
-            return f"at most {self.high:.4g}"
+            return f"at most {self.high:.4g}" if np.isfinite(self.high) else "-"
         if not np.isfinite(self.high):
             return f"at least {self.low:.4g}"
         return f"{self.low:.4g} to {self.high:.4g}"
@@ -45,19 +56,12 @@ class Criterion:
         """Return whether a value lies in the range."""
         return self.low <= value <= self.high
 
-    @property
-    def reference(self) -> float:
-        """The middle of the band, or its one bound."""
-        bounds = [bound for bound in (self.low, self.high) if np.isfinite(bound)]
-        return float(np.mean(bounds))
-
 
 @dataclass(frozen=True)
 class Check:
-    """The result of the trial `name` for a criterion: one value per run, NaN for a blocked run."""
+    """The values found for a criterion, one per run; NaN for a run in which people are left."""
 
     criterion: Criterion
-    model: str
     values: tuple[float, ...]
 
     @cached_property
@@ -77,8 +81,9 @@ class Check:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Interval of the mean; None if the values do not determine one."""
-        return mean_interval(self.found)
+        """Interval of the mean, as in studies; None if the values do not determine one."""
+        found = estimate("mean", self.found)
+        return (found.low, found.high) if found.has_interval else None
 
     @property
     def is_passed(self) -> bool:
@@ -103,6 +108,11 @@ class Check:
         return f"NO{'' if self.is_certain else ', not certain'}: {self.mean:.3g}{times}"
 
 
+def check(quantity: str, source: str, values: Iterable[float], low: float = -np.inf, high: float = np.inf) -> Check:
+    """Return the check of a quantity with one value per run."""
+    return Check(Criterion(quantity, source, float(low), float(high)), tuple(float(value) for value in values))
+
+
 @dataclass(frozen=True)
 class Outcome:
     """The results of a run and its trajectory."""
@@ -110,85 +120,119 @@ class Outcome:
     results: Results
     trajectory: Trajectory
 
-    def numbers(self, column: str) -> FloatArray:
-        """Return a column of `Results.people`, (people,); NaN where it is empty."""
-        return np.array(self.results.people[column], np.float64)
-
     @property
-    def exit_times(self) -> FloatArray:
-        """Exit times in ascending order, of those who are out [s]."""
-        times = self.numbers("exit_time")
-        return np.sort(times[np.isfinite(times)])
+    def exit_time(self) -> FloatArray:
+        """Exit time of each person [s]; NaN for those who are left."""
+        return self.results.crowd.exit_time
 
     @property
     def is_blocked(self) -> bool:
         """Whether people are left."""
         return self.results.evacuated < self.results.number_of_people
 
-    @property
-    def last_out(self) -> float:
-        """Time at which the last one left [s]; NaN if people are left."""
-        return float("nan") if self.is_blocked else float(self.exit_times[-1])
+    def last_out(self, group: int | None = None) -> float:
+        """Return when the last one of a group, or of all, left [s]; NaN if people are left."""
+        times = self.exit_time if group is None else self.exit_time[self.results.groups[group].rows]
+        return float("nan") if self.is_blocked else float(times.max())
 
-    def first_times(self, is_counted: NDArray[np.bool_]) -> FloatArray:
-        """Return when each person first made one of the moves `is_counted` (m,), in ascending order [s]."""
-        moves = self.results.moves
-        _, first = np.unique(moves.row[is_counted], return_index=True)  # moves are in order of time
-        return np.sort(moves.time[is_counted][first])
+    @property
+    def response_time(self) -> FloatArray:
+        """Response time of each person [s]."""
+        return self.results.crowd.start_time
+
+    def out_by(self, name: str) -> NDArray[np.bool_]:
+        """Return who left by the exit of a name, (people,)."""
+        index = next(one.index for one in self.results.building.exits if one.name == name)
+        return np.asarray(self.results.crowd.exit_used == index)
+
+    def passing_times(self, axis: int, line: float) -> FloatArray:
+        """Return when each person first passes a line towards larger coordinates, (people,) [s]; NaN if it never does.
+
+        Times are interpolated between recorded states; those who are out have passed.
+        """
+        time, place = self.trajectory.time, self.trajectory.position[..., axis]
+        beyond = np.isnan(place) | (place >= line)
+        frame = beyond.argmax(axis=0)
+        person = np.arange(place.shape[1])
+        before, after = place[np.maximum(frame - 1, 0), person], place[frame, person]
+        share = np.ones(len(person))
+        np.divide(line - before, after - before, where=np.isfinite(after) & (frame > 0), out=share)
+        times = time[np.maximum(frame - 1, 0)] + share * (time[frame] - time[np.maximum(frame - 1, 0)])
+        found: FloatArray = np.where(beyond.any(axis=0) & (frame > 0), times, np.nan)
+        return found
+
+    def densities(self, x1: float, y1: float, x2: float, y2: float) -> FloatArray:
+        """Return the number of people in a rectangle over its area in each recorded state, (states,) [1/m2]."""
+        x, y = np.moveaxis(self.trajectory.position, 2, 0)
+        inside = (x >= x1) & (x < x2) & (y >= y1) & (y < y2)
+        found: FloatArray = inside.sum(axis=1) / ((x2 - x1) * (y2 - y1))
+        return found
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A contact model under test, by its name in the evidence, and the seeds of the runs that a test makes.
+    """Who walks in the standard tests, and where their result folders are left.
 
-    With `headway` the behaviour of that name is in use, with its defaults.
+    Attributes
+    ----------
+    folder : Path
+        Each run has a result folder in it.
+    seeds : tuple of int
+    settings : tuple of str
+        Keys of all cases to change, as KEY=VALUE.
+    plugin_files : tuple of Path
+    is_paper : bool
+        Whether people walk as in the paper, without a behaviour that keeps distances.
     """
 
-    model: str
-    seeds: tuple[int, ...]
-    headway: bool = False
+    folder: Path
+    seeds: tuple[int, ...] = (1,)
+    settings: tuple[str, ...] = ()
+    plugin_files: tuple[Path, ...] = ()
+    is_paper: bool = False
 
-    @property
-    def name(self) -> str:
-        """Name in tables and plots."""
-        return f"{self.model}, headway" if self.headway else self.model
+    def case(
+        self, plan: Plan, people: Iterable[Mapping[str, Any]], title: str = "", **sections: Mapping[str, Any]
+    ) -> Case:
+        """Return the case of people in a building; groups without name are numbered."""
+        content = {
+            "title": title,
+            "building": plan,
+            "people": [{"name": f"group {number:02d}", **group} for number, group in enumerate(people)],
+            "contact": {"model": CONTACT_MODEL},
+            "behaviours": {},
+            **sections,
+            "simulation": {"duration": DURATION, **sections.get("simulation", {})},
+            "output": {"every": EVERY},
+        }
+        return self.changed(load_case(content, plugin_files=self.plugin_files))
 
-    @property
-    def overrides(self) -> dict[str, Any]:
-        """Overrides of a case for this trial; headway is appended to the behaviours of the case."""
-        return model_overrides(self.model) | ({"behaviours.headway": {}} if self.headway else {})
+    def changed(self, case: Case) -> Case:
+        """Return a case in which people walk as this trial has them walk."""
+        own = {} if self.is_paper else {f"behaviours.{DEFAULT_MOVEMENT}": {}}
+        return case.change({**own, "output.picture": False}).change(self.settings)
 
     def runs(
-        self,
-        faces: Iterable[Face],
-        exits: Iterable[tuple[str, Segment, float]],
-        people: Iterable[Mapping[str, Any]],
-        areas: Iterable[tuple[str, Sequence[float], float]] = (),
-        **sections: Any,
+        self, plan: Plan, people: Iterable[Mapping[str, Any]], label: str = "run", **sections: Mapping[str, Any]
     ) -> list[Outcome]:
-        """Write a building and its case to a temporary folder and run it with each seed; see `write_case`."""
-        with TemporaryDirectory() as folder:
-            case = write_case(Path(folder), faces, exits, people, areas, {**sections, **self.overrides})
-            return self.run_case(case)
+        """Run people in a building with each seed, into the folders LABEL-SEED."""
+        return self.run_case(self.case(plan, people, f"{self.folder.name}, {label}", **sections), label)
 
-    def run_case(self, case: Case) -> list[Outcome]:
-        """Run a case with each seed, through its result folder."""
-        quiet = {"output.picture": False, "output.animation": False, **self.overrides}
-        return [conduct(case.change({**quiet, "simulation.seed": seed})) for seed in self.seeds]
+    def run_case(self, case: Case, label: str) -> list[Outcome]:
+        """Run a case with each seed."""
+        return [self._run(case.change({"simulation.seed": seed}), f"{label}-{seed}") for seed in self.seeds]
 
-    def check(self, criterion: Criterion, values: Iterable[float]) -> Check:
-        """Compare one value of each run with a criterion."""
-        return Check(criterion, self.name, tuple(float(value) for value in values))
-
-
-def conduct(case: Case) -> Outcome:
-    """Run a case with a result folder and read the folder."""
-    with TemporaryDirectory() as place:
-        results = run(case, place)
+    def _run(self, case: Case, name: str) -> Outcome:
+        place = self.folder / name.replace(" ", "-")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RunWarning)  # the criteria judge the results
+            results = run(case, place, progress=False)
         return Outcome(results, read_trajectory(place))
 
 
-def mean_interval(values: FloatArray) -> tuple[float, float] | None:
-    """Return the interval of the mean of values, as in studies; None if they do not determine one."""
-    found = estimate("mean", values)
-    return (found.low, found.high) if found.has_interval else None
+def probe(trial: Trial) -> Case:
+    """Return a case as small as any, which shows whether the settings and plugin files of a trial are valid."""
+    plan = Plan()
+    plan.storey("floor", box(0, 0, 2, 2))
+    plan.exit("end", "floor", [(2, 0), (2, 2)])
+    return trial.case(plan, [{"positions": [[1.0, 1.0]], "z": 0.0}])

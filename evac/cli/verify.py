@@ -1,0 +1,70 @@
+"""evac verify: put the movement of people to the standard tests of RiMEA, IMO, NIST and ISO.
+
+Without names, the tests are listed. Names are those of tests, such as RiMEA-9, IMO-4, NIST-2.1 or ISO-12, of whole
+standards (RiMEA, IMO, NIST, ISO), or `all`. Each run leaves its result folder in DIR/TEST, and DIR/verification.html
+is a page on all tests, with the verdict first.
+
+Exit status: 0 if all tests that were run are passed, 1 if not.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evac.cli.inputs import declare_plugin, declare_set, note_unused_plugins
+
+if TYPE_CHECKING:
+    from evac.evidence.validation.standard import Result
+
+#: Exit status if a test is failed.
+TEST_FAILED = 1
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("tests", metavar="NAME", nargs="*", help="a test, a standard, or all; without: list the tests")
+    declare_set(parser, "change keys of all cases, such as contact.model=dem behaviours.walking.preset=regulation")
+    declare_plugin(parser)
+    what = "people walk as in the paper, without the behaviour of new cases; --set adds another one"
+    parser.add_argument("--paper", action="store_true", help=what)
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="first seed (default: 1)")
+    what = "folder of the page and of the results (default: ./verification)"
+    parser.add_argument("--out", type=Path, default=Path("verification"), metavar="DIR", help=what)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Carry out the tests, or list them; return 0 if all are passed."""
+    from evac.evidence.validation.standard import FAILED, TESTS, find_tests
+    from evac.evidence.validation.trial import Trial, probe
+
+    if not arguments.tests:
+        for test in TESTS:
+            kind = f" ({test.why.partition(': ')[0]})" if test.why else ""
+            print(f"{' '.join(test.names):32}{test.title}{kind}")
+        return 0
+    tests = find_tests(arguments.tests)
+    plugin_files = tuple(Path(path).resolve() for path in arguments.plugins)
+    trial = Trial(arguments.out, settings=tuple(arguments.set), plugin_files=plugin_files, is_paper=arguments.paper)
+    note_unused_plugins(probe(trial))
+    from evac.evidence.validation.verify import PAGE_NAME, verify
+
+    results = verify(tests, trial, arguments.seed, tell)
+    print(arguments.out / PAGE_NAME)
+    return TEST_FAILED if any(result.verdict == FAILED for result in results) else 0
+
+
+def tell(result: "Result") -> None:
+    """Print the verdict on a test and its checks."""
+    test = result.test
+    print(f"{' '.join(test.names)}: {test.title}: {test.why or result.verdict}")
+    if result.error:
+        print(f"    error: {result.error}")
+    for check in result.checks:
+        found = "-" if check.mean is None else f"{check.mean:.4g}"
+        met = "met" if check.is_passed else "NOT MET"
+        blocked = f", {check.blocked} of {len(check.values)} runs blocked" if check.blocked else ""
+        print(f"    {check.criterion.quantity}: {found} (expected {check.criterion.band}){blocked}: {met}")
+    if test.by_design and not all(check.is_passed for check in result.checks):
+        print(f"    fails by design: {test.by_design}")
+    sys.stdout.flush()

@@ -1,0 +1,202 @@
+"""Standard tests of people who walk alone or without interaction: times, speeds, response times, walls.
+
+A person who starts from rest with desired speed v accelerates as v (1 - exp(-t / tau)) (eq. 33 of the paper), so that
+L metres take L / v + tau once exp(-t / tau) has decayed.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy import stats
+from shapely import box
+
+from evac.base.arrays import FloatArray
+from evac.evidence.validation.plans import CROWD_SPEED, across, crowd, one_storey, straight_stair
+from evac.evidence.validation.trial import Check, Outcome, Trial, check
+
+#: Radius, mass and relaxation time of people with known travel times.
+ONE = {"radius": 0.2, "mass": 80.0, "tau": 0.5}
+
+#: A displacement of more than this counts as a start or a push [m].
+MOVED = 1e-2
+
+#: Mean walking speed by age [years -> m/s] and its standard deviation: the curve of RiMEA 7.
+SPEED_BY_AGE = {20: 1.61, 30: 1.54, 40: 1.48, 50: 1.41, 60: 1.27, 70: 1.07}
+DEVIATION = 0.31
+PER_AGE = 50
+
+#: Distance of lanes in which people walk side by side without interaction [m].
+LANE = 2.0
+
+#: Response times of NIST 1.1 and ISO 1, with the distribution they are compared with.
+RESPONSES = {
+    "uniform": ({"uniform": [10.0, 100.0]}, stats.uniform(10.0, 90.0)),
+    "normal": ({"normal": [60.0, 20.0], "minimum": 0.0}, stats.truncnorm(-3.0, np.inf, 60.0, 20.0)),
+    "lognormal": ({"lognormal": [4.586, 0.967]}, stats.lognorm(0.967, scale=np.exp(4.586))),
+    "gamma": ({"gamma": [1.291, 103.901]}, stats.gamma(1.291, scale=103.901)),
+    "Weibull": ({"weibull": [1.195, 139.285]}, stats.weibull_min(1.195, scale=139.285)),
+}
+ASKED = 300
+
+#: Significance of the Kolmogorov-Smirnov tests.
+ALPHA = 0.05
+
+
+def _place(x: float, y: float = 1.0, z: float = 0.0, **keys: Any) -> dict[str, Any]:
+    """Return a group of one person at a place."""
+    return {**ONE, "positions": [[x, y]], "z": z, **keys}
+
+
+def corridor(trial: Trial, speed: float, low: float, high: float) -> Iterator[Check]:
+    """Time 40 m in a corridor of 2 m, from rest."""
+    plan = one_storey(box(-2, 0, 40, 2), exits={"end": across(40, 0, 2)})
+    times = [run.last_out() for run in trial.runs(plan, [_place(0.0, speed=speed)])]
+    by_hand = 40.0 / speed + ONE["tau"]
+    yield check(f"time for 40 m at {speed:g} m/s [s]", "the standard", times, low, high)
+    yield check("the same, from rest by hand [s]", "L / v + tau ± h", times, by_hand - 0.01, by_hand + 0.01)
+
+
+def speed_in_corridor(trial: Trial) -> Iterator[Check]:
+    """Time 40 m in a corridor at 1 m/s, after 10 m to come up to speed."""
+    plan = one_storey(box(-10, 0, 50, 2), exits={"end": across(50, 0, 2)})
+    runs = trial.runs(plan, [_place(-9.0, speed=1.0)])
+    times = [float(run.passing_times(0, 40.0)[0] - run.passing_times(0, 0.0)[0]) for run in runs]
+    yield check("speed over 40 m [m/s]", "NIST TN 1822, ISO 20414", [40.0 / time for time in times], 0.95, 1.05)
+
+
+def stair(trial: Trial, way: str, speed: float, length: float = 10.0, flat: float = 1.33) -> Iterator[Check]:
+    """Time a stair along its slope, which rises 3 in 5, at a speed of its own."""
+    run, rise, up = 0.8 * length, 0.6 * length, way == "up"
+    tau, slow = 0.2, 0.8 * speed  # the speed in plan
+    start = _place(-1.5, z=0.0) if up else _place(run + 1.5, z=rise)
+    person = {**start, "speed": flat, f"speed_{way}": speed, "exits": [way], "tau": tau}
+    times = []
+    for outcome in trial.runs(straight_stair(run, rise), [person], way):
+        enter, leave = outcome.results.crossings[2]
+        times.append(float(leave - enter))
+    asked, by_hand = length / speed, length / speed - tau * (flat - slow) / slow
+    words = f"time for {length:g} m {way} a stair at {speed:g} m/s [s]"
+    yield check(words, "the standard, ± 5 %", times, 0.95 * asked, 1.05 * asked)
+    words = f"the same, entered at {flat:g} m/s, by hand [s]"
+    yield check(words, "eq. 33, ± 1 %", times, 0.99 * by_hand, 1.01 * by_hand)
+
+
+def long_stair(trial: Trial) -> Iterator[Check]:
+    """Time 100 m up and down at 1 m/s."""
+    for way in ("up", "down"):
+        yield from stair(trial, way, 1.0, 100.0, 1.0)
+
+
+def response(trial: Trial) -> Iterator[Check]:
+    """Start ten people in a room after response times of 10 to 100 s; in places out of the way, and at random."""
+    plan = one_storey(box(0, 0, 5, 8), exits={"door": [(2, 8), (3, 8)]}, areas={"room": box(0, 0, 5, 8)})
+    late = {"response_time": {"time": {"uniform": [10.0, 100.0]}}}
+    apart = {**ONE, "positions": [[0.25 + 0.5 * k, 0.5] for k in range(10)], "z": 0.0, "speed": 1.33}
+    favourable = trial.runs(plan, [apart], "far wall", behaviours=late)
+    anywhere = trial.runs(plan, [{**ONE, "area": "room", "number": 10, "speed": 1.33}], "random", behaviours=late)
+    words = "greatest time from response to first motion, all at the far wall [s]"
+    yield check(words, "RiMEA: two frames of 1/8 s", map(_lag, favourable), high=0.25)
+    pushed, source = "greatest way anybody is pushed before the own response, ", "RiMEA: nobody moves before"
+    yield check(f"{pushed}all at the far wall [m]", source, map(_way_before_response, favourable), high=MOVED)
+    yield check(f"{pushed}random places [m]", source, map(_way_before_response, anywhere), high=MOVED)
+
+
+def _ways(outcome: Outcome) -> FloatArray:
+    """Return how far everybody is from the start in each frame, (frames, people) [m]; NaN once out."""
+    away = outcome.trajectory.position - outcome.trajectory.position[0]
+    way: FloatArray = np.hypot(away[..., 0], away[..., 1])
+    return way
+
+
+def _lag(outcome: Outcome) -> float:
+    """Return the greatest time between a response and the first motion after it [s]."""
+    time, answer = outcome.trajectory.time, outcome.response_time
+    is_off = (_ways(outcome) > MOVED) & (time[:, None] >= answer)
+    return float((time[is_off.argmax(axis=0)] - answer).max())
+
+
+def _way_before_response(outcome: Outcome) -> float:
+    """Return the greatest displacement of a person before its response [m]."""
+    waits = outcome.trajectory.time[:, None] < outcome.response_time
+    return float(np.where(waits, np.nan_to_num(_ways(outcome)), 0.0).max())
+
+
+def round_a_corner(trial: Trial) -> Iterator[Check]:
+    """Lead twenty people round a corner: a leg along x to 12 m, 2 m wide, and one along y from x = 10 to 12 m."""
+    exits, areas = {"end": [(10, 12), (12, 12)]}, {"start": box(0, 0, 6, 2)}
+    plan = one_storey(box(0, 0, 12, 2), box(10, 0, 12, 12), exits=exits, areas=areas)
+    kept, out = [], []
+    for outcome in trial.runs(plan, [crowd(20)]):
+        x, y = np.moveaxis(outcome.trajectory.position, 2, 0)
+        beyond = ((x < 10) & (y > 2)) | (x < 0) | (x > 12) | (y < 0) | (y > 12)
+        kept.append(20 - int(beyond.any(axis=0).sum()))
+        out.append(outcome.results.evacuated)
+    yield check("people who never were beyond a wall, of 20", "the standard", kept, low=20, high=20)
+    yield check("people who came round the corner, of 20", "the standard", out, low=20, high=20)
+
+
+def _walked(trial: Trial, groups: Sequence[Mapping[str, Any]], each: int) -> list[FloatArray]:
+    """Return the speeds at which `each` people of groups walk 11 m side by side, a lane each, one array a run [m/s]."""
+    width = LANE * each * len(groups)
+    lanes = LANE * (np.arange(each * len(groups)) + 0.5).reshape(len(groups), each)
+    people = [
+        {**ONE, **group, "positions": [[1.0, y] for y in lane.tolist()], "z": 0.0}
+        for group, lane in zip(groups, lanes, strict=True)
+    ]
+    plan = one_storey(box(0, 0, 12, width), exits={"end": across(12, 0, width)})
+    return [11.0 / (outcome.exit_time - ONE["tau"]) for outcome in trial.runs(plan, people)]
+
+
+def speeds_by_age(trial: Trial) -> Iterator[Check]:
+    """Compare the speeds that people of six ages walk at with the curve by age."""
+    ages = [
+        {"name": f"age {age}", "speed": {"normal": [mean, DEVIATION], "minimum": 0.1}}
+        for age, mean in SPEED_BY_AGE.items()
+    ]
+    means = np.repeat(list(SPEED_BY_AGE.values()), PER_AGE)
+    distances = [_distance((speeds - means) / DEVIATION, stats.norm()) for speeds in _walked(trial, ages, PER_AGE)]
+    words = f"speeds walked at {len(ages)} ages, {len(means)} people: Kolmogorov-Smirnov distance"
+    yield check(words, f"RiMEA, curve by age; level {ALPHA}", distances, high=_critical(len(means)))
+
+
+def speeds_of_men(trial: Trial) -> Iterator[Check]:
+    """Count the men who walk at a speed of their class."""
+    low, high = CROWD_SPEED["uniform"]
+    number = 50
+    found = _walked(trial, [{"speed": CROWD_SPEED}], number)
+    inside = [int(((speeds > low - 1e-3) & (speeds < high + 1e-3)).sum()) for speeds in found]
+    yield check(f"men who walk at {low} to {high} m/s, of {number}", "IMO", inside, low=number, high=number)
+
+
+def speeds_of_a_normal_distribution(trial: Trial) -> Iterator[Check]:
+    """Compare the speeds that a hundred people walk at with the normal distribution that was given."""
+    mean, deviation = 1.2, 0.2
+    found = _walked(trial, [{"speed": {"normal": [mean, deviation], "minimum": 0.1}}], 100)
+    source = "NIST TN 1822, ISO 20414: ± 0.05"
+    for word, asked, values in (
+        ("mean", mean, [speeds.mean() for speeds in found]),
+        ("standard deviation", deviation, [speeds.std(ddof=1) for speeds in found]),
+    ):
+        yield check(f"{word} of the speeds walked [m/s]", source, values, asked - 0.05, asked + 0.05)
+
+
+def response_distributions(trial: Trial) -> Iterator[Check]:
+    """Compare response times with five distributions."""
+    plan = one_storey(box(0, 0, 40, 25), exits={"door": across(40, 12, 13)}, areas={"hall": box(0, 0, 39, 25)})
+    group = {"area": "hall", "number": ASKED}
+    for name, (settings, distribution) in RESPONSES.items():
+        sections = {"behaviours": {"response_time": {"time": settings}}, "simulation": {"duration": 1.0}}
+        distances = [_distance(run.response_time, distribution) for run in trial.runs(plan, [group], name, **sections)]
+        words = f"response times, {name}, {ASKED} people: Kolmogorov-Smirnov distance"
+        yield check(words, f"NIST TN 1822, ISO 20414; level {ALPHA}", distances, high=_critical(ASKED))
+
+
+def _distance(values: FloatArray, distribution: Any) -> float:
+    """Return the Kolmogorov-Smirnov distance of values from a distribution."""
+    return float(stats.kstest(values, distribution.cdf).statistic)
+
+
+def _critical(number: int) -> float:
+    """Return the distance that `number` values exceed with probability `ALPHA`."""
+    return float(stats.kstwo.ppf(1.0 - ALPHA, number))

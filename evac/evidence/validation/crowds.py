@@ -1,0 +1,300 @@
+"""Standard tests of crowds: densities and flows in corridors, at doors and on stairs, and people who come towards."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from shapely import box
+
+from evac.analysis.flows import steady_flow
+from evac.base.arrays import FloatArray
+from evac.building.plan.plan import Plan
+from evac.evidence.people.scenes import COUNTERS, imo_8_scene
+from evac.evidence.validation.plans import (
+    CROWD_SPEED,
+    across,
+    crowd,
+    halls_and_stair,
+    one_storey,
+    room_corridor_stair,
+    rooms_and_bottlenecks,
+)
+from evac.evidence.validation.trial import Check, Outcome, Trial, check
+
+#: Densities of the fundamental diagram [1/m2]; bodies of the greatest radius do not fit at RiMEA's 5 and 6.
+DENSITIES = (0.5, 1.0, 2.0, 3.0)
+
+#: Accepted deviation from Weidmann's curve: one standard deviation of the free speed, 0.26 of 1.34 m/s.
+WEIDMANN_BAND = 0.26 / 1.34
+
+#: The corridor: filled from x1 to x2, seen in [x1, x2] from t1 to t2, free at its end; nothing from its ends arrives.
+FILLED = (2.0, 82.0)  # m
+SEEN = (58.0, 62.0)  # m
+SEEN_FROM, SEEN_UNTIL = 10.0, 40.0  # s
+
+#: Greatest flow through the door of 1 m [1/s].
+IMO_FLOW = 1.33
+
+#: Greatest flow per metre up a stair: IMO's and the greatest of SFPE's values by tread [1/s/m].
+STAIR_FLOW = (0.88, 1.16)
+
+#: Percentiles 10 and 90 of speeds in single file [m/s] by density [1/m]: experiments, as RiMEA 16 has them.
+SINGLE_FILE = {
+    **{0.3: (0.840, 1.473), 0.5: (0.708, 1.389), 0.7: (0.598, 1.305), 0.9: (0.448, 1.101), 1.1: (0.316, 0.840)},
+    **{1.3: (0.187, 0.608), 1.5: (0.112, 0.485), 1.7: (0.071, 0.382), 1.9: (0.048, 0.314), 2.1: (0.035, 0.270)},
+}
+
+#: Speeds on stairs by density, as RiMEA 13 has them [m/s]: at these densities [1/m2], the fast and the slow.
+STAIR_DENSITIES = (0.6, 0.8, 1.0, 1.2, 1.4, 1.5)
+STAIR_SPEEDS = {
+    "down": ((1.12, 1.00, 0.89, 0.81, 0.76, 0.73), (0.66, 0.60, 0.55, 0.50, 0.48, 0.48)),
+    "up": ((1.02, 0.93, 0.86, 0.80, 0.76, 0.74), (0.48, 0.46, 0.46, 0.46, 0.46, 0.46)),
+}
+
+
+def weidmann(density: float) -> float:
+    """Return the walking speed of Weidmann's fundamental diagram (1993) at a density [1/m2] in m/s."""
+    return float(1.34 * (1.0 - np.exp(-1.913 * (1.0 / density - 1.0 / 5.4))))
+
+
+def _in_filled_corridor(trial: Trial, density: float, **keys: object) -> tuple[FloatArray, FloatArray]:
+    """Return mean density [1/m2] and speed [m/s] of each run far from the ends of a corridor of 2 m."""
+    area = box(FILLED[0], 0, FILLED[1], 2)
+    plan = one_storey(box(0, 0, 100, 2), exits={"end": across(100, 0, 2)}, areas={"start": area})
+    group = {"area": "start", "number": round(area.area * density), "speed": {"uniform": [1.2, 1.4]}, **keys}
+    found = []
+    for run in trial.runs(plan, [group], f"{density:g} per m2", simulation={"duration": SEEN_UNTIL}):
+        x, speed = run.trajectory.position[..., 0], run.trajectory.velocity[..., 0]
+        is_late = run.trajectory.time >= SEEN_FROM
+        seen = (x >= SEEN[0]) & (x < SEEN[1]) & is_late[:, None]
+        found.append((run.densities(SEEN[0], 0, SEEN[1], 2)[is_late].mean(), speed[seen].mean()))
+    densities, speeds = np.array(found).T
+    return densities, speeds
+
+
+def fundamental_diagram(trial: Trial) -> Iterator[Check]:
+    """Compare the speed in a long corridor at four densities with Weidmann's."""
+    for density in DENSITIES:
+        densities, speeds = _in_filled_corridor(trial, density)
+        ratios = [speed / weidmann(found) for found, speed in zip(densities, speeds, strict=True)]
+        words = f"speed over Weidmann's at the density found, corridor filled with {density:g} /m²"
+        source = "Weidmann (1993) ± one standard deviation of the free speed"
+        yield check(words, source, ratios, 1.0 - WEIDMANN_BAND, 1.0 + WEIDMANN_BAND)
+
+
+def flow_falls_at_high_density(trial: Trial) -> Iterator[Check]:
+    """Compare the flows in a corridor at a moderate and at a very high density."""
+    moderate, high = (np.prod(_in_filled_corridor(trial, density, radius=0.2), axis=0) for density in (1.75, 4.0))
+    yield check("flow at 4 over flow at 1.75 per m2", "IMO: smaller", high / moderate, high=1.0)
+
+
+def speeds_in_a_filled_corridor(trial: Trial) -> Iterator[Check]:
+    """Time people over the middle 20 m of a corridor of 60 m that is filled more and more densely."""
+    numbers, speeds = (60, 120, 240, 360, 480), []
+    plan = one_storey(box(0, 0, 60, 2), exits={"end": across(60, 0, 2)}, areas={"start": box(0, 0, 60, 2)})
+    for number in numbers:
+        group = {"area": "start", "number": number, "speed": 1.0, "radius": 0.2}
+        own = []
+        for run in trial.runs(plan, [group], f"{number} people"):
+            own.append(np.nanmean(20.0 / (run.passing_times(0, 40.0) - run.passing_times(0, 20.0))))
+        speeds.append(own)
+    found = np.array(speeds)
+    yield check("greatest speed over the free speed", "ISO 20414: at most the free one", found.max(axis=0), high=1.05)
+    words = f"speed with more people over that with fewer, greatest of {', '.join(map(str, numbers))}"
+    yield check(words, "ISO 20414: falls", (found[1:] / found[:-1]).max(axis=0), high=1.0)
+
+
+def single_file(trial: Trial) -> Iterator[Check]:
+    """Compare speeds in single file with experiments, at every second and ten densities.
+
+    People walk in a straight corridor of 0.8 m, seen before its ends are felt, instead of round a closed loop.
+    """
+    length, seen, until = 60.0, (35.0, 41.0), 20.0
+    plan = one_storey(box(0, 0, length + 30, 0.8), exits={"end": across(length + 30, 0, 0.8)})
+    inside: list[list[float]] = [[] for _ in trial.seeds]
+    for density, (low, high) in SINGLE_FILE.items():
+        places = np.arange(0.5, length, 1.0 / density)
+        group = {"positions": [[x, 0.4] for x in places.tolist()], "z": 0.0, "speed": {"normal": [1.34, 0.26]}}
+        group |= {"radius": 0.2, "speed": {"normal": [1.34, 0.26], "minimum": 0.7, "maximum": 2.0}}
+        runs = trial.runs(plan, [group], f"{density:g} per m", simulation={"duration": until})
+        for own, run in zip(inside, runs, strict=True):
+            x, speed = run.trajectory.position[50::10, :, 0], run.trajectory.velocity[50::10, :, 0]
+            near = (x >= seen[0]) & (x < seen[1])
+            means = [speed[k, row].mean() for k, row in enumerate(near) if row.any()]
+            own += [low <= mean <= high for mean in means]
+    shares = [float(np.mean(own)) for own in inside]
+    yield check("share of moments between the percentiles 10 and 90 of experiments", "RiMEA", shares, low=0.75)
+
+
+def door_of_1_m(trial: Trial) -> Iterator[Check]:
+    """Let a hundred people out of a room of 8 x 5 m by a door of 1 m, with ground behind it."""
+    parts = [box(0, 0, 8, 5), box(8, 2, 8.2, 3), box(8.2, 0, 10.7, 5)]
+    plan = one_storey(*parts, exits={"end": across(10.7, 0, 5)}, areas={"start": box(0, 0, 8, 5)})
+    flows = []
+    for run in trial.runs(plan, [crowd(100)]):
+        times = run.passing_times(0, 8.0)
+        flows.append(99.0 / np.ptp(times) if not run.is_blocked else np.nan)
+    yield check("flow through a door of 1 m, whole time [1/s]", "IMO", flows, high=IMO_FLOW)
+
+
+def four_and_two_doors(trial: Trial) -> Iterator[Check]:
+    """Let a thousand people out of a hall by four doors of 1 m, and by two."""
+    below = {"a": [(4, 0), (5, 0)], "b": [(25, 0), (26, 0)]}
+    above = {"c": [(4, 20), (5, 20)], "d": [(25, 20), (26, 20)]}
+    times = []
+    for label, exits in (("four doors", below | above), ("two doors", below)):
+        plan = one_storey(box(0, 0, 30, 20), exits=exits, areas={"start": box(2, 2, 28, 18)})
+        times.append([run.last_out() for run in trial.runs(plan, [crowd(1000)], label)])
+    ratios = np.array(times[1]) / np.array(times[0])
+    yield check("last out by two doors over by four", "IMO: about 2; band of jpscore's test", ratios, 1.6, 2.4)
+
+
+def _cleared(run: Outcome) -> float:
+    """Return when the last person left the first room, x < 10 m [s]; NaN if people are left."""
+    return float("nan") if run.is_blocked else float(run.passing_times(0, 10.0).max())
+
+
+def bottlenecks(trial: Trial) -> Iterator[Check]:
+    """Clear a room through bottlenecks: the goal farther away, longer, two in a row, wider."""
+
+    def runs(label: str, widths: Sequence[float] = (1.0,), length: float = 0.2, behind: float = 10.0) -> list[Outcome]:
+        return trial.runs(rooms_and_bottlenecks(widths, length, behind), [crowd(150)], label)
+
+    far = runs("goal 10 m")
+    by_goal = np.array(
+        [
+            [_cleared(run) for run in own]
+            for own in (runs("goal 0 m", behind=0.0), runs("goal 1 m", behind=1.0), runs("goal 5 m", behind=5.0), far)
+        ]
+    )
+    words = "a: time to clear, goal 0, 1, 5, 10 m behind: greatest decrease to the next [-]"
+    decrease = 1.0 - (by_goal[1:] / by_goal[:-1]).min(axis=0)
+    yield check(words, "RiMEA: no decrease, within 5 %", decrease, high=0.05)
+    long = [_cleared(run) for run in runs("5 m long", length=5.0)]
+    words = "b: time to clear, bottleneck 5 m over 0.2 m long"
+    yield check(words, "RiMEA", np.array(long) / by_goal[-1], low=1.0)
+    peaks = []
+    for run in runs("two in a row", widths=(1.0, 1.0)):
+        before = [run.densities(x - 3, 3.5, x, 6.5).max() for x in (10.0, 20.2)]
+        peaks.append(before[0] / before[1] if not run.is_blocked else np.nan)
+    yield check("c: greatest density before the first over the second of two", "RiMEA", peaks, low=1.0)
+    flows = np.array(
+        [
+            [np.nan if run.is_blocked else steady_flow(np.sort(run.passing_times(0, 10.0))) for run in own]
+            for own in (runs("0.8 m wide", widths=(0.8,)), far, runs("1.2 m wide", widths=(1.2,)))
+        ]
+    )
+    words = "d: flow at 1.0 over 0.8 m, or 1.2 over 1.0 m width, the lesser"
+    yield check(words, "RiMEA", (flows[1:] / flows[:-1]).min(axis=0), low=1.0)
+
+
+def congestion(trial: Trial) -> Iterator[Check]:
+    """Lead 150 people through a corridor up a stair that cannot take what the corridor brings."""
+    speeds = {"speed": {"uniform": [1.26, 1.34]}, "speed_up": {"uniform": [0.635, 0.715]}}
+    gains, door, foot = [], [], []
+    for run in trial.runs(room_corridor_stair(), [crowd(150) | speeds]):
+        entered, climbed = (np.sort(run.passing_times(0, x)) for x in (5.0, 17.0))
+        gains.append(np.nan if run.is_blocked else steady_flow(entered) / steady_flow(climbed))
+        inside = run.densities(10.0, 3.0, 12.0, 5.0).max()
+        door.append(run.densities(4.0, 3.0, 5.0, 5.0).max() / inside)
+        foot.append(run.densities(16.0, 3.0, 17.0, 5.0).max() / inside)
+    words = "flow into the corridor over the flow onto the stair: jam at its foot"
+    yield check(words, "RiMEA, IMO, ISO 20414", gains, low=1.0)
+    words = "greatest density {} over that in the corridor"
+    yield check(words.format("at the exit of the room"), "IMO, NIST TN 1822, ISO 20414", door, low=1.0)
+    yield check(words.format("at the foot of the stair"), "IMO, ISO 20414", foot, low=1.0)
+
+
+def speeds_on_a_stair(trial: Trial) -> Iterator[Check]:
+    """Compare speeds on a stair of 5 x 2 m in plan, 3 m high, with those of experiments at the same density."""
+    run, width, means = 5.0, 2.0, {}
+    for way in ("up", "down"):
+        fast, slow = (np.array(speeds) for speeds in STAIR_SPEEDS[way])
+        shares, rows = [], []
+        for outcome in trial.runs(halls_and_stair(way, width, run, 3.0), [crowd(100)], way):
+            x, speed = outcome.trajectory.position[::10, :, 0], outcome.trajectory.speed[::10]
+            on_it = (x >= 0.0) & (x < run)
+            density = on_it.sum(axis=1) / (run * width)
+            asked = (density >= STAIR_DENSITIES[0]) & (density <= STAIR_DENSITIES[-1])
+            mean = np.array([speed[k, on_it[k]].mean() for k in np.flatnonzero(asked)])
+            band = [np.interp(density[asked], STAIR_DENSITIES, speeds) for speeds in (slow, fast)]
+            shares.append(float(((mean >= band[0]) & (mean <= band[1])).mean()) if len(mean) else np.nan)
+            rows.append(float(mean.mean()) if len(mean) else np.nan)
+        words = (
+            f"{way}: share of moments at {STAIR_DENSITIES[0]:g} to {STAIR_DENSITIES[-1]:g} /m² with a speed in the band"
+        )
+        yield check(words, "RiMEA: band of experiments", shares, low=0.5)
+        means[way] = np.array(rows)
+    yield check("speed down over speed up", "RiMEA: faster down", means["down"] / means["up"], low=1.0)
+
+
+def wider_stairs(trial: Trial) -> Iterator[Check]:
+    """Lead a hundred people over flights of 4.24 m and five widths, down and up."""
+    widths = (1.0, 1.2, 1.4, 1.6, 1.8)
+    for way in ("down", "up"):
+        flows = []
+        for width in widths:
+            runs = trial.runs(halls_and_stair(way, width, 3.0, 3.0), [crowd(100)], f"{way} {width:g} m")
+            flows.append([np.nan if run.is_blocked else steady_flow(_onto_the_flight(run)) for run in runs])
+        found = np.array(flows)
+        words = f"flow {way} a stair of {widths[-1]:g} m over that of {widths[0]:g} m"
+        yield check(words, "ISO 20414: increases", found[-1] / found[0], low=1.0)
+        slopes = [float(np.polyfit(widths, own, 1)[0]) for own in found.T]
+        yield check(f"increase of the flow {way} by width [1/s/m]", "ISO 20414: increases", slopes, low=0.0)
+        yield check(f"flow {way} a stair of 1 m [1/s]", "IMO, SFPE", found[0], *STAIR_FLOW)
+
+
+def _onto_the_flight(run: Outcome) -> FloatArray:
+    """Return when each person first came onto the flight, in ascending order [s]."""
+    flight = next(level.index for level in run.results.building.levels if level.kind == "flight")
+    moves = run.results.moves
+    is_on = moves.target == flight
+    _, first = np.unique(moves.row[is_on], return_index=True)  # moves are in order of time
+    return np.sort(moves.time[is_on][first])
+
+
+def counterflow(trial: Trial) -> Iterator[Check]:
+    """Send a hundred people through a corridor against 0, 10, 50 and 100 others."""
+    times = []
+    for number in COUNTERS:
+        scene = imo_8_scene(number)
+        people = [{**group, "speed": CROWD_SPEED} for group in scene.people]
+        times.append([run.last_out(0) for run in trial.runs(scene.plan, people, f"against {number}")])
+    last = np.array(times)
+    for k, (fewer, more) in enumerate(pairwise(COUNTERS)):
+        words = f"last arrival of 100 people against {more} over against {fewer}"
+        yield check(words, "IMO, NIST TN 1822, ISO 20414", last[k + 1] / last[k], low=1.0)
+
+
+def corner_of_a_crowd(trial: Trial) -> Iterator[Check]:
+    """Lead 500 people 44 m, 75.4 m, and round a corner whose ways lie between these."""
+    group = crowd(500) | {"speed": 1.34, "strategy": "quickest"}
+    start = {"start": box(0, 0, 6, 20)}
+    straight = {
+        f"{length:g} m": one_storey(box(0, 0, length, 20), exits={"end": across(length, 0, 20)}, areas=start)
+        for length in (44.0, 75.4)
+    }
+    bend = one_storey(box(0, 0, 54, 20), box(34, 20, 54, 40), exits={"end": [(34, 40), (54, 40)]}, areas=start)
+    short, long, turned = (
+        np.array([run.last_out() for run in trial.runs(plan, [group], label)])
+        for label, plan in (straight | {"corner": bend}).items()
+    )
+    yield check("last out round the corner over on 44 m", "RiMEA", turned / short, low=1.0)
+    yield check("last out round the corner over on 75.4 m", "RiMEA", turned / long, high=1.0)
+
+
+def slow_and_wide(trial: Trial) -> Iterator[Check]:
+    """Lead 25 people from room to room over a ramp of 1.5 m, with and without a slow and wide one among them."""
+    plan = Plan()
+    plan.storey("lower", box(0, 0, 5, 4), 0.0)
+    plan.storey("upper", box(9, 0, 14, 4), 1.0)
+    plan.stair("ramp", "lower", across(5, 1.25, 2.75), "upper", across(9, 1.25, 2.75))
+    plan.exit("end", "upper", across(14, 1.5, 2.5))
+    plan.area("start", "lower", box(0, 0, 3.5, 4))
+    able = {"speed": 1.25, "speed_up": 1.25, "radius": 0.2}
+    times = []
+    for label, one in (("slow", {"speed": 0.8, "speed_up": 0.8, "radius": 0.4}), ("control", able)):
+        people = [{"area": "start", "number": 24, **able}, {"positions": [[4.3, 2.0]], "z": 0.0, **one}]
+        times.append([run.last_out() for run in trial.runs(plan, people, label)])
+    words = "last out of 25 with a slow and wide one over without"
+    yield check(words, "NIST TN 1822, ISO 20414", np.array(times[0]) / np.array(times[1]), low=1.0)

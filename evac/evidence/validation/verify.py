@@ -1,0 +1,101 @@
+"""`evac verify`: carry out standard tests, and write one page on them."""
+
+import csv
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from importlib.metadata import version
+from importlib.resources import files
+
+from markupsafe import Markup
+
+from evac.base.processes import cores
+from evac.evidence.report import commit, in_processes
+from evac.evidence.validation.page import check_rows
+from evac.evidence.validation.standard import (
+    FAILED,
+    NOT_APPLICABLE,
+    NOT_YET,
+    PASSED,
+    STANDARDS,
+    Result,
+    StandardTest,
+    carry_out,
+)
+from evac.evidence.validation.trial import Trial
+from evac.folder.files import replacing
+from evac.report.pages import write_page
+from evac.report.templates import Cell, templates
+
+#: Files of the folder of `evac verify`, beside those of the tests.
+PAGE_NAME, TABLE_NAME = "verification.html", "verification.csv"
+
+#: Verdicts in the order of the page, and the columns of checks that it shows.
+VERDICTS = (PASSED, FAILED, NOT_YET, NOT_APPLICABLE)
+SHOWN = ("test", "measured", "expected", "found", "runs", "blocked", "met", "by")
+
+
+def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callable[[Result], None]) -> list[Result]:
+    """Carry out tests, in processes if there are several, tell each result in order, and write page and table."""
+    results = []
+    for result in _carried_out(tests, trial, seed):
+        tell(result)
+        results.append(result)
+    write_page(page_of(results, trial, seed), trial.folder / PAGE_NAME)
+    rows = [row for result in results for row in check_rows(result)]
+    if rows:
+        with replacing(trial.folder / TABLE_NAME, "the table") as new, new.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    return results
+
+
+def _carried_out(tests: Sequence[StandardTest], trial: Trial, seed: int) -> Iterable[Result]:
+    call = partial(carry_out, trial=trial, seed=seed)
+    if len(tests) == 1:
+        return [call(tests[0])]
+    return in_processes(call, tests, cores(), "evac verify", "run the tests one by one")
+
+
+def page_of(results: Sequence[Result], trial: Trial, seed: int) -> str:
+    """Return the page on the results of tests: how many are passed, then each test, then each check."""
+    of_each = {standard: Counter[str]() for standard in STANDARDS}
+    for result in results:
+        for name in result.test.names:
+            of_each[name.partition("-")[0]][result.verdict] += 1
+    verdicts = Counter(result.verdict for result in results)
+    return (
+        templates()
+        .get_template("standard_tests.html")
+        .render(
+            style=Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8")),
+            passed=verdicts[PASSED],
+            failed=[result.test for result in results if result.verdict == FAILED],
+            words=VERDICTS,
+            standards=[(name, *(own[word] for word in VERDICTS)) for name, own in of_each.items() if own],
+            facts_of_run={
+                "Movement": "as in the paper" if trial.is_paper else "as in new cases",
+                "Settings (--set)": " ".join(trial.settings) or "none",
+                "Plugin files": ", ".join(map(str, trial.plugin_files)) or "none",
+                "First seed": str(seed),
+                "Program": f"evac {version('evac')} {commit()}".strip(),
+            },
+            tests=[(" ".join(one.test.names), one.test.title, _cell(one), _reason(one)) for one in results],
+            checks=[[_check_cell(key, row[key]) for key in SHOWN] for result in results for row in check_rows(result)],
+            columns=SHOWN,
+        )
+    )
+
+
+def _reason(result: Result) -> str:
+    """Return why a test was not run, or failed although that was to be expected."""
+    return result.error or (result.test.by_design if result.verdict == FAILED else result.test.why.partition(": ")[2])
+
+
+def _cell(result: Result) -> Cell:
+    return Cell(result.verdict, {PASSED: "good", FAILED: "bad"}.get(result.verdict, "open"))
+
+
+def _check_cell(key: str, value: object) -> object:
+    return Cell(value, "good" if str(value).startswith("yes") else "bad") if key == "met" else value

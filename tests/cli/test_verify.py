@@ -1,0 +1,44 @@
+"""evac verify: the list, statuses, the page, and plugin files."""
+
+import csv
+
+from evac.cli.main import main
+from evac.evidence.validation.standard import TESTS
+from tests.evidence.test_validation import HALF
+
+
+def test_without_names_the_tests_are_listed_in_80_columns(capsys):
+    assert main(["verify"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [tuple(line[:32].split()) for line in lines] == [test.names for test in TESTS]
+    assert max(map(len, lines)) <= 80
+
+
+def test_tests_that_are_passed_or_not_made_give_status_0_and_a_page(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["verify", "RiMEA-1", "IMO-1", "NIST-2.7", "--seed", "4", "--out", str(out)]) == 0
+    assert (out / "IMO-1" / "run-4" / "summary.json").is_file()
+    page = (out / "verification.html").read_text()
+    assert page.index("2 of 2 tests passed") < page.index("not yet")
+    with (out / "verification.csv").open() as file:
+        assert {row["met"] for row in csv.DictReader(file)} == {"yes"}
+    assert capsys.readouterr().out.splitlines()[-1] == str(out / "verification.html")
+
+
+def test_a_test_that_is_failed_gives_status_1(tmp_path, capsys):
+    plugin, out = tmp_path / "half.py", tmp_path / "out"
+    plugin.write_text(HALF)
+    words = ["verify", "RiMEA-1", "--plugin", str(plugin), "--out", str(out)]
+    assert main([*words, "--set", "behaviours.half={}"]) == 1
+    assert "RiMEA-1" in (out / "verification.html").read_text()
+    assert "NOT MET" in capsys.readouterr().out
+    assert main(words) == 0
+    assert "not used" in capsys.readouterr().err
+
+
+def test_unknown_tests_and_keys_are_refused_before_anything_runs(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["verify", "RiMEA-99", "--out", str(out)]) == 2
+    assert main(["verify", "RiMEA-1", "--set", "contact.modle=dem", "--out", str(out)]) == 2
+    assert "modle" in capsys.readouterr().err
+    assert not out.exists()
