@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from evac.physics.seams import reaches
 from evac.physics.state import make_crowd
-from evac.physics.world import has_seams, make_world
+from evac.physics.world import have_seams, make_world, walls_behind_exits
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
@@ -46,4 +47,5 @@ def test_people_on_either_side_of_a_slot_behind_an_exit_do_not_touch():
 def test_only_levels_with_walls_right_behind_an_exit_are_marked(wall, backed):
     building = make_building(walls=[*HALL, wall], exits=[(0, (4, 1, 4, 2))])
     assert np.array_equal(make_world(building, uniform_fields()).backed, [backed])
-    assert has_seams(building) == make_engine(make_crowd([(0.0, 0.0)]), building).has_seams == bool(backed)
+    assert have_seams(walls_behind_exits(building)) == bool(backed)
+    assert (reaches in make_engine(make_crowd([(0.0, 0.0)]), building).entries(Dem())) == bool(backed)
