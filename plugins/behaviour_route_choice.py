@@ -163,7 +163,7 @@ class RouteChoice(Behaviour):
         )
         if math.isfinite(change_at) and not self.change_to:
             raise ScenarioError(f"{where}.change_at: set behaviours.route_choice.change_to to a strategy")
-        found = []
+        choosers = []
         for index in np.unique(route[group.rows]):
             allowed = self._scene.fields.routes[index].exits
             possible: tuple[tuple[str, ...], ...] = tuple((name,) for name in exits if not allowed or name in allowed)
@@ -176,8 +176,8 @@ class RouteChoice(Behaviour):
                 )
             rows = group.rows[route[group.rows] == index]
             changed_to = (self.change_to,) if self.change_to else strategies
-            found.append(_Choosers(rows, possible, strategies, change_at, changed_to))
-        return found
+            choosers.append(_Choosers(rows, possible, strategies, change_at, changed_to))
+        return choosers
 
     @staticmethod
     def _among(key: str, settings: Mapping[str, Any], name: str, offered: tuple[str, ...]) -> tuple[str, ...]:

@@ -81,8 +81,8 @@ class DxfImporter(Importer):
         unit = self._metres(plan, document, shapes)
         drawn: dict[str, list[Drawn]] = {}
         for shape in shapes:
-            for one in _drawn(shape, unit, self.deviation, CLOSED):
-                drawn.setdefault(self._use_of(shape.layer), []).append(one)
+            for line in _drawn(shape, unit, self.deviation, CLOSED):
+                drawn.setdefault(self._use_of(shape.layer), []).append(line)
         self._add_floor(plan, drawn)
         self._add_items(plan, drawn)
         return plan
@@ -91,8 +91,8 @@ class DxfImporter(Importer):
         """Return the use of a layer; empty if it is ignored."""
         name = layer.lower().removeprefix(PREFIX)
         for use in ("floor", "walls", "doors", "obstacles", "exits", "areas"):
-            patterns = [one.strip().lower().removeprefix(PREFIX) for one in getattr(self, use).split(",")]
-            if any(fnmatch.fnmatchcase(name, one) for one in patterns if one):
+            patterns = [pattern.strip().lower().removeprefix(PREFIX) for pattern in getattr(self, use).split(",")]
+            if any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns if pattern):
                 return use
         return ""
 
@@ -115,18 +115,18 @@ class DxfImporter(Importer):
 
     def _add_floor(self, plan: Plan, drawn: "dict[str, list[Drawn]]") -> None:
         """Add the storey: closed outlines, faces of open lines, rooms between walls."""
-        outlines = [one.polygon for one in drawn.get("floor", []) if one.is_closed]
-        lines = [one.line for one in drawn.get("floor", []) if not one.is_closed]
+        outlines = [line.polygon for line in drawn.get("floor", []) if line.is_closed]
+        lines = [line.line for line in drawn.get("floor", []) if not line.is_closed]
         ground: list[BaseGeometry] = list(outlines)
         if lines:
-            found = faces_of(lines, self.gap)
-            ground += found.faces
-            self._note_segments(plan, "repaired", "gap of {:.3f} m closed (gap)", found.closed)
-            self._note_loose_lines(plan, found.loose)
-        walls = [one.line for one in drawn.get("walls", [])]
+            faces = faces_of(lines, self.gap)
+            ground += faces.faces
+            self._note_segments(plan, "repaired", "gap of {:.3f} m closed (gap)", faces.closed)
+            self._note_loose_lines(plan, faces.loose)
+        walls = [line.line for line in drawn.get("walls", [])]
         openings: list[FloatArray] = []
         if walls:
-            rooms = rooms_of(walls, self.gap, self.door, self.wall, [one.line for one in drawn.get("doors", [])])
+            rooms = rooms_of(walls, self.gap, self.door, self.wall, [line.line for line in drawn.get("doors", [])])
             ground += [*shapely.get_parts(rooms.floor)]
             self._note_segments(plan, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
             self._note_segments(plan, "found", "door {:.2f} m wide", rooms.doors)
@@ -153,19 +153,19 @@ class DxfImporter(Importer):
     def _add_items(self, plan: Plan, drawn: "dict[str, list[Drawn]]") -> None:
         """Add obstacles, exits and areas."""
         for use, word in (("obstacles", "obstacle"), ("exits", "exit"), ("areas", "area")):
-            for number, one in enumerate(drawn.get(use, []), start=1):
-                name, place = f"{word} {number}", place_of(one.line)
-                corners = shapely.get_coordinates(one.line)
-                if one.is_closed and one.polygon.area > 0.0 and word == "exit":
-                    plan.exit(name, self.storey, polygon=one.polygon)
-                elif one.is_closed and one.polygon.area > 0.0:
-                    getattr(plan, word)(name, self.storey, one.polygon)
-                elif word == "exit" and len(corners) == 2 and one.line.length > CLOSED:
+            for number, item in enumerate(drawn.get(use, []), start=1):
+                name, place = f"{word} {number}", place_of(item.line)
+                corners = shapely.get_coordinates(item.line)
+                if item.is_closed and item.polygon.area > 0.0 and word == "exit":
+                    plan.exit(name, self.storey, polygon=item.polygon)
+                elif item.is_closed and item.polygon.area > 0.0:
+                    getattr(plan, word)(name, self.storey, item.polygon)
+                elif word == "exit" and len(corners) == 2 and item.line.length > CLOSED:
                     plan.exit(name, self.storey, corners)
                 else:
                     plan.note("left out", f"{word} {number}: the outline is not closed", self.storey, place)
                     continue
-                plan.note("found", f"{name!r} on layer {one.layer!r}", self.storey, place)
+                plan.note("found", f"{name!r} on layer {item.layer!r}", self.storey, place)
 
     def _note_segments(self, plan: Plan, kind: str, text: str, ends: FloatArray) -> None:
         """Add a finding for each segment (n, 4), with its length."""
@@ -261,8 +261,8 @@ def _entities(space: Any, outer: str, depth: int, count: list[int]) -> Iterator[
         if entity.dxftype() != "INSERT":
             yield layer, entity
             continue
-        for one in entity.multi_insert() if entity.mcount > 1 else [entity]:
-            yield from _entities(_expanded(one), layer, depth + 1, count)
+        for part in entity.multi_insert() if entity.mcount > 1 else [entity]:
+            yield from _entities(_expanded(part), layer, depth + 1, count)
 
 
 def _expanded(insert: Any) -> Iterator[Any]:
@@ -292,7 +292,7 @@ def _drawn(shape: Shape, unit: float, deviation: float, closed: float) -> Iterat
 
 def _no_floor(document: Any) -> str:
     """Return the message for an empty floor, with the layers sorted by their number of entities."""
-    count = Counter(layer for layer, one in _entities(document.modelspace(), "", 0, [0]))
+    count = Counter(layer for layer, entity in _entities(document.modelspace(), "", 0, [0]))
     layers = ", ".join(f"{name} ({number})" for name, number in count.most_common(20)) or "none"
     return (
         "the layers of the floor are empty; set floor to the layers with outlines, or walls to the layers with walls "

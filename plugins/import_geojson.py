@@ -47,7 +47,7 @@ class GeojsonImporter(Importer):
             data = json.loads(path.read_text(encoding="utf-8-sig"))
         except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(f"invalid JSON: {error}") from error
-        features = [_feature(number, one) for number, one in enumerate(_objects(data), start=1)]
+        features = [_feature(number, item) for number, item in enumerate(_objects(data), start=1)]
         if not features:
             raise ValueError("the file contains no feature with a geometry")
         plan = Plan(path)
@@ -124,7 +124,7 @@ def _objects(data: Any) -> list[Mapping[str, Any]]:
         features = data.get("features")
         if not isinstance(features, list):
             raise ValueError("invalid GeoJSON: the collection has no list of features")
-        return [one for one in features if not isinstance(one, dict) or one.get("geometry") is not None]
+        return [item for item in features if not isinstance(item, dict) or item.get("geometry") is not None]
     return [data if data["type"] == "Feature" else {"type": "Feature", "geometry": data, "properties": {}}]
 
 

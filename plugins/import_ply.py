@@ -39,8 +39,8 @@ class PlyImporter(Importer):
     def read(self, path: Path) -> SurfaceMesh:
         """Read vertices and faces; raise ValueError if the file is truncated, or its header invalid."""
         data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
-        head, found, rest = data.partition(b"end_header")
-        if not data.startswith(b"ply") or not found:
+        head, end, rest = data.partition(b"end_header")
+        if not data.startswith(b"ply") or not end:
             raise ValueError("not a PLY file: the header is missing or incomplete")
         encoding, elements = _read_header(head.decode("ascii", errors="replace"))
         rest = rest[rest.index(b"\n") + 1 :] if b"\n" in rest else b""

@@ -43,15 +43,15 @@ def _geometries(text: str) -> list[shapely.Geometry]:
         return [from_wkt(" ".join(text.split()))]
     except ValueError as error:
         first = error
-    found = []
+    geometries = []
     lines = [line.strip().rstrip(";") for line in text.splitlines()]
     for number, line in enumerate(lines, start=1):
         if line and not line.startswith("#"):
             try:
-                found.append(from_wkt(line.partition(";")[2] if line.startswith("SRID=") else line))
+                geometries.append(from_wkt(line.partition(";")[2] if line.startswith("SRID=") else line))
             except ValueError as error:
                 raise ValueError(f"line {number}: {error}" if len(lines) > 1 else str(first)) from error
-    return found
+    return geometries
 
 
 evac_interface = 3

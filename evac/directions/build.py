@@ -143,29 +143,29 @@ def build_fields(
     for column, reaching in enumerate(solver.reaching * len(solved)):
         field_of[list(reaching), column] = range(len(sizes), len(sizes) + len(reaching))
         sizes += [levels[level].sheet.size for level in reaching]
-    marched = tuple(MarchedClass(one.barred, one.nodes, tuple(one.costs), tuple(one.blocked)) for one in solved)
-    walls = find_cell_walls([one.grids for one in solved], len(routes), steepest)
+    marched = tuple(MarchedClass(own.barred, own.nodes, tuple(own.costs), tuple(own.blocked)) for own in solved)
+    walls = find_cell_walls([own.grids for own in solved], len(routes), steepest)
     # What is joined is let go, since it may be a large part of the memory.
-    direction = _joined([part for one in solved for part in one.directions], (2,))
-    for one in solved:
-        one.directions.clear()
+    direction = _joined([part for own in solved for part in own.directions], (2,))
+    for own in solved:
+        own.directions.clear()
     return Fields(
         routes=tuple(routes),
         packed=PackedFields(
             origin=np.array([grid.window.origin for grid in levels]),
             shape=np.array([grid.window.shape for grid in levels], dtype=np.int32),
             spacing=float(spacing),
-            width=np.array([one.width for one in classes], dtype=np.float64),
+            width=np.array([own.width for own in classes], dtype=np.float64),
             field_of=field_of,
             offset=np.cumsum([0, *sizes], dtype=np.int64)[: len(sizes)],
             direction=direction,
-            travel_time=_joined([part for one in solved for part in one.travel_times], ()),
+            travel_time=_joined([part for own in solved for part in own.travel_times], ()),
             walls=walls,
         ),
         marched=Marched(building, spacing, clearance, solver.rates, marched),
         comfort=float(comfort),
         clearance=float(clearance),
-        grids=tuple(ClassGrids(one.grids, one.factor) for one in solved) if follows_crowd else (),
+        grids=tuple(ClassGrids(own.grids, own.factor) for own in solved) if follows_crowd else (),
     )
 
 
@@ -224,7 +224,7 @@ class _Solver:
         )
         with closing(_solve(grids, ways, self, factor, bent)) as fields:
             for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
-                solved.misled.append(np.concatenate([_nodes_past(grids, one, narrow) for one in (travel_time, cost)]))
+                solved.misled.append(np.concatenate([_nodes_past(grids, time, narrow) for time in (travel_time, cost)]))
                 solved.costs.append(travel_time[solved.nodes])
                 take_halos(grids, travel_time)
                 continue_values(grids, travel_time)
@@ -246,13 +246,13 @@ def _narrowest_class(solver: _Solver, narrowest: float) -> _Solved:
     Gaps that nobody fits through are slow. Only where the fields lead through such a gap although there is another
     way, they are solved again with these gaps as walls.
     """
-    found = solver.solve(0.0, avoided=narrowest)
-    if any(nodes.size for nodes in found.misled):
+    narrow = solver.solve(0.0, avoided=narrowest)
+    if any(nodes.size for nodes in narrow.misled):
         own = solver.solve(narrowest)
-        if any(np.isfinite(own.travel_time_on(route)[nodes]).any() for route, nodes in enumerate(found.misled)):
-            return _over(own, found)
-        found.blocked.extend(_blocked(own, found))
-    return found
+        if any(np.isfinite(own.travel_time_on(route)[nodes]).any() for route, nodes in enumerate(narrow.misled)):
+            return _over(own, narrow)
+        narrow.blocked.extend(_blocked(own, narrow))
+    return narrow
 
 
 def _blocked(upper: _Solved, lower: _Solved) -> list[IndexArray]:
@@ -363,7 +363,7 @@ def _nodes_near(grids: BuildingGrids, grid: LevelGrid, segments: FloatArray) -> 
 
 def _nodes_past(grids: BuildingGrids, cost: FloatArray, narrow: IndexArray) -> IndexArray:
     """Return the nodes whose cost (nodes,) comes from one of the nodes that are too narrow."""
-    found = [np.zeros(0, np.int64)]
+    nodes = [np.zeros(0, np.int64)]
     is_narrow = np.zeros(grids.size if narrow.size else 0, np.bool_)
     is_narrow[narrow] = True
     for grid in grids.levels if narrow.size else ():
@@ -375,8 +375,8 @@ def _nodes_past(grids: BuildingGrids, cost: FloatArray, narrow: IndexArray) -> I
             lower = beside < lowest
             lowest[lower] = beside[lower]
             through[lower] = np.roll(marked, step, axis)[lower]
-        found.append(grid.offset + np.flatnonzero(through & ~marked & (grid.sheet == OWN)))
-    return np.concatenate(found)
+        nodes.append(grid.offset + np.flatnonzero(through & ~marked & (grid.sheet == OWN)))
+    return np.concatenate(nodes)
 
 
 def _factor(grids: BuildingGrids, slow: IndexArray) -> FloatArray:

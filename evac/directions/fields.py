@@ -202,12 +202,12 @@ def _sampled(
     """Call a sampling kernel with levels and columns broadcast to the positions."""
     place = np.ascontiguousarray(np.asarray(position, dtype=np.float64).reshape(-1, 2))
     number = len(place)
-    found = np.empty((number, *shape))
+    values = np.empty((number, *shape))
     sample(
         packed,
         place,
         np.ascontiguousarray(np.broadcast_to(np.asarray(level, dtype=np.int32), number)),
         np.ascontiguousarray(np.broadcast_to(np.asarray(column, dtype=np.int32), number)),
-        found,
+        values,
     )
-    return found
+    return values

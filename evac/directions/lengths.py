@@ -46,17 +46,17 @@ class Marched:
 
 def nodes_not_marched(grids: BuildingGrids) -> IndexArray:
     """Return the packed indices of the nodes in halos and of those excluded from marching."""
-    found = [np.zeros(0, np.int64)]
+    nodes = [np.zeros(0, np.int64)]
     for grid in grids.levels:
         is_halo = (grid.sheet > OWN) & (grid.sheet <= len(grids.building.portals))
-        found += [grid.offset + np.flatnonzero(is_halo), grid.stands_for[0]]
-    return np.concatenate(found)
+        nodes += [grid.offset + np.flatnonzero(is_halo), grid.stands_for[0]]
+    return np.concatenate(nodes)
 
 
 def routes_at_present(building: Building, routes: Sequence[Route]) -> tuple[Route, ...]:
     """Return routes that lead to any exit instead of those whose exits are all closed."""
     names = [exit_.name for exit_ in building.exits if building.is_open(exit_)]
-    return tuple(one if any(map(one.leads_to, names)) else replace(one, exits=()) for one in routes)
+    return tuple(route if any(map(route.leads_to, names)) else replace(route, exits=()) for route in routes)
 
 
 def exits_of_route(building: Building, route: Route) -> list[Exit]:

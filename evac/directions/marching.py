@@ -165,13 +165,13 @@ class _March:
         exact = walkable & (distance - ring <= 0.0)
         known = distance[exact] * self.metric.slowness[grid.level, use]
         phi = np.subtract(distance, ring, out=distance)
-        found = self._solve(grid, np.minimum(phi, self.spacing, out=phi), use, None, walkable)
-        if found is None:
+        time = self._solve(grid, np.minimum(phi, self.spacing, out=phi), use, None, walkable)
+        if time is None:
             # No nodes outside the ring, as on a level with few cells.
-            found = np.full(phi.shape, math.inf)
-        found += ring * self.metric.slowness[grid.level, use]
-        found[exact] = known
-        self._lower(grid, found)
+            time = np.full(phi.shape, math.inf)
+        time += ring * self.metric.slowness[grid.level, use]
+        time[exact] = known
+        self._lower(grid, time)
 
     def _distance_from(
         self, grid: LevelGrid, lines: BaseGeometry, behind: NDArray[np.bool_], reach: float
@@ -224,12 +224,12 @@ class _March:
         below = walkable & (phi <= 0.0)
         cost_below = start + phi[below]
         phi[~np.isfinite(phi)] = self.spacing
-        found = self._solve(grid, phi, use_towards(level, portal.segments), portal, walkable)
-        if found is None:
+        time = self._solve(grid, phi, use_towards(level, portal.segments), portal, walkable)
+        if time is None:
             return
-        found += start
-        found[below] = cost_below
-        self._lower(grid, found)
+        time += start
+        time[below] = cost_below
+        self._lower(grid, time)
 
     def _solve(
         self, grid: LevelGrid, phi: FloatArray, use: int, through: Portal | None, walkable: NDArray[np.bool_]
@@ -250,9 +250,9 @@ class _March:
         speed = np.divide(1.0, slowness, out=slowness)
         # The march takes some ten times the memory of an array of its nodes: nothing is copied here.
         cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), speed, dx=self.spacing, order=self.order)
-        found: FloatArray = np.ma.getdata(cost)
-        found[np.ma.getmaskarray(cost)] = math.inf
-        return found
+        times: FloatArray = np.ma.getdata(cost)
+        times[np.ma.getmaskarray(cost)] = math.inf
+        return times
 
     def _slowness_by_sheet(self, grid: LevelGrid, use: int, through: Portal | None) -> FloatArray:
         """Return the cost per metre on each sheet: walking from halos to this level, or into the halo `through`."""
@@ -309,8 +309,8 @@ def _middles(segments: FloatArray, off_ends: float) -> list[BaseGeometry]:
     lines = shapely.linestrings(segments.reshape(-1, 2, 2))
     if off_ends == 0.0:
         return list(lines)
-    found = []
+    middles = []
     for line in shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines))):
         off = 0.0 if line.is_closed else min(off_ends, 0.25 * line.length)
-        found.append(substring(line, off, line.length - off))
-    return found
+        middles.append(substring(line, off, line.length - off))
+    return middles

@@ -126,9 +126,9 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
     try:
         arrays = _arrays(archive)
         header = json.loads(arrays.pop(HEADER).tobytes())
-        if (found := header.pop("format")) != FORMAT:
+        if (written := header.pop("format")) != FORMAT:
             raise ResultError(
-                f"{path}: unknown checkpoint format {found!r:.40}, this version reads format {FORMAT}; "
+                f"{path}: unknown checkpoint format {written!r:.40}, this version reads format {FORMAT}; "
                 "resume with the version of evac that wrote it, or run the case again"
             )
         return header, arrays
@@ -139,9 +139,9 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
 def _arrays(archive: memoryview) -> dict[str, NDArray[Any]]:
     """Return the arrays of an archive, which is not compressed, so that they are not larger than it."""
     with np.load(io.BytesIO(archive), allow_pickle=False) as file:
-        if any(one.compress_type != zipfile.ZIP_STORED for one in file.zip.infolist()):
+        if any(member.compress_type != zipfile.ZIP_STORED for member in file.zip.infolist()):
             raise ValueError("its arrays are compressed")
-        if sum(one.file_size for one in file.zip.infolist()) > len(archive):
+        if sum(member.file_size for member in file.zip.infolist()) > len(archive):
             raise ValueError("its arrays are larger than the file")
         arrays = {name.removesuffix(".npy"): file[name] for name in file.zip.namelist()}
     for name, array in arrays.items():

@@ -73,7 +73,7 @@ def note_written(paths: Iterable[Path]) -> None:
     """
     tables: dict[Path, list[dict[str, str]]] = {}
     for path in paths:
-        folder = next((one for one in path.parents if any((one / name).is_file() for name in IN_RESULTS)), None)
+        folder = next((up for up in path.parents if any((up / name).is_file() for name in IN_RESULTS)), None)
         if folder is None:
             continue
         parts = path.relative_to(folder).parts

@@ -52,9 +52,9 @@ def read_sealed(file: BinaryIO | mmap, place: int, end: int) -> bytes | None:
 
 
 def _digest(head: bytes, body: bytes, place: int) -> bytes:
-    found = blake2b(head, digest_size=DIGEST, salt=place.to_bytes(16, "little"))
-    found.update(body)
-    return found.digest()
+    digest = blake2b(head, digest_size=DIGEST, salt=place.to_bytes(16, "little"))
+    digest.update(body)
+    return digest.digest()
 
 
 def _is_compressed(metadata: bytes) -> bool:

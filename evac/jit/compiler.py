@@ -130,7 +130,7 @@ class _Typing(typing.Context):  # type: ignore[misc]
         plain = _plain[registry] = templates.Registry()
         plain.functions, plain.globals = registry.functions, registry.globals
         overloaded = templates._OverloadAttributeTemplate
-        plain.attributes = [one for one in registry.attributes if not issubclass(one, overloaded)]
+        plain.attributes = [attribute for attribute in registry.attributes if not issubclass(attribute, overloaded)]
         super().install_registry(plain)
 
     def load_additional_registries(self) -> None:
@@ -185,7 +185,7 @@ class _Dispatcher(dispatcher.Dispatcher):  # type: ignore[misc]
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Type a call with all integers as int64, so that each function is compiled once for all integer types."""
         _, given = self._compiler.fold_argument_types(args, kws)
-        return super().get_call_template([_widened(one) for one in given], {})
+        return super().get_call_template([_widened(kind) for kind in given], {})
 
     def add_overload(self, result: Any) -> None:
         self.overloads[tuple(result.signature.args)] = result
@@ -281,7 +281,7 @@ def _check_names(entry: Entry, module: Any) -> None:
             raise fault(f"kernel {entry.title}", f"needs {name}, which is not available to kernels", remedy, entry)
 
 
-def _check_result(entry: Entry, found: types.Type) -> None:
+def _check_result(entry: Entry, returned: types.Type) -> None:
     """Refuse a kernel whose return type differs from its declaration.
 
     Raises
@@ -289,14 +289,14 @@ def _check_result(entry: Entry, found: types.Type) -> None:
     PluginError
     """
     wanted = entry.signature[1]
-    given = list(found) if isinstance(found, types.BaseTuple) else [found]
+    given = list(returned) if isinstance(returned, types.BaseTuple) else [returned]
     if wanted and not (len(given) == len(wanted) and all(map(_fits, given, wanted))):
-        raise fault(f"kernel {entry.title}", f"returns {found}", f"return {', '.join(wanted)} in every case", entry)
+        raise fault(f"kernel {entry.title}", f"returns {returned}", f"return {', '.join(wanted)} in every case", entry)
 
 
-def _fits(found: types.Type, wanted: str) -> bool:
+def _fits(kind: types.Type, wanted: str) -> bool:
     """Return whether a type can be converted to the declared return type without loss."""
-    return isinstance(found, types.Integer | types.Boolean) or (wanted == "float64" and isinstance(found, types.Float))
+    return isinstance(kind, types.Integer | types.Boolean) or (wanted == "float64" and isinstance(kind, types.Float))
 
 
 def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry, symbol: str) -> ir.Module:
@@ -312,7 +312,7 @@ def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry,
     function = ir.Function(module, ir.FunctionType(output, inputs), symbol)
     builder = ir.IRBuilder(function.append_basic_block())
     callee = context.declare_function(module, description)
-    outcome, found = context.call_conv.call_function(
+    outcome, results = context.call_conv.call_function(
         builder, callee, description.restype, description.argtypes, list(function.args)
     )
     raised, done = function.append_basic_block("raised"), function.append_basic_block("done")
@@ -328,11 +328,11 @@ def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry,
     if not outputs:
         builder.ret_void()
     elif len(outputs) == 1:
-        builder.ret(context.cast(builder, found, description.restype, getattr(types, returned[0])))
+        builder.ret(context.cast(builder, results, description.restype, getattr(types, returned[0])))
     else:
         values = ir.Constant(output, ir.Undefined)
         for k, (kind, name) in enumerate(zip(description.restype, returned, strict=True)):
-            one = context.cast(builder, builder.extract_value(found, k), kind, getattr(types, name))
-            values = builder.insert_value(values, one, k)
+            value = context.cast(builder, builder.extract_value(results, k), kind, getattr(types, name))
+            values = builder.insert_value(values, value, k)
         builder.ret(values)
     return module

@@ -58,14 +58,14 @@ def digest_of(entry: Entry, processor: str) -> str:
 
 def kernels_in(entry: Entry) -> list[Kernel]:
     """Return an entry and all kernels that it calls, directly or indirectly, in a deterministic order."""
-    found: dict[int, Kernel] = {}
+    kernels: dict[int, Kernel] = {}
     waiting: list[Kernel] = [entry]
     while waiting:
         kernel = waiting.pop()
-        if id(kernel) not in found:
-            found[id(kernel)] = kernel
+        if id(kernel) not in kernels:
+            kernels[id(kernel)] = kernel
             waiting.extend(_parts_of(kernel)[1])
-    return list(found.values())
+    return list(kernels.values())
 
 
 @cache
@@ -108,7 +108,7 @@ def _codes_of(function: Any) -> list[CodeType]:
     """Return the code objects of a function and of its nested functions, such as comprehensions."""
     codes = [function.__code__]
     for code in codes:
-        codes += [one for one in code.co_consts if isinstance(one, CodeType)]
+        codes += [item for item in code.co_consts if isinstance(item, CodeType)]
     return codes
 
 
@@ -116,7 +116,9 @@ def _code_lines(function: Any) -> list[str]:
     """Return a text of the code of a function, without its docstring and line numbers."""
     lines = [repr(function.__defaults__)]
     for code in _codes_of(function):
-        constants = [repr(one) for one in code.co_consts if not isinstance(one, CodeType) and one != function.__doc__]
+        constants = [
+            repr(item) for item in code.co_consts if not isinstance(item, CodeType) and item != function.__doc__
+        ]
         lines += [code.co_code.hex(), ",".join(constants), ",".join(code.co_names), ",".join(code.co_varnames)]
     return lines
 
@@ -124,21 +126,21 @@ def _code_lines(function: Any) -> list[str]:
 def _globals_of(function: Any) -> list[tuple[str, Any]]:
     """Return the values that a function refers to: closure variables, globals, and attributes of modules."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    found: list[tuple[str, Any]] = [(name, cell.cell_contents) for name, cell in cells]
+    values: list[tuple[str, Any]] = [(name, cell.cell_contents) for name, cell in cells]
     names = [name for code in _codes_of(function) for name in code.co_names]
     for name in names:
         if name not in function.__globals__:
             continue
-        found += _values_of(name, function.__globals__[name], names)
-    return found
+        values += _values_of(name, function.__globals__[name], names)
+    return values
 
 
 def _values_of(name: str, value: Any, names: list[str]) -> list[tuple[str, Any]]:
     """Return a global; for a module, return the attributes that a function may read in it and in its submodules."""
-    found = [(name, value)]
+    values = [(name, value)]
     if isinstance(value, ModuleType) and hasattr(value, "__file__") and value.__name__ != "math":
         for inner in dict.fromkeys(names):
             if hasattr(value, inner):
-                others = [one for one in names if one != inner]
-                found += _values_of(f"{name}.{inner}", getattr(value, inner), others)
-    return found
+                others = [other for other in names if other != inner]
+                values += _values_of(f"{name}.{inner}", getattr(value, inner), others)
+    return values

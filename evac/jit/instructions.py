@@ -182,7 +182,7 @@ def _fits(buffer: types.Type, index: types.Type) -> bool:
     return (
         isinstance(index, types.BaseTuple)
         and len(index) == buffer.ndim
-        and all(isinstance(one, types.Integer) for one in index)
+        and all(isinstance(part, types.Integer) for part in index)
     )
 
 
@@ -202,7 +202,7 @@ def _place(context: Any, builder: Any, buffer: BufferType, value: Any, index: ty
     """Return the address of an element of an array."""
     kinds = [index] if isinstance(index, types.Integer) else list(index)
     numbers = [given] if isinstance(index, types.Integer) else cgutils.unpack_tuple(builder, given)
-    numbers = [context.cast(builder, one, kind, types.int64) for one, kind in zip(numbers, kinds, strict=True)]
+    numbers = [context.cast(builder, number, kind, types.int64) for number, kind in zip(numbers, kinds, strict=True)]
     at = numbers[0]
     for axis in range(1, buffer.ndim):
         at = builder.add(builder.mul(at, _extent(builder, buffer, value, axis)), numbers[axis])
@@ -270,9 +270,9 @@ def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     buffer = sig.args[0]
     pair = context.make_tuple(builder, types.UniTuple(types.int64, 2), [args[1], ir.Constant(_WORD, 0)])
     place = _place(context, builder, buffer, args[0], types.UniTuple(types.int64, 2), pair)
-    found = ir.Constant(context.get_value_type(sig.return_type), ir.Undefined)
-    found = builder.insert_value(found, builder.ptrtoint(place, _WORD), 0)
-    return builder.insert_value(found, _extent(builder, buffer, args[0], 1), 1)
+    row = ir.Constant(context.get_value_type(sig.return_type), ir.Undefined)
+    row = builder.insert_value(row, builder.ptrtoint(place, _WORD), 0)
+    return builder.insert_value(row, _extent(builder, buffer, args[0], 1), 1)
 
 
 def _row_type(args: Any) -> Any:
@@ -311,14 +311,14 @@ def _extreme(comparison: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         return signature(number, *[number] * len(args))
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        found = args[0]
+        extreme = args[0]
         for one in args[1:]:
             if sig.return_type == types.float64:
-                is_beyond = builder.fcmp_ordered(comparison, one, found)
+                is_beyond = builder.fcmp_ordered(comparison, one, extreme)
             else:
-                is_beyond = builder.icmp_signed(comparison, one, found)
-            found = builder.select(is_beyond, one, found)
-        return found
+                is_beyond = builder.icmp_signed(comparison, one, extreme)
+            extreme = builder.select(is_beyond, one, extreme)
+        return extreme
 
     return result, generate
 

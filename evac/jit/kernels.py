@@ -181,14 +181,14 @@ class Entry(Kernel):
                 if not isinstance(value, kind):
                     raise TypeError(f"{self.label}: {name}: must be a {kind.__name__}, not {type(value).__name__}")
                 passed.append(value.memory_address)
-        found = self._call(*passed)
+        returned = self._call(*passed)
         if _raised:
             label = _raised[0]
             _raised.clear()
             raise PluginError(
                 f"kernel {label}: a function that it calls raised an exception; set NUMBA_DISABLE_JIT=1 to see it which"
             )
-        return found
+        return returned
 
 
 #: Python functions by the numbers that represent their addresses if nothing is compiled.
@@ -242,7 +242,7 @@ class AddressCall:
         PluginError
             The object is not an entry, or its signature differs.
         """
-        found = f"the {type(entry).__name__} {getattr(entry, '__name__', entry)}"
+        got = f"the {type(entry).__name__} {getattr(entry, '__name__', entry)}"
         if isinstance(entry, Entry):
             try:
                 named, returned = entry.signature
@@ -251,9 +251,9 @@ class AddressCall:
             kinds = tuple(kind for _, kind in named)
             if (kinds, returned) == (self.kinds, self.returns):
                 return
-            found = f"{entry.title}{_described(kinds, returned)}"
+            got = f"{entry.title}{_described(kinds, returned)}"
         remedy = "decorate it with a decorator of evac.jit for this purpose"
-        raise fault(what, f"must be a kernel {self}, not {found}", remedy, entry if callable(entry) else plugin)
+        raise fault(what, f"must be a kernel {self}, not {got}", remedy, entry if callable(entry) else plugin)
 
     def __str__(self) -> str:
         return _described(self.kinds, self.returns)
@@ -284,8 +284,8 @@ def inlined(function: Callable[..., Any]) -> Any:
 def entries_of(module: ModuleType) -> list[Entry]:
     """Return the entries defined in a module and its classes."""
     holders = [module, *(value for value in vars(module).values() if isinstance(value, type))]
-    found = [value for holder in holders for value in vars(holder).values() if isinstance(value, Entry)]
-    return [entry for entry in dict.fromkeys(found) if entry.__module__ == module.__name__]
+    entries = [value for holder in holders for value in vars(holder).values() if isinstance(value, Entry)]
+    return [entry for entry in dict.fromkeys(entries) if entry.__module__ == module.__name__]
 
 
 def structs_of(kind: Kind) -> set[type[Struct]]:

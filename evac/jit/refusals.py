@@ -37,11 +37,11 @@ def _place(entry: Entry, lines: list[str], reason: str) -> tuple[str, int]:
     """Return file and line of the mistake: as stated by numba, or where the word that it names is used."""
     own = {kernel.function.__code__.co_filename for kernel in kernels_in(entry)}
     for line in lines if not reason.startswith(UNLIKE) else ():
-        found = re.match(r'File "(.+)", line (\d+)', line)
-        if found and (file := os.path.realpath(found[1])) in own:  # numba states paths relative to the current folder
-            return file, int(found[2])
+        match = re.match(r'File "(.+)", line (\d+)', line)
+        if match and (file := os.path.realpath(match[1])) in own:  # numba states paths relative to the current folder
+            return file, int(match[2])
     code = entry.function.__code__
     word = re.search(r"name '(\w+)'|<built-in function (\w+)>", reason)
-    uses = (one for one in dis.get_instructions(code) if word and one.argval in (word[1], word[2]))
-    place = next((one.positions.lineno for one in uses if one.positions and one.positions.lineno), None)
+    uses = (use for use in dis.get_instructions(code) if word and use.argval in (word[1], word[2]))
+    place = next((use.positions.lineno for use in uses if use.positions and use.positions.lineno), None)
     return code.co_filename, place or code.co_firstlineno

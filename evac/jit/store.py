@@ -172,12 +172,12 @@ def exposure(path: Path) -> str:
     """
     if not hasattr(os, "geteuid"):
         return ""
-    found = path.stat()
-    if found.st_uid not in (os.geteuid(), 0):
-        return f"belongs to another user (number {found.st_uid})"
-    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        return f"can be written by others (mode {stat.S_IMODE(found.st_mode):o}); run chmod go-w {path}"
-    if not (stat.S_ISDIR(found.st_mode) or stat.S_ISREG(found.st_mode)):
+    status = path.stat()
+    if status.st_uid not in (os.geteuid(), 0):
+        return f"belongs to another user (number {status.st_uid})"
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"can be written by others (mode {stat.S_IMODE(status.st_mode):o}); run chmod go-w {path}"
+    if not (stat.S_ISDIR(status.st_mode) or stat.S_ISREG(status.st_mode)):
         return "is not a regular file"
     return ""
 

@@ -76,8 +76,8 @@ def compile_tasks(
     importable = [task for task in tasks if _source(task.entry)]
     shares = divide(importable, min(cores(), len(importable)))
     if len(shares) > 1:
-        with closing(_compile_elsewhere(shares, processor, store, tell)) as found:
-            for task, code in found:
+        with closing(_compile_elsewhere(shares, processor, store, tell)) as results:
+            for task, code in results:
                 del left[task]
                 yield task, code
                 tell()

@@ -77,10 +77,10 @@ def scatter(crowd: Crowd, bodies: Bodies) -> None:
     """Copy the results of the steps back to the crowd."""
     rows = bodies.row[: bodies.inside].astype(np.intp)
     for name in WRITTEN:
-        written, found = getattr(crowd, name), getattr(bodies, name)
-        if found.ndim == 2:  # pairs, which numpy assigns ten times faster where each is one number
-            written, found = written.view(np.complex128)[:, 0], found.view(np.complex128)[:, 0]
-        written[rows] = found[: bodies.inside]
+        written, source = getattr(crowd, name), getattr(bodies, name)
+        if source.ndim == 2:  # pairs, which numpy assigns ten times faster where each is one number
+            written, source = written.view(np.complex128)[:, 0], source.view(np.complex128)[:, 0]
+        written[rows] = source[: bodies.inside]
 
 
 @kernel

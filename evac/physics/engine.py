@@ -240,9 +240,9 @@ class CompiledEngine(Engine):
                     plugin_code(f"t = {clock.now * length:.3f} s: contact model {model.name!r}", model),
                     self.threads.serving(model),
                 ):
-                    found = model.advance(self)
-                if found != status.OK:
-                    self._handle(model, int(found), clock.now * length)
+                    outcome = model.advance(self)
+                if outcome != status.OK:
+                    self._handle(model, int(outcome), clock.now * length)
         state.tally[at.STEPS] += steps
         driver.scatter(crowd, state.bodies)
         return state.events
@@ -306,37 +306,37 @@ class CompiledEngine(Engine):
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        found = self.kernels(model, self._forces, self._solvers, self.state.world.backed, self.full)
-        return found + self.threads.entries(model)
+        entries = self.kernels(model, self._forces, self._solvers, self.state.world.backed, self.full)
+        return entries + self.threads.entries(model)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the optional parts of the step loop: name, whether it is included, and the reason."""
         backed = self.state.world.backed
         why = f"levels: {len(backed)}, of which {int(backed.sum())} have walls right behind an exit"
-        found = [("contacts across portals and exits", self.full or have_seams(backed), why)]
+        rows = [("contacts across portals and exits", self.full or have_seams(backed), why)]
         if isinstance(model, SolvedContactModel):
             stronger, later = self._solver(model).stronger, "loaded if a solve does not converge"
-            found += [
+            rows += [
                 (f"solver {model.solver}", True, f"contact.{model.name}.solver"),
                 (f"solver {stronger}, for solves that fail", self.full, later),
             ]
         if isinstance(model, SolvedContactModel) and model.separates:
-            found.append(("separation of overlaps", self.full, "loaded if overlaps exceed the tolerance"))
+            rows.append(("separation of overlaps", self.full, "loaded if overlaps exceed the tolerance"))
         if model.memory:
-            found.append(("memory of contacts", True, ", ".join(model.memory)))
-        return found
+            rows.append(("memory of contacts", True, ", ".join(model.memory)))
+        return rows
 
     def explain_forces(self) -> dict[str, str]:
         """Return how each force in use acts, by name."""
-        found = {}
+        effects = {}
         for k, force in enumerate(self._body_forces):
             cutoff = self.state.body_forces.cutoff[k]
             walls = f", depending on walls up to a gap of {cutoff:.2f} m" if cutoff > 0.0 else ""
-            found[force.name] = f"acts on each person{walls}"
+            effects[force.name] = f"acts on each person{walls}"
         for k, force in enumerate(self._pair_forces):
             between = f"acts up to a gap of {self.state.forces.cutoff[k]:.2f} m"
-            found[force.name] = f"{between}; {found[force.name]}" if force.name in found else between
-        return found
+            effects[force.name] = f"{between}; {effects[force.name]}" if force.name in effects else between
+        return effects
 
     def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
         return solver_of(model, self._solvers, stronger)
@@ -348,37 +348,37 @@ class CompiledEngine(Engine):
         else:
             self.state.parts.separation = separate.address
 
-    def _handle(self, model: ContactModel, found: int, time: float) -> None:
+    def _handle(self, model: ContactModel, outcome: int, time: float) -> None:
         """Handle a status: load a part, enlarge an array, or raise SimulationError."""
         state, parts = self.state, self.state.parts
         loaded = {status.NEEDS_STRONGER_SOLVER: parts.stronger.solve, status.NEEDS_SEPARATION: parts.separation}
-        if isinstance(model, SolvedContactModel) and not loaded.get(found, 1):
-            self._load_part(model, found)
-        elif found == status.PAIRS_FULL:
+        if isinstance(model, SolvedContactModel) and not loaded.get(outcome, 1):
+            self._load_part(model, outcome)
+        elif outcome == status.PAIRS_FULL:
             state.lists.pair_body = grown(state.lists.pair_body)
             state.lists.stale = 1
-        elif found == status.WALLS_FULL:
+        elif outcome == status.WALLS_FULL:
             state.lists.wall_item = grown(state.lists.wall_item)
             state.lists.stale = 1
-        elif found == status.CONTACTS_FULL:
+        elif outcome == status.CONTACTS_FULL:
             # The new warm start is empty; the step that ran out of room has been undone.
             make_room_for_contacts(state, 2 * len(state.contacts.body))
-        elif found == status.NEAR_WALLS_FULL:
+        elif outcome == status.NEAR_WALLS_FULL:
             raise SimulationError(
                 f"t = {time:.3f} s: more than {len(state.contacts.near)} walls within one body's reach;"
                 " use a smaller simulation.step or a mesh with fewer, longer walls"
             )
-        elif found == status.EVENTS_FULL:
+        elif outcome == status.EVENTS_FULL:
             for name in ("row", "kind", "link", "time"):
                 setattr(state.events, name, grown(getattr(state.events, name)))
-        elif found in _FAILURES:
+        elif outcome in _FAILURES:
             if culprit := self._force_at_fault(time) or model.culprit(state):
                 raise culprit
-            failure = _FAILURES[found].format(parts=driver.GREATEST_PARTS, fastest=driver.FASTEST)
-            advice = model.advice().get(found, "")
+            failure = _FAILURES[outcome].format(parts=driver.GREATEST_PARTS, fastest=driver.FASTEST)
+            advice = model.advice().get(outcome, "")
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:
-            wrong = f"its law returns {found}, not a status of evac.physics.status that a law may return"
+            wrong = f"its law returns {outcome}, not a status of evac.physics.status that a law may return"
             remedy = "return OK, and derive models that solve contact problems from SolvedContactModel"
             raise fault(f"contact model {model.name!r}", wrong, remedy, model.law or model)
 
@@ -414,15 +414,15 @@ class CompiledEngine(Engine):
         """Return copies of the state, besides the crowd, that the next tick depends on."""
         state = self.state
         room = (state.lists.pair_body, state.lists.wall_item, state.contacts.body, state.events.row)
-        found = {
+        arrays = {
             "tally": state.tally.copy(),
             "span": np.array([state.lists.pair_reach, state.lists.wall_reach]),
             "h_before": np.array([state.clock.h_before]),
             "room": np.array([len(array) for array in room]),
         }
         if self._model is not None and self._model.memory:
-            found |= zip(self._memory_keys(self._model), memory_by_person(state), strict=True)
-        return found
+            arrays |= zip(self._memory_keys(self._model), memory_by_person(state), strict=True)
+        return arrays
 
     def _memory_keys(self, model: ContactModel) -> tuple[str, str]:
         """Return the names of the pairs and the numbers in a saved state."""

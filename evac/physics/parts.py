@@ -26,42 +26,42 @@ def entries_of_loop(
     model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
-    found = list(entries_of_parts(model, forces, has_seams).values())
+    entries = list(entries_of_parts(model, forces, has_seams).values())
     if isinstance(model, PairContact):
         model.check_pair()
     if model.along_the_way:
-        found.append(sample_travel_times)
+        entries.append(sample_travel_times)
     if model.law is None:
-        found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
+        entries += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
     else:
-        found.append(driver.advance)
+        entries.append(driver.advance)
     if isinstance(model, SolvedContactModel):
-        found += entries_of_solver(solver_of(model, solvers))
+        entries += entries_of_solver(solver_of(model, solvers))
         if full:
-            found += entries_of_solver(solver_of(model, solvers, stronger=True))
+            entries += entries_of_solver(solver_of(model, solvers, stronger=True))
         if full and model.separates:
-            found.append(separate)
+            entries.append(separate)
     for force in forces:
-        found += functions_of(force)
-    return list(dict.fromkeys(found))
+        entries += functions_of(force)
+    return list(dict.fromkeys(entries))
 
 
 def entries_of_parts(model: ContactModel, forces: Sequence[Force], has_seams: bool) -> dict[str, Entry]:
     """Return the kernels whose addresses `Parts` has in a run, by name, except those of solvers and `separation`."""
-    found = {"phase": make_alone, "drive": drive_overdamped if model.overdamped else drive}
+    entries = {"phase": make_alone, "drive": drive_overdamped if model.overdamped else drive}
     if model.law is not None:
-        found["law"] = model.law
+        entries["law"] = model.law
     if isinstance(model, SolvedContactModel):
-        found["on_blocks"] = make_on_blocks
+        entries["on_blocks"] = make_on_blocks
     if model.memory:
-        found |= {"recall": recall, "retain": retain}
+        entries |= {"recall": recall, "retain": retain}
     if has_seams:
-        found["seams"] = reaches
+        entries["seams"] = reaches
     if any(force.pair is not None for force in forces):
-        found["forces"] = add_forces
+        entries["forces"] = add_forces
     if any(force.body is not None for force in forces):
-        found["body_forces"] = add_body_forces
-    return found
+        entries["body_forces"] = add_body_forces
+    return entries
 
 
 def functions_of(force: Force) -> list[Entry]:
@@ -73,19 +73,19 @@ def functions_of(force: Force) -> list[Entry]:
         If it names none, if one has another signature or reads a parameter that does not exist, or if parameters or
         cut-off are invalid.
     """
-    found: list[Entry] = []
+    functions: list[Entry] = []
     what = f"force {force.name!r}"
     for name, call in (("pair", call_pair_force), ("body", call_body_force)):
         function = getattr(force, name)
         if function is not None:
             call.check(function, f"{what}: {name}", type(force))
             check_indices(function, len(packed_row(force, what)), what)
-            found.append(function)
-    if not found:
+            functions.append(function)
+    if not functions:
         remedy = "define `pair`, decorated with evac.jit.pair_force, or `body`, decorated with evac.jit.body_force"
         raise fault(what, "names no function", remedy, force)
     cutoff_of(force)
-    return found
+    return functions
 
 
 def entries_of_solver(solver: type[Solver]) -> list[Entry]:
@@ -111,8 +111,8 @@ def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], st
     for _ in range(1 + stronger):
         if name not in solvers:
             raise PluginError(f"contact.{model.name}.solver: unknown solver {name!r}; {did_you_mean(name, [*solvers])}")
-        found = solvers[name]
-        with plugin_code(f"solver {name!r}", found):
-            call_solver.check(getattr(found, "solve", None), f"solver {name!r}: solve", found)
-        name = found.stronger
-    return found
+        solver = solvers[name]
+        with plugin_code(f"solver {name!r}", solver):
+            call_solver.check(getattr(solver, "solve", None), f"solver {name!r}: solve", solver)
+        name = solver.stronger
+    return solver

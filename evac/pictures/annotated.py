@@ -86,7 +86,7 @@ def levels_figure(
         As for `draw_plans`.
     """
     plans = draw_plans(building, title, has_widths=True, greatest=greatest)
-    listed = list(enumerate((one for one in findings if one.kind != "found"), start=1))
+    listed = list(enumerate((finding for finding in findings if finding.kind != "found"), start=1))
     panels = [[level.index for level in levels] for levels in plans.levels]
     for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):
         _show_coordinates(axes)
@@ -156,7 +156,7 @@ def _line(axes: Axes, segments: FloatArray, colour: str, width: float) -> None:
 
 def _name(axes: Axes, polygon: BaseGeometry, text: str, colour: str) -> None:
     """Write a name at the widest place of a polygon."""
-    part = max(shapely.get_parts(polygon), key=lambda one: one.area)
+    part = max(shapely.get_parts(polygon), key=lambda part_of: part_of.area)
     if shapely.contains(part, part.centroid):
         x, y = part.centroid.coords[0]
     else:
@@ -183,12 +183,12 @@ def _by_place(
     building: Building, panels: list[list[int]], listed: list[tuple[int, Finding]], panel: int
 ) -> list[list[tuple[int, Finding]]]:
     """Return the findings at each place of a storey, with their numbers."""
-    found: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
+    by_place: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
     for number, finding in listed[:MOST_LISTED]:
         if finding.place is not None and panel_of(building, panels, finding) == panel:
             x, y = finding.place[:2]
-            found.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
-    return list(found.values())
+            by_place.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
+    return list(by_place.values())
 
 
 def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:

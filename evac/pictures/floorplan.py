@@ -77,11 +77,11 @@ def draw_plans(
         A level does not exist.
     """
     if levels is None:
-        panels = [(name, tuple(found)) for name, found in storeys(building)]
+        panels = [(name, tuple(shown)) for name, shown in storeys(building)]
     else:
-        panels = [(found.name, (found,)) for found in (level_of(building, level) for level in levels)]
+        panels = [(shown.name, (shown,)) for shown in (level_of(building, level) for level in levels)]
     # All plans have the same limits, so that places above one another have the same position in each.
-    x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, found in panels for level in found]).tolist()
+    x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, shown in panels for level in shown]).tolist()
     pad = 0.03 * max(x2 - x1, y2 - y1) + 0.2  # for the names of exits
     width, height = x2 - x1 + 2.0 * pad, y2 - y1 + 2.0 * pad
     columns, rows, scale = _arrangement(len(panels), width, height, greatest)
@@ -91,7 +91,7 @@ def draw_plans(
     figure = Figure(figsize=size, dpi=dpi)
     FigureCanvasAgg(figure)
     axes = []
-    for k, (name, found) in enumerate(panels):
+    for k, (name, shown) in enumerate(panels):
         column, row = k % columns, k // columns
         left, top = MARGIN + column * cell[0], above + row * cell[1] + HEAD
         box = left / size[0], 1.0 - (top + scale * height) / size[1], scale * width / size[0], scale * height / size[1]
@@ -99,14 +99,14 @@ def draw_plans(
         panel.set_axis_off()
         panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
         panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
-        _draw_levels(panel, building, found, is_filled, has_widths)
+        _draw_levels(panel, building, shown, is_filled, has_widths)
         axes.append(panel)
     if title is not None:
         _write_title(figure, title, size)
     if has_scale_bar:
         _draw_scale_bar(figure, scale, size)
     room = 1.0 - (side - 0.2) / size[0], BAR / size[1], (side - 0.3) / size[0], rows * cell[1] / size[1]
-    return Plans(figure, tuple(axes), tuple(found for _, found in panels), room)
+    return Plans(figure, tuple(axes), tuple(shown for _, shown in panels), room)
 
 
 def _arrangement(count: int, width: float, height: float, greatest: tuple[float, float]) -> tuple[int, int, float]:

@@ -82,7 +82,7 @@ def draw_map(
     if maps is None:
         maps = level_maps(trajectory, levels)
     what = QUANTITIES.get(quantity)
-    grids = {name: found.array(quantity) for name, found in maps.items()}
+    grids = {name: level_map.array(quantity) for name, level_map in maps.items()}
     assert what is not None  # array() raises an error for unknown quantities
     any_map = next(iter(maps.values()))
     title = f"{trajectory.header.get('title', '')}\n{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s"

@@ -271,9 +271,9 @@ def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float, samp
 
     def indexed(image: NDArray[np.uint8]) -> Image.Image:
         fives = (image >> 3).astype(np.uint16)
-        found = Image.fromarray(nearest[(fives[..., 0] << 10) | (fives[..., 1] << 5) | fives[..., 2]])
-        found.putpalette(palette.getpalette() or [])
-        return found
+        picture = Image.fromarray(nearest[(fives[..., 0] << 10) | (fives[..., 1] << 5) | fives[..., 2]])
+        picture.putpalette(palette.getpalette() or [])
+        return picture
 
     shown = map(indexed, images)
     next(shown).save(path, save_all=True, append_images=shown, duration=1000.0 / fps, loop=0)

@@ -71,9 +71,9 @@ class _InSpace:
     def __call__(self, level: IntArray, points: FloatArray) -> FloatArray:
         """Return column, row and nearness [pixels]."""
         right, up, toward = self.axes @ self.place(points).T
-        found = self.scale * np.column_stack([right - self.corner[0], self.corner[1] - up, toward])
-        found[~np.isin(level, self.shown)] = np.nan
-        return found
+        place = self.scale * np.column_stack([right - self.corner[0], self.corner[1] - up, toward])
+        place[~np.isin(level, self.shown)] = np.nan
+        return place
 
 
 class _Scene:

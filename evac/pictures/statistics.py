@@ -53,7 +53,7 @@ def points_figure(
     if not along:
         labels = [", ".join(f"{key} = {value}" for key, value in of_point.items()) for of_point in parameters]
         axes.set_xticks(
-            range(len(labels)), [textwrap.fill(one, 24) for one in labels], fontsize=7, rotation=30, ha="right"
+            range(len(labels)), [textwrap.fill(label, 24) for label in labels], fontsize=7, rotation=30, ha="right"
         )
     axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
     if any(lines) and len(lines) <= MOST_LINES:

@@ -115,4 +115,4 @@ def round_length(value: float) -> float:
     (5.0, 1.0, 20.0)
     """
     power = 10.0 ** math.floor(math.log10(value))
-    return min((power * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda one: abs(math.log(one / value)))
+    return min((power * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda length: abs(math.log(length / value)))

@@ -90,9 +90,9 @@ def _are_sides(walls: FloatArray, furniture: list[shapely.Polygon]) -> NDArray[n
         return np.zeros(len(walls), bool)
     middles = shapely.points(0.5 * (walls[:, :2] + walls[:, 2:]))
     sides = shapely.STRtree([piece.exterior for piece in furniture])
-    found = np.zeros(len(walls), bool)
-    found[sides.query(middles, predicate="dwithin", distance=GRAIN)[0]] = True
-    return found
+    are_sides = np.zeros(len(walls), bool)
+    are_sides[sides.query(middles, predicate="dwithin", distance=GRAIN)[0]] = True
+    return are_sides
 
 
 def _tops(furniture: list[shapely.Polygon], origin: FloatArray) -> list[int]:

@@ -81,7 +81,7 @@ def checklist_section(numbers: dict[str, str], lacking: Collection[str] = ()) ->
 def _where(point: Point, numbers: dict[str, str], lacking: Collection[str]) -> tuple[Cell, str]:
     of_run = "" if "statistics" in numbers else point.of_run
     without = point.without if point.content in lacking else ""
-    left = "; ".join(one for one in (point.author, of_run, without) if one)
+    left = "; ".join(words for words in (point.author, of_run, without) if words)
     present = [section for section in point.sections if section in numbers]
     if not present:
         return Cell("not provided", "bad"), left or "add it"
@@ -89,4 +89,4 @@ def _where(point: Point, numbers: dict[str, str], lacking: Collection[str]) -> t
 
 
 def _links(sections: Sequence[str], numbers: dict[str, str]) -> Markup:
-    return Markup(", ").join(Markup('<a href="#{}">{}</a>').format(one, numbers[one]) for one in sections)
+    return Markup(", ").join(Markup('<a href="#{}">{}</a>').format(key, numbers[key]) for key in sections)

@@ -69,10 +69,10 @@ def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any
     for group in case.people:
         given = {name: (group.model_extra or {}).get(name) for name in (*QUANTITIES, "limit_stair_speeds")}
         alike.setdefault(repr(given), []).append(group)
-    found = []
+    rows = []
     for groups in alike.values():
         given = groups[0].model_extra or {}
-        found.append(
+        rows.append(
             {
                 "names": ", ".join(group.name for group in groups),
                 "people": sum(group.size for group in groups),
@@ -83,7 +83,7 @@ def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any
                 "is_limited": given.get("limit_stair_speeds"),
             }
         )
-    return found
+    return rows
 
 
 def _drawn(run: Results | None, groups: list[GroupTable], column: str, digits: int) -> tuple[str | None, ...]:

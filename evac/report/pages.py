@@ -51,12 +51,12 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
         Program and version.
     """
     given = [section("purpose", "Project and purpose"), *sections]
-    body = [one for one in given if not one.title.startswith(APPENDIX)]
-    appendices = [one for one in given if one.title.startswith(APPENDIX)]
-    numbers = {"project": "head"} | {one.id: str(number) for number, one in enumerate(body, 1)}
-    numbers |= {one.id: chr(ord("A") + index) for index, one in enumerate(appendices)}
-    missing = {one.id for one in given if one.is_missing}
-    lacking = {content for one in given for content in one.lacks}
+    body = [part for part in given if not part.title.startswith(APPENDIX)]
+    appendices = [part for part in given if part.title.startswith(APPENDIX)]
+    numbers = {"project": "head"} | {part.id: str(number) for number, part in enumerate(body, 1)}
+    numbers |= {part.id: chr(ord("A") + index) for index, part in enumerate(appendices)}
+    missing = {part.id for part in given if part.is_missing}
+    lacking = {content for part in given for content in part.lacks}
     checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing}, lacking)
     numbers[checklist.id] = str(len(body) + 1)
     return (

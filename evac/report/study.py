@@ -131,9 +131,9 @@ def check_member(study: Study, case: Mapping[str, Any], run: Results) -> None:
     for key in ("people", "building", "contact", "forces", "behaviours", "directions"):
         if run.settings.get(key) != case.get(key):
             raise ResultError(f"{place}: [{key}] of its case differs; run the case of the study with that seed")
-    found = run.last_out if run.is_complete else None
-    if row["last_out"] != found:
-        there, here = ("at no time" if time is None else f"at {time} s" for time in (row["last_out"], found))
+    last = run.last_out if run.is_complete else None
+    if row["last_out"] != last:
+        there, here = ("at no time" if time is None else f"at {time} s" for time in (row["last_out"], last))
         raise ResultError(f"{place}: with seed {run.seed} the last person leaves {there} there and {here} here")
 
 
@@ -161,8 +161,8 @@ def _command(study: Study) -> str:
 
 def _counts(study: Study) -> tuple[int, int, int]:
     """Return the number of runs that have not failed, of blocked and of failed ones."""
-    found = [(one.runs, one.blocked, one.failed) for one in study.statistics]
-    runs, blocked, failed = map(sum, zip(*found, strict=True))
+    counts = [(estimates.runs, estimates.blocked, estimates.failed) for estimates in study.statistics]
+    runs, blocked, failed = map(sum, zip(*counts, strict=True))
     return runs, blocked, failed
 
 
@@ -176,28 +176,28 @@ def _banner(study: Study) -> str:
     return " ".join(lines)
 
 
-def _interval(one: Estimate, is_blocked: bool = False) -> str:
+def _interval(estimate: Estimate, is_blocked: bool = False) -> str:
     """Return an estimate with its interval."""
-    if not math.isfinite(one.value):
+    if not math.isfinite(estimate.value):
         return "not reached" if is_blocked else "-"
-    bounds = [fixed(bound, 1) for bound in (one.low, one.high)]
+    bounds = [fixed(bound, 1) for bound in (estimate.low, estimate.high)]
     if bounds == [None, None]:
-        return f"{one.value:.1f} s"
-    return f"{one.value:.1f} s ({' to '.join(bound or 'open' for bound in bounds)})"
+        return f"{estimate.value:.1f} s"
+    return f"{estimate.value:.1f} s ({' to '.join(bound or 'open' for bound in bounds)})"
 
 
-def _mean(one: Estimate) -> str:
+def _mean(estimate: Estimate) -> str:
     """Return the mean with its interval, or with the reason why it has none."""
-    words = f"{_interval(one)}, with 95 % interval" if math.isfinite(one.low) else _interval(one)
-    return f"{words}; {one.note}" if one.note else words
+    words = f"{_interval(estimate)}, with 95 % interval" if math.isfinite(estimate.low) else _interval(estimate)
+    return f"{words}; {estimate.note}" if estimate.note else words
 
 
-def _change(one: Estimate) -> str:
+def _change(estimate: Estimate) -> str:
     """Return a difference with its interval, or with the reason why it has none."""
-    if not math.isfinite(one.value):
-        return one.note or "-"
-    reach = f" ({one.low:+.2f} to {one.high:+.2f})" if math.isfinite(one.low + one.high) else ""
-    return f"{one.value:+.2f} s{reach}{'; ' if one.note else ''}{one.note}"
+    if not math.isfinite(estimate.value):
+        return estimate.note or "-"
+    reach = f" ({estimate.low:+.2f} to {estimate.high:+.2f})" if math.isfinite(estimate.low + estimate.high) else ""
+    return f"{estimate.value:+.2f} s{reach}{'; ' if estimate.note else ''}{estimate.note}"
 
 
 def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, object]:
@@ -207,14 +207,14 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
     if len(study.points) > 1:
         results["Variants"] = f"{len(study.points)}, see below"
     else:
-        one = study.statistics[0]
+        estimates = study.statistics[0]
         people = sorted({row["people"] for row in rows if row["ended"] != FAILED})
         results |= {
             "People": ", ".join(map(str, people)),
-            "Evacuation time, mean of complete runs": _mean(one.mean),
+            "Evacuation time, mean of complete runs": _mean(estimates.mean),
             **{
-                f"Evacuation time, {estimate.name}": _interval(estimate, bool(one.blocked))
-                for estimate in one.percentiles
+                f"Evacuation time, {estimate.name}": _interval(estimate, bool(estimates.blocked))
+                for estimate in estimates.percentiles
             },
         }
     if study.step_change is not None:
@@ -235,14 +235,14 @@ def _points(study: Study) -> Iterator[Section]:
         (
             str(point.index),
             *(told(point.parameters[key]) if key in point.parameters else None for key in keys),
-            one.runs,
-            one.blocked,
-            _interval(one.mean),
-            *(_interval(estimate, bool(one.blocked)) for estimate in one.percentiles),
+            estimates.runs,
+            estimates.blocked,
+            _interval(estimates.mean),
+            *(_interval(estimate, bool(estimates.blocked)) for estimate in estimates.percentiles),
         )
-        for point, one in zip(study.points, study.statistics, strict=True)
+        for point, estimates in zip(study.points, study.statistics, strict=True)
     ]
-    names = [one.name for one in study.statistics[0].percentiles]
+    names = [estimates.name for estimates in study.statistics[0].percentiles]
     columns = ["point", *keys, "runs", "blocked", "mean [s]", *names]
     yield section("points", "Variants", columns=columns, rows=rows, file=_points_file(study, keys))
 
@@ -262,34 +262,34 @@ def _statistics(study: Study) -> Section:
     """Return the section on evacuation times over runs."""
     egress = _egress(study)
     points = []
-    for point, one in zip(study.points, study.statistics, strict=True):
+    for point, estimates in zip(study.points, study.statistics, strict=True):
         measures = settled(convergence(curves(study, point.index)))
         points.append(
             {
                 "name": ", ".join(f"{key} = {told(value)}" for key, value in point.parameters.items()),
-                "rows": _statistics_rows(one),
-                "picture": _egress_picture(study, egress, point.index) if one.runs else None,
+                "rows": _statistics_rows(estimates),
+                "picture": _egress_picture(study, egress, point.index) if estimates.runs else None,
                 "settled": list(measures.items()),
             }
         )
     return section("statistics", "Evacuation times over runs", points=points)
 
 
-def _statistics_rows(one: Statistics) -> list[tuple[object, ...]]:
-    blocked = f"{100.0 * one.blocked_low:.1f} to {100.0 * one.blocked_high:.1f} %"
+def _statistics_rows(estimates: Statistics) -> list[tuple[object, ...]]:
+    blocked = f"{100.0 * estimates.blocked_low:.1f} to {100.0 * estimates.blocked_high:.1f} %"
     rows: list[tuple[object, ...]] = [
-        ("runs", one.runs, None, None),
-        ("blocked runs", one.blocked, blocked, "interval of the share"),
-        ("minimum [s]", fixed(one.least, 1), None, None),
+        ("runs", estimates.runs, None, None),
+        ("blocked runs", estimates.blocked, blocked, "interval of the share"),
+        ("minimum [s]", fixed(estimates.least, 1), None, None),
     ]
-    missing = "not reached" if one.blocked else None
-    for estimate in (one.mean, *one.percentiles):
+    missing = "not reached" if estimates.blocked else None
+    for estimate in (estimates.mean, *estimates.percentiles):
         bounds = [fixed(bound, 1) for bound in (estimate.low, estimate.high)]
         interval = None if bounds == [None, None] else " to ".join(bound or "open" for bound in bounds)
         rows.append((f"{estimate.name} [s]", fixed(estimate.value, 1) or missing, interval, estimate.note))
     rows += [
-        ("maximum [s]", fixed(one.greatest, 1) or missing, None, None),
-        ("standard deviation of complete runs [s]", fixed(one.standard_deviation, 2), None, None),
+        ("maximum [s]", fixed(estimates.greatest, 1) or missing, None, None),
+        ("standard deviation of complete runs [s]", fixed(estimates.standard_deviation, 2), None, None),
     ]
     return rows
 
@@ -319,12 +319,12 @@ def _exits(study: Study) -> Section:
     for point in study.points:
         used: dict[str, list[dict[str, Any]]] = {}
         for row in study.rows(point.index, ["exits"]):
-            for one in row["exits"]:
-                used.setdefault(one["name"], []).append(one)
+            for use in row["exits"]:
+                used.setdefault(use["name"], []).append(use)
         rows = []
         for name, uses in used.items():
-            last = np.array([one["last_out"] for one in uses if one["people"]], np.float64)
-            mean = fixed(float(np.mean([one["people"] for one in uses])), 1)
+            last = np.array([use["last_out"] for use in uses if use["people"]], np.float64)
+            mean = fixed(float(np.mean([use["people"] for use in uses])), 1)
             shares = [fixed(float(np.percentile(last, of)), 1) if last.size else None for of in PERCENTILES]
             rows.append((name, mean, last.size, fixed(float(last.mean()), 1) if last.size else None, *shares))
         points.append(rows)
@@ -336,8 +336,8 @@ def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:
     name = f"Run with seed {run.seed}"
     suffix = "" if number == 1 else f"-{number}"
     yield section(f"places{suffix}", f"{name}: levels and stairs", "places.html", run=run, **place_rows(run))
-    for one in congestion_sections(run, places):
-        yield replace(one, id=f"{one.id}{suffix}", title=f"{name}: {one.title.lower()}")
+    for part in congestion_sections(run, places):
+        yield replace(part, id=f"{part.id}{suffix}", title=f"{name}: {part.title.lower()}")
 
 
 def _warnings(rows: Sequence[Mapping[str, Any]]) -> list[str]:

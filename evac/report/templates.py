@@ -67,9 +67,9 @@ def shown(value: object) -> Markup:
 def told(value: Any) -> str:
     """Return a value of a case as words: a distribution as its name and numbers."""
     if isinstance(value, Mapping):
-        return "; ".join(_told_pair(key, one) for key, one in value.items()) or "-"
+        return "; ".join(_told_pair(key, item) for key, item in value.items()) or "-"
     if isinstance(value, list | tuple):
-        listed = [told(one) for one in value]
+        listed = [told(item) for item in value]
         return ", ".join(listed if len(listed) <= 12 else [*listed[:3], "...", f"{len(listed)} values"]) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -102,13 +102,14 @@ def templates() -> Environment:
 
 def _columns_of(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> tuple[list[str], list[list[Any]]]:
     """Return the classes of the columns of a table, numbers on the right, and its cells with contents and classes."""
-    cells = [[one if isinstance(one, Cell) else Cell(one, "") for one in row] for row in rows]
+    cells = [[cell if isinstance(cell, Cell) else Cell(cell, "") for cell in row] for row in rows]
     classes = [
         "number" if cells and all(_is_numeric(row[index].content) for row in cells) else ""
         for index in range(len(columns))
     ]
     return classes, [
-        [(one.content, f"{kind} {one.kind}".strip()) for kind, one in zip(classes, row, strict=True)] for row in cells
+        [(cell.content, f"{kind} {cell.kind}".strip()) for kind, cell in zip(classes, row, strict=True)]
+        for row in cells
     ]
 
 

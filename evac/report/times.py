@@ -57,7 +57,7 @@ def times_section(run: Results) -> Section:
         exits=exits,
         **place_rows(run),
         others=record.left_by_other_exits,
-        stuck=[(one.person, one.level, fixed(one.x, 2), fixed(one.y, 2)) for one in record.stuck],
+        stuck=[(person.person, person.level, fixed(person.x, 2), fixed(person.y, 2)) for person in record.stuck],
         metrics=[(name, told(values)) for name, values in record.metrics.items()],
     )
 
@@ -81,6 +81,6 @@ def _time(value: float | None) -> str:
 def _group(name: str, times: FloatArray) -> tuple[object, ...]:
     """Return the row of people with some exit times."""
     out = times[np.isfinite(times)]
-    first, mean = (fixed(float(one), 1) for one in (out.min(), out.mean())) if out.size else (None, None)
+    first, mean = (fixed(float(time), 1) for time in (out.min(), out.mean())) if out.size else (None, None)
     shares = [_time(time_of_share(times, share)) for share in (50, 95, 100)] if times.size else [None] * 3
     return name, times.size, out.size, first, mean, *shares

@@ -30,8 +30,8 @@ def evidence() -> Mapping[str, Any]:
         a row for each criterion of the standard tests, with the verdict of each model that was put to them.
     """
     text = files("evac.report").joinpath(EVIDENCE_NAME).read_text(encoding="utf-8")
-    found: Mapping[str, Any] = json.loads(text)
-    return found
+    verdicts: Mapping[str, Any] = json.loads(text)
+    return verdicts
 
 
 def subject_like(case: CaseTable, keepers: Sequence[str], subjects: Sequence[str]) -> str | None:
@@ -50,8 +50,8 @@ def subject_like(case: CaseTable, keepers: Sequence[str], subjects: Sequence[str
 
 def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
     """Return the section on verification, with the standard tests of the model of a case; see `subject_like`."""
-    found = evidence()
-    rows = found["tests"]
+    verdicts = evidence()
+    rows = verdicts["tests"]
     subjects = [column for column in rows[0] if column not in TEST_COLUMNS]
     subject = subject_like(case, keepers, subjects)
     columns = subjects if subject is None else [subject]
@@ -67,7 +67,7 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
         ],
         passed=sum(row[subject].startswith("yes") for row in rows) if subject else 0,
         failed=sum(row[subject].startswith("NO") for row in rows) if subject else 0,
-        validation=found["kinds"]["validation"],
+        validation=verdicts["kinds"]["validation"],
         evidence=EVIDENCE,
         kinds=[
             (
@@ -78,7 +78,7 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
                 ),
                 f"{kind['command']}, commit {kind['commit']}",
             )
-            for kind in found["kinds"].values()
+            for kind in verdicts["kinds"].values()
         ],
     )
 

@@ -23,11 +23,11 @@ def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[s
 
     `rigid` names the registered contact models without overlaps and rebounds, see `ContactModel.rigid`.
     """
-    found = []
+    warnings = []
     overlap, promised, energy = report["greatest_overlap"], report["promised_overlap"], report["energy"]
     if overlap > promised:
         at = report["greatest_overlap_at"]
-        found.append(
+        warnings.append(
             f"bodies overlapped by up to {_length(overlap)}, more than the {_length(promised)} that contact model "
             f"{report['model']!r} guarantees: greatest at t = {at['time']:.2f} s, person {at['person']} at "
             f"({at['x']:.2f}, {at['y']:.2f}) on level {at['level']!r}; use a smaller simulation.step, stiffer contacts "
@@ -35,31 +35,31 @@ def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[s
         )
     unconverged = report["unconverged_steps"]
     if unconverged:
-        found.append(
+        warnings.append(
             f"in {unconverged} of {report['steps']} steps contacts were not solved to the tolerance, with residuals up "
             f"to {report['greatest_residual']:.2g} m/s; use a smaller simulation.step, or more iterations"
         )
     if report["failed_solves"]:
         solver, at = report["parameters"]["solver"], report["failed_solver"]
         file, _, _ = at.rpartition(", line ")
-        found.append(
+        warnings.append(
             f"solver {solver!r} failed {counted(report['failed_solves'], 'time')}: its percussions were not finite, or"
             f" missed the tolerance although it stated a smaller residual ({at}); correct it, a stronger solver takes"
             f" its place until then; check it with: evac plugins --check {shlex.quote(file)}"
         )
     failed = report["failed_position_corrections"]
     if failed:
-        found.append(
+        warnings.append(
             f"overlaps could not be removed {failed} times, for example of a squeezed body; look for places that are "
             "too narrow, or for people who overlap at the start"
         )
     made, taken = energy["contact_creation"], energy["contact_dissipation"]
     if made > taken and made - taken > MADE * energy["driving_work"]:
-        found.append(
+        warnings.append(
             f"contacts created {made:.4g} J, more than the {taken:.4g} J that they dissipated; use a smaller "
             "simulation.step"
         )
-    return tuple(found)
+    return tuple(warnings)
 
 
 def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[str]) -> str:

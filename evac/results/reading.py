@@ -73,10 +73,10 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
     names = [group.name for group in summary.table.people]
     group = table.indices("group", names, optional=True)
     crowd = _crowd_of(table, levels, exits, summary.routes, group)
-    found = table.length, int(np.isfinite(crowd.exit_time).sum())
-    if found != (summary.people, summary.evacuated):
+    counts = table.length, int(np.isfinite(crowd.exit_time).sum())
+    if counts != (summary.people, summary.evacuated):
         raise ResultError(
-            f"{table.path}: {found[0]} people, {found[1]} of them out, but {SUMMARY_NAME} has {summary.people} and "
+            f"{table.path}: {counts[0]} people, {counts[1]} of them out, but {SUMMARY_NAME} has {summary.people} and "
             f"{summary.evacuated}; the files are not of one run: run the case again"
         )
     passages = _crossings(place / CROSSINGS_NAME, summary.people, portals)
@@ -128,11 +128,11 @@ def check_trajectory(trajectory: Trajectory, summary: Summary) -> None:
     ResultError
         They are not.
     """
-    found = trajectory.header.get("seed"), trajectory.number_of_people
-    if found != (summary.seed, summary.people):
+    own = trajectory.header.get("seed"), trajectory.number_of_people
+    if own != (summary.seed, summary.people):
         raise ResultError(
             f"{trajectory.path.with_name(SUMMARY_NAME)}: seed {summary.seed} and {summary.people} people, but "
-            f"{trajectory.path.name} has seed {found[0]} and {found[1]} people; the files are not of one run: run the "
+            f"{trajectory.path.name} has seed {own[0]} and {own[1]} people; the files are not of one run: run the "
             "case again"
         )
 

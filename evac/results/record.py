@@ -119,8 +119,8 @@ class CaseTable(Record):
     @property
     def model_parameters(self) -> dict[str, Any]:
         """Parameters of the contact model in use."""
-        found = self.contact.get(self.model, {})
-        return found if isinstance(found, dict) else {}
+        parameters = self.contact.get(self.model, {})
+        return parameters if isinstance(parameters, dict) else {}
 
 
 class ContactReport(BaseModel):

@@ -77,8 +77,8 @@ PEOPLE_COLUMNS = (
 @cache
 def versions() -> Mapping[str, str]:
     """Return the versions of Python and of the packages that can affect results."""
-    found = {package: importlib.metadata.version(package) for package in NUMERICAL_PACKAGES}
-    return MappingProxyType({"python": platform.python_version(), **found})
+    installed = {package: importlib.metadata.version(package) for package in NUMERICAL_PACKAGES}
+    return MappingProxyType({"python": platform.python_version(), **installed})
 
 
 @dataclass(frozen=True)

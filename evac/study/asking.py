@@ -103,9 +103,9 @@ def repeat(
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
     case = run_plugin_files(as_case(case))
-    found = points.halved_steps(case) if check_step else points.single(case)
-    warn(_warnings_before(found))
-    study = conducted(found, rule, folder, repetitions, workers, executor, resume, progress)
+    chosen = points.halved_steps(case) if check_step else points.single(case)
+    warn(_warnings_before(chosen))
+    study = conducted(chosen, rule, folder, repetitions, workers, executor, resume, progress)
     warn((*remarks_of(study), *quality_of(study)))
     return study
 
@@ -161,11 +161,11 @@ def sweep(
     rule = rule_of(runs, until, statistic, least, most, repetitions)
     case = run_plugin_files(as_case(case))
     if isinstance(parameters, Mapping):
-        found = points.grid(case, parameters)
+        chosen = points.grid(case, parameters)
     else:
-        found = points.from_rows(case, parameters, Path.cwd(), case.registry)
-    warn(_warnings_before(found))
-    study = conducted(found, rule, folder, repetitions, workers, executor, resume, progress)
+        chosen = points.from_rows(case, parameters, Path.cwd(), case.registry)
+    warn(_warnings_before(chosen))
+    study = conducted(chosen, rule, folder, repetitions, workers, executor, resume, progress)
     warn((*remarks_of(study), *quality_of(study)))
     return study
 
@@ -194,7 +194,7 @@ def rule_of(
 
 
 def conducted(
-    found: Sequence[Point],
+    chosen: Sequence[Point],
     rule: Rule,
     folder: str | Path | None,
     repetitions: int = 1,
@@ -207,14 +207,14 @@ def conducted(
     """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
-    if len(found) * rule.first > MOST_OF_STUDY:
-        runs = f"{rule.first} runs at each of {len(found)} points"
+    if len(chosen) * rule.first > MOST_OF_STUDY:
+        runs = f"{rule.first} runs at each of {len(chosen)} points"
         raise ScenarioError(f"{runs} are more than {MOST_OF_STUDY}; reduce the number of runs or points")
-    workers = _number_of_workers(found, workers or cpu_count() or 1, executor)
-    seeds = Seeds(found[0].case.simulation.seed, repetitions)
+    workers = _number_of_workers(chosen, workers or cpu_count() or 1, executor)
+    seeds = Seeds(chosen[0].case.simulation.seed, repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))
-        study = Study.begun(found, seeds, rule, temporary)
+        study = Study.begun(chosen, seeds, rule, temporary)
         weakref.finalize(study, shutil.rmtree, temporary, ignore_errors=True)
         study.conduct(workers, executor, progress)
         return study
@@ -222,7 +222,7 @@ def conducted(
 
     with ResultFolder(Path(folder)) as place:
         _open_folder(place, resume)
-        study = Study.begun(found, seeds, rule, place.running, resume)
+        study = Study.begun(chosen, seeds, rule, place.running, resume)
         study.conduct(workers, executor, progress)
         write_outputs(study)
         if replay:
@@ -231,17 +231,17 @@ def conducted(
     return study
 
 
-def _warnings_before(found: Sequence[Point]) -> tuple[str, ...]:
+def _warnings_before(chosen: Sequence[Point]) -> tuple[str, ...]:
     """Return the warnings about building and people of the first run, whose building and directions are kept."""
     try:
-        return simulation_of(found[0].case, will_run=False).warnings()
+        return simulation_of(chosen[0].case, will_run=False).warnings()
     except EvacError:  # the study tells why the run is refused
         return ()
 
 
-def _number_of_workers(found: Sequence[Point], workers: int, executor: Executor | None) -> int:
+def _number_of_workers(chosen: Sequence[Point], workers: int, executor: Executor | None) -> int:
     """Return the number of processes: one if a plugin is a class, which other processes may not have."""
-    names = dict.fromkeys(name for point in found for name in point.case.registry.names_of_classes())
+    names = dict.fromkeys(name for point in chosen for name in point.case.registry.names_of_classes())
     why = f"{', '.join(names)}: a class that other processes do not have; put it in a file for plugin_files"
     if names and executor is not None:
         raise PluginError(why)

@@ -83,12 +83,12 @@ def compared(curve: FloatArray, other: FloatArray) -> tuple[float, float, float]
 
 def settled(rows: Sequence[Mapping[str, Any]]) -> dict[str, int | None]:
     """Return, by measure, the number of runs at which it was below its bound `CONSECUTIVE` times in a row."""
-    found: dict[str, int | None] = {}
+    runs_by_name: dict[str, int | None] = {}
     for name, bound in BOUNDS.items():
-        found[name], streak = None, 0
+        runs_by_name[name], streak = None, 0
         for row in rows:
             streak = streak + 1 if row[name] is not None and row[name] < bound else 0
             if streak == CONSECUTIVE:
-                found[name] = row["runs"]
+                runs_by_name[name] = row["runs"]
                 break
-    return found
+    return runs_by_name

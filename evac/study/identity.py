@@ -88,14 +88,14 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     if not path.is_file():
         raise ResultError(f"{path}: no such file; name a result folder of `evac repeat` or `evac sweep`")
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        digest, definition = found.pop("digest"), found["definition"]
+        identity = json.loads(path.read_text(encoding="utf-8"))
+        digest, definition = identity.pop("digest"), identity["definition"]
     except (OSError, ValueError, AttributeError, LookupError, TypeError, RecursionError) as error:
         raise ResultError(f"{path}: cannot be read: {in_one_line(error)}; start the study again") from error
-    if digest != digest_of_data(found):
+    if digest != digest_of_data(identity):
         raise ResultError(f"{path}: damaged, its digest differs; start the study again")
-    del found["definition"]
-    return found, definition
+    del identity["definition"]
+    return identity, definition
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:

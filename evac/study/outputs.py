@@ -55,7 +55,7 @@ def write_outputs(study: "Study") -> None:
         write_csv(folder / STATISTICS_NAME, rows[0], (map(_field, row.values()) for row in rows))
         measures = [convergence(curves(study, point.index)) for point in study.points]
         names = ("runs", "TET", "SD", "ERD", "EPC", "SC")
-        lines = ([k, *(_field(row[name]) for name in names)] for k, found in enumerate(measures) for row in found)
+        lines = ([k, *(_field(row[name]) for name in names)] for k, measured in enumerate(measures) for row in measured)
         write_csv(folder / CONVERGENCE_NAME, ("point", *names), lines)
         egress_curves = [egress(study, point.index) for point in study.points]
         _write_egress(study, egress_curves, folder / EGRESS_NAME)
@@ -90,23 +90,23 @@ def write_replays(study: "Study") -> None:
 def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
     """Return the content of summary.json."""
     case = study.points[0].case
-    found = []
-    for point, one, rows in zip(study.points, study.statistics, measures, strict=True):
-        entry: dict[str, Any] = {"parameters": point.parameters, "statistics": asdict(one), "settled": settled(rows)}
+    rows_of_points = []
+    for point, each, rows in zip(study.points, study.statistics, measures, strict=True):
+        entry: dict[str, Any] = {"parameters": point.parameters, "statistics": asdict(each), "settled": settled(rows)}
         if study.rule.until is not None:
             entry["known"] = study.rule.is_known(study.times(point.index), study.populations(point.index))
         if study.seeds.repetitions > 1:
             entry["variation"] = asdict(study.variation(point.index))
-        found.append(entry)
+        rows_of_points.append(entry)
     change = study.step_change
     return {
         "title": case.title,
-        "runs": sum(one.runs + one.failed for one in study.statistics),
-        "blocked": sum(one.blocked for one in study.statistics),
-        "failed": sum(one.failed for one in study.statistics),
+        "runs": sum(each.runs + each.failed for each in study.statistics),
+        "blocked": sum(each.blocked for each in study.statistics),
+        "failed": sum(each.failed for each in study.statistics),
         "first_seed": study.seeds.first,
         "rule": asdict(study.rule),
-        "points": found,
+        "points": rows_of_points,
         **({} if change is None else {"step_change": asdict(change)}),
         "case": case.to_dict(),
         "keeps_distance": case.keeps_distance,
@@ -119,8 +119,8 @@ def statistics_rows(study: "Study") -> list[dict[str, Any]]:
     """Return a row for each point: its parameters, then the values of `Statistics`."""
     keys = parameter_keys(study)
     return [
-        {"point": point.index} | {key: point.parameters.get(key) for key in keys} | one.as_row()
-        for point, one in zip(study.points, study.statistics, strict=True)
+        {"point": point.index} | {key: point.parameters.get(key) for key in keys} | estimates.as_row()
+        for point, estimates in zip(study.points, study.statistics, strict=True)
     ]
 
 
@@ -193,15 +193,15 @@ def _draw(study: "Study", curves: Sequence[Mapping[str, FloatArray]]) -> None:
     from evac.pictures.pictures import runs_figure, save
     from evac.pictures.statistics import points_figure
 
-    one, case = study.statistics[0], study.points[0].case
+    each, case = study.statistics[0], study.points[0].case
     title = f"{textwrap.fill(case.title, 90)}\n"
     if len(study.points) == 1:
-        title += f"{one.runs} runs, everybody out in {one.runs - one.blocked}"
+        title += f"{each.runs} runs, everybody out in {each.runs - each.blocked}"
         people = sum(group.count for group in case.people)
         save(runs_figure(title, people, curves[0]), study.folder / EGRESS_PICTURE_NAME)
         return
-    middle = np.array([(of.value, of.low, of.high) for of in (one[study.central] for one in study.statistics)])
-    greatest = np.array([one.percentiles[-1].value for one in study.statistics])
+    middle = np.array([(of.value, of.low, of.high) for of in (each[study.central] for each in study.statistics)])
+    greatest = np.array([each.percentiles[-1].value for each in study.statistics])
     of = "mean of the complete runs" if study.central == "mean" else "median of all runs"
     note = f"dots: {of} and its 95 % interval; triangles: 95th percentile of all runs, if finite"
     parameters = [point.parameters for point in study.points]

@@ -209,10 +209,10 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _points(found: Iterable[tuple["Case", Mapping[str, Any]]]) -> tuple[Point, ...]:
+def _points(cases: Iterable[tuple["Case", Mapping[str, Any]]]) -> tuple[Point, ...]:
     """Return checked points, or raise the error of the first point that is not valid."""
     points = []
-    for index, (case, parameters) in enumerate(found):
+    for index, (case, parameters) in enumerate(cases):
         for key in parameters:
             if key in SEEDS:
                 raise ScenarioError(f"{key}: cannot be swept, because the study sets it for each run")

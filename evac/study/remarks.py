@@ -24,18 +24,18 @@ def remarks_of(study: "Study") -> list[str]:
 
 def quality_of(study: "Study") -> list[str]:
     """Return the quality warnings of all runs: one line for each kind, with the first run and the number of others."""
-    found: dict[str, list[str]] = {}
+    seeds: dict[str, list[str]] = {}
     for row in study.rows(columns=["point", "seed", "quality_warnings"]):
         for line in row["quality_warnings"]:
             kind = "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
-            found.setdefault(kind, []).append(f"{_where(study, row)}: {line}")
-    return _first_of_each(found.values(), " with such a warning")
+            seeds.setdefault(kind, []).append(f"{_where(study, row)}: {line}")
+    return _first_of_each(seeds.values(), " with such a warning")
 
 
-def _first_of_each(found: Iterable[list[str]], which: str = "") -> list[str]:
+def _first_of_each(texts: Iterable[list[str]], which: str = "") -> list[str]:
     """Return the first line of each kind, with the number of other runs."""
     told = []
-    for lines in list(found)[:MOST_WARNINGS]:
+    for lines in list(texts)[:MOST_WARNINGS]:
         others = counted(len(lines) - 1, "more run")
         told.append(lines[0] + (f" (and {others}{which}, in runs.csv)" if len(lines) > 1 else ""))
     return told
@@ -43,14 +43,14 @@ def _first_of_each(found: Iterable[list[str]], which: str = "") -> list[str]:
 
 def _failed(study: "Study") -> list[str]:
     """Return a line for the first failed run of each point."""
-    found: dict[int, list[str]] = {}
-    if any(one.failed for one in study.statistics):
+    reasons: dict[int, list[str]] = {}
+    if any(estimates.failed for estimates in study.statistics):
         for row in study.rows(columns=["point", "seed", "error"], failed=True):
             if row["error"] is not None:
-                found.setdefault(row["point"], []).append(f"failed: {_where(study, row)}: {row['error']}")
-    told = _first_of_each(found.values())
-    if len(found) > MOST_WARNINGS:
-        told.append(f"failed: runs of {len(found) - MOST_WARNINGS} more points, in runs.csv")
+                reasons.setdefault(row["point"], []).append(f"failed: {_where(study, row)}: {row['error']}")
+    told = _first_of_each(reasons.values())
+    if len(reasons) > MOST_WARNINGS:
+        told.append(f"failed: runs of {len(reasons) - MOST_WARNINGS} more points, in runs.csv")
     return told
 
 
@@ -77,16 +77,16 @@ def _where(study: "Study", row: Mapping[str, Any]) -> str:
 
 def _blocked(study: "Study") -> list[str]:
     """Return a line on blocked runs, if there are any."""
-    if not any(one.blocked for one in study.statistics):
+    if not any(of.blocked for of in study.statistics):
         return []
     if len(study.points) > 1:
         return ["people are left in blocked runs: percentiles count their times as infinite, means exclude these runs"]
-    one = study.statistics[0]
+    of = study.statistics[0]
     seeds = [str(row["seed"]) for row in study.rows(0, ["seed", "blocked"]) if row["blocked"]]
     listed = ", ".join(seeds[:MOST_SEEDS]) + (" and others" if len(seeds) > MOST_SEEDS else "")
     return [
-        f"people are left in {one.blocked} of {one.runs} runs ({100 * one.blocked_share:.1f} %, 95 % interval "
-        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; percentiles count their "
+        f"people are left in {of.blocked} of {of.runs} runs ({100 * of.blocked_share:.1f} %, 95 % interval "
+        f"{100 * of.blocked_low:.1f} to {100 * of.blocked_high:.1f} %), with seeds {listed}; percentiles count their "
         "times as infinite, means exclude these runs; evac run --seed N shows where people are left"
     ]
 
@@ -97,17 +97,17 @@ def _too_wide(study: "Study") -> list[str]:
     lines = []
     for point in study.points if rule.until is not None else ():
         if not rule.is_known(study.times(point.index), study.populations(point.index)):
-            found = study.deciding(point.index)
+            estimate = study.deciding(point.index)
             where = f" at {point.label}" if len(study.points) > 1 else ""
-            half = found.relative_half_width
+            half = estimate.relative_half_width
             reached = f"half-width {100 * half:.2g} %" if math.isfinite(half) else "no finite interval"
             if not rule.is_open(study.times(point.index), study.populations(point.index)):
                 runs = counted(study.runs_of(point.index), "run")
-                line = f"interval of the {found.name} cannot become finite{where}, stopped after {runs}"
-                lines.append(f"{line}: {found.note}" if found.note else line)
+                line = f"interval of the {estimate.name} cannot become finite{where}, stopped after {runs}"
+                lines.append(f"{line}: {estimate.note}" if estimate.note else line)
                 continue
             lines.append(
-                f"interval of the {found.name} too wide{where} after {counted(study.runs_of(point.index), 'run')}: "
-                f"{reached}, required {100 * (rule.until or 0.0):g} %; {found.note or 'raise --most'}"
+                f"interval of the {estimate.name} too wide{where} after {counted(study.runs_of(point.index), 'run')}: "
+                f"{reached}, required {100 * (rule.until or 0.0):g} %; {estimate.note or 'raise --most'}"
             )
     return lines

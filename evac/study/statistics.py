@@ -107,14 +107,14 @@ class Statistics:
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the mean or a percentile by its name."""
-        return next(one for one in (self.mean, *self.percentiles) if one.name == name)
+        return next(estimate for estimate in (self.mean, *self.percentiles) if estimate.name == name)
 
     def as_row(self) -> dict[str, Any]:
         """Return the values as one flat row, including NaN and infinity."""
         row = {key: value for key, value in asdict(self).items() if key not in ("mean", "percentiles")}
-        for one in (self.mean, *self.percentiles):
-            name = one.name.replace(" ", "_")
-            row |= {name: one.value, f"{name}_from": one.low, f"{name}_to": one.high}
+        for estimate in (self.mean, *self.percentiles):
+            name = estimate.name.replace(" ", "_")
+            row |= {name: estimate.value, f"{name}_from": estimate.low, f"{name}_to": estimate.high}
         return row
 
 
@@ -343,15 +343,15 @@ def difference(
         As for `statistics`.
     """
     is_pair = np.isfinite(before) & np.isfinite(after)
-    found = (after - before)[is_pair]
-    left_out = len(is_pair) - len(found)
+    change = (after - before)[is_pair]
+    left_out = len(is_pair) - len(change)
     notes = [f"without {counted(left_out, 'pair')} in which a run is blocked or failed"] if left_out else []
-    if not len(found):
+    if not len(change):
         return Estimate("difference", math.nan, math.nan, math.nan, 0, "; ".join(notes))
-    sample, values = found, "pair"
+    sample, values = change, "pair"
     if populations is not None and len(np.unique(populations)) < len(is_pair):
         groups = np.asarray(populations)[is_pair]
-        sample, values = np.array([found[groups == name].mean() for name in np.unique(groups)]), "population"
+        sample, values = np.array([change[groups == name].mean() for name in np.unique(groups)]), "population"
     low = high = math.nan
     if len(sample) == 1:
         notes.append(f"no interval for one {values}")
@@ -365,7 +365,7 @@ def difference(
         if low < sample.min() or high > sample.max():
             low = high = math.nan
             notes.append(f"no interval, because few of {len(sample)} {values}s decide it")
-    return Estimate("difference", float(found.mean()), low, high, len(found), "; ".join(notes))
+    return Estimate("difference", float(change.mean()), low, high, len(change), "; ".join(notes))
 
 
 def _studentised(values: FloatArray, confidence: float) -> tuple[float, float]:

@@ -167,14 +167,14 @@ class Store:
                 if group:
                     writer.write_table(pa.Table.from_batches(group, self.schema))
             with new.open("rb") as file:
-                found = file_digest(file, "sha256").hexdigest()
+                digest = file_digest(file, "sha256").hexdigest()
             sync_file(new)
             digests = self._digest_path.with_name(f"{RUNS_DIGEST_NAME}.new")
             note_written([new, self._parquet_path, digests, self._digest_path])
-            digests.write_text(f"{found} {self._digest}\n", encoding="ascii")  # the old file is valid until replaced
+            digests.write_text(f"{digest} {self._digest}\n", encoding="ascii")  # the old file is valid until replaced
             digests.replace(self._digest_path)
             new.replace(self._parquet_path)
-            self._digest = found
+            self._digest = digest
             self.close()
             self._stream_path.unlink(missing_ok=True)
         self._end = 0
@@ -223,25 +223,25 @@ class Store:
         """Read the rows of the stream up to the first one that is incomplete or damaged."""
         size = self._stream_path.stat().st_size
         with self._stream_path.open("rb") as file:
-            found = read_sealed(file, 0, size)
-            if found is None:
+            record = read_sealed(file, 0, size)
+            if record is None:
                 return
             try:
-                self._check_schema(pa.ipc.read_schema(pa.py_buffer(found)), self._stream_path)
+                self._check_schema(pa.ipc.read_schema(pa.py_buffer(record)), self._stream_path)
             except (pa.ArrowException, OSError):
                 return
-            self._end = len(found)
+            self._end = len(record)
             while (batch := self._batch_at(file, self._end, size)) is not None:
                 self._index(batch, self._end)
                 self._end = file.tell()
 
     def _batch_at(self, file: BinaryIO, place: int, end: int) -> pa.RecordBatch | None:
         """Return the row of the stream at a place; None if it is incomplete, damaged or not of this study."""
-        found = read_sealed(file, place, end)
-        if found is None:
+        record = read_sealed(file, place, end)
+        if record is None:
             return None
         try:
-            batch = pa.ipc.read_record_batch(pa.py_buffer(found), self.schema)
+            batch = pa.ipc.read_record_batch(pa.py_buffer(record), self.schema)
             batch.validate(full=True)
         except (pa.ArrowException, OSError):
             return None
@@ -255,8 +255,8 @@ class Store:
             endless = math.nan if ended == FAILED else math.inf
             self.entries[point, run] = Entry(endless if last_out is None else last_out, offset)
 
-    def _check_schema(self, found: pa.Schema, path: Path) -> None:
-        if not found.equals(self.schema):
+    def _check_schema(self, schema: pa.Schema, path: Path) -> None:
+        if not schema.equals(self.schema):
             raise ResultError(f"{path}: its columns are not those of this study; choose another folder (--out)")
 
     def _batches(self, wanted: Iterable[tuple[int, int]], names: Sequence[str]) -> Iterator[pa.RecordBatch]:
@@ -270,7 +270,7 @@ class Store:
             for key in wanted:
                 entry = self.entries[key]
                 if entry.offset < 0:
-                    yield next(batch for found, batch in old if found == key)
+                    yield next(batch for other, batch in old if other == key)
                     continue
                 batch = self._batch_at(stream, entry.offset, size) if stream is not None else None
                 if batch is None:

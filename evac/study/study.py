@@ -191,7 +191,7 @@ class Study:
     @property
     def central(self) -> str:
         """Name of the statistic that describes all points: the mean, or the median if the mean lacks intervals."""
-        means, medians = ([one[name].has_interval for one in self.statistics] for name in ("mean", MEDIAN))
+        means, medians = ([estimates[name].has_interval for estimates in self.statistics] for name in ("mean", MEDIAN))
         return "mean" if sum(means) >= sum(medians) else MEDIAN
 
     def difference(self, point: int, other: int) -> Estimate:
@@ -321,8 +321,8 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
     files = tuple(Path(path).resolve() for path in plugin_files)
     try:
         bases = [
-            cache(partial(recorded_case, place, one["table"], one["source"], one["plugin_files"], files))
-            for one in definition["cases"]
+            cache(partial(recorded_case, place, table["table"], table["source"], table["plugin_files"], files))
+            for table in definition["cases"]
         ]
         places = zip(definition["case_of_point"], identity["parameters"], strict=True)
         points = [Point(k, bases[number], parameters) for k, (number, parameters) in enumerate(places)]

@@ -142,17 +142,17 @@ def fields_from_json(data: Any, building: Building) -> tuple[LevelField, ...]:
     rows = _list(data, "", "level_fields")
     if len(rows) > MOST_FIELDS:
         raise HeaderError(f"level_fields has {len(rows)} rows, more than {MOST_FIELDS}")
-    found: dict[str, LevelField] = {}
+    fields: dict[str, LevelField] = {}
     for index, row in enumerate(rows):
         key = f"level_fields.{index}"
         name, unit = _get(row, key, "name", str), _get(row, key, "unit", str)
-        if name in found:
+        if name in fields:
             raise HeaderError(f"{key}.name is that of another field")
         try:
-            found[name] = LevelField(building, name, unit, _number(row, key, "spacing", 0.0, COORDINATE_MAX))
+            fields[name] = LevelField(building, name, unit, _number(row, key, "spacing", 0.0, COORDINATE_MAX))
         except ValueError as error:
             raise HeaderError(f"{key}: {error}") from error
-    return tuple(found.values())
+    return tuple(fields.values())
 
 
 def origin_from_json(data: Any) -> FloatArray:
@@ -256,15 +256,15 @@ def _get(data: Any, place: str, key: str, kind: type | tuple[type, ...]) -> Any:
 
 
 def _list(data: Any, place: str, key: str) -> Sequence[Any]:
-    found: list[Any] = _get(data, place, key, list)
-    return found
+    items: list[Any] = _get(data, place, key, list)
+    return items
 
 
 def _words(data: Any, place: str, key: str) -> tuple[str, ...]:
-    found = _list(data, place, key)
-    if not all(isinstance(word, str) for word in found):
+    words = _list(data, place, key)
+    if not all(isinstance(word, str) for word in words):
         raise HeaderError(f"{place + '.' if place else ''}{key} contains a value that is not a string")
-    return tuple(found)
+    return tuple(words)
 
 
 def _number(data: Any, place: str, key: str, least: float, greatest: float) -> float:

@@ -35,7 +35,7 @@ def columns(people: int, levels: int, fields: Sequence[LevelField] = ()) -> pa.S
             _required("time", pa.float64()),
             _required("people", pa.list_(_required("item", person))),
             _required("changes", pa.utf8()),
-            *(_required(f"field.{one.name}", pa.list_(_required("item", pa.float32()), one.size)) for one in fields),
+            *(_required(f"field.{own.name}", pa.list_(_required("item", pa.float32()), own.size)) for own in fields),
         ]
     )
 
@@ -107,10 +107,10 @@ def read_start(path: Path, data: mmap) -> tuple[dict[str, Any], pa.Schema, int]:
         header = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise damaged(path, f"the header is not valid JSON: {error}") from error
-    found = header.get("format") if isinstance(header, dict) else header
-    if not isinstance(header, dict) or found != FORMAT or isinstance(found, bool):
+    got = header.get("format") if isinstance(header, dict) else header
+    if not isinstance(header, dict) or got != FORMAT or isinstance(got, bool):
         raise ResultError(
-            f"{path}: unknown trajectory format {found!r:.40}; this version reads format {FORMAT}; run the case again, "
+            f"{path}: unknown trajectory format {got!r:.40}; this version reads format {FORMAT}; run the case again, "
             "or use the version of evac that wrote it"
         )
     return header, schema.remove_metadata(), len(record)

@@ -255,14 +255,14 @@ def check_lengths(folder: Path, files: Mapping[str, int]) -> None:
     """Check that files exist in a folder and have at least certain lengths [bytes]."""
     for name, length in files.items():
         try:
-            found = (folder / name).stat().st_size
+            size = (folder / name).stat().st_size
         except OSError:
             raise ResultError(
                 f"{folder / name}: the file was removed during the run; run the case again, and do not change the "
                 "folder until it has ended"
             ) from None
-        if found < length:
+        if size < length:
             raise ResultError(
-                f"{folder / name}: the file was truncated during the run: {length} bytes were written, {found} are "
+                f"{folder / name}: the file was truncated during the run: {length} bytes were written, {size} are "
                 "left; run the case again, and do not change the folder until it has ended"
             )

@@ -167,12 +167,12 @@ class Trajectory:
         ResultError
             No behaviour of the run had a field of this name.
         """
-        names = [one.name for one in self.level_fields]
+        names = [level_field.name for level_field in self.level_fields]
         if name not in names:
             raise ResultError(f"{self.path}: there is no field {name!r}; {did_you_mean(name, names)}")
-        found = copy(self.level_fields[names.index(name)])
-        found.values = np.array([rows.fields[names.index(name)] for rows in self.rows], np.float64)
-        return found
+        field = copy(self.level_fields[names.index(name)])
+        field.values = np.array([rows.fields[names.index(name)] for rows in self.rows], np.float64)
+        return field
 
     def building_at(self, time: float) -> Building:
         """Return the building with the exits and portals that are closed at `time` [s]."""

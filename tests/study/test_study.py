@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import evac
-from evac.analysis.congestion import DENSITY
 from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.folder.files import RUNS_STREAM_NAME
 from evac.report.study import study_report
@@ -374,7 +373,7 @@ def test_a_refused_point_ends_no_sweep(case, tmp_path):
     good, bad = study.statistics
     assert (good.runs, good.failed, bad.runs, bad.failed) == (3, 0, 0, 3)
     assert np.isnan(bad.mean.value)
-    assert "3 of 6 runs failed" in study_report(tmp_path / "r", density=DENSITY)
+    assert "3 of 6 runs failed" in study_report(tmp_path / "r")
 
 
 def test_a_study_without_any_result_raises_the_first_error(case):

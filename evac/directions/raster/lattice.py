@@ -256,7 +256,7 @@ def _stand_ins(
     shapely.prepare(ground)
     barrier = shapely.multilinestrings(shapely.linestrings(slits.reshape(-1, 2, 2)))
     shapely.prepare(barrier)
-    found = []
+    pairs = []
     waiting = np.argwhere(left_out)
     for step in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
         beside = waiting + step
@@ -269,11 +269,11 @@ def _stand_ins(
         # Along a diagonal, there may be a wall between two nodes.
         in_line = nodes[tuple(three.T)] & (0 in step)
         three = np.where(in_line[:, None], three, two)
-        found.append([np.ravel_multi_index(tuple(index.T), nodes.shape) for index in (one, two, three)])
+        pairs.append([np.ravel_multi_index(tuple(index.T), nodes.shape) for index in (one, two, three)])
         settled = np.zeros(len(waiting), dtype=bool)
         settled[np.flatnonzero(has_node)[clear]] = True
         waiting = waiting[~settled]
-    return np.concatenate([np.array(part, dtype=np.int64).reshape(3, -1) for part in found], axis=1)
+    return np.concatenate([np.array(part, dtype=np.int64).reshape(3, -1) for part in pairs], axis=1)
 
 
 def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:

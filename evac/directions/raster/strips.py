@@ -66,8 +66,8 @@ def outward_directions(segments: FloatArray, points: FloatArray) -> FloatArray:
     """Return the outward unit normals (n, 2) of the segments of an exit that are nearest to points (n, 2)."""
     lines = shapely.linestrings(segments.reshape(-1, 2, 2))
     nearest = shapely.distance(lines[:, None], shapely.points(points)[None, :]).argmin(axis=0)
-    found: FloatArray = _outward(segments)[nearest]
-    return found
+    outward: FloatArray = _outward(segments)[nearest]
+    return outward
 
 
 def _outward(segments: FloatArray) -> FloatArray:

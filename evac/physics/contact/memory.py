@@ -109,8 +109,8 @@ def _renumbered(
     first, is_wall = number[pairs[:, 0]], pairs[:, 1] < 0
     second = np.where(is_wall, pairs[:, 1], number[np.maximum(pairs[:, 1], 0)])
     here = (first >= 0) & (is_wall | (second >= 0))
-    found, value = np.column_stack([first, second])[here].astype(np.int64), value[here]
-    turned = (found[:, 1] >= 0) & (found[:, 1] < found[:, 0])
-    found[turned] = found[turned, ::-1]
-    order = np.lexsort((found[:, 1], found[:, 0]))
-    return found[order], value[order]
+    pair, value = np.column_stack([first, second])[here].astype(np.int64), value[here]
+    turned = (pair[:, 1] >= 0) & (pair[:, 1] < pair[:, 0])
+    pair[turned] = pair[turned, ::-1]
+    order = np.lexsort((pair[:, 1], pair[:, 0]))
+    return pair[order], value[order]

@@ -282,15 +282,15 @@ class ContactModel(Configurable, ABC):
         seen = StepContacts(**of_bodies, **of_contacts, radius=bodies.contact_radius[:n])
         for name, array in seen._asdict().items():
             array.flags.writeable = name in ("percussion", "memory")
-        found = self.step(seen, engine.state.clock.h)
-        if np.shape(found) != (n, 2):
-            wrong = f"step returns velocities of shape {np.shape(found)}, not {(n, 2)}"
+        returned = self.step(seen, engine.state.clock.h)
+        if np.shape(returned) != (n, 2):
+            wrong = f"step returns velocities of shape {np.shape(returned)}, not {(n, 2)}"
             raise fault(self._what, wrong, "return one velocity for each body", type(self).step)
-        if not np.isfinite(found).all():
-            row = int(np.argwhere(~np.isfinite(found))[0, 0])
-            wrong = f"step returns the velocity {found[row]} of body {row}"
+        if not np.isfinite(returned).all():
+            row = int(np.argwhere(~np.isfinite(returned))[0, 0])
+            wrong = f"step returns the velocity {returned[row]} of body {row}"
             raise fault(self._what, wrong, "it must be finite", type(self).step)
-        bodies.solved[:n] = found
+        bodies.solved[:n] = returned
 
 
 class NoParameters(Struct):

@@ -31,8 +31,8 @@ def packed_row(plugin: Any, what: str) -> FloatArray:
     is_row = isinstance(packed, np.ndarray) and packed.dtype == np.float64 and packed.ndim == 1
     if not (is_row and np.isfinite(packed).all()):
         kind = f" of {packed.dtype}" if isinstance(packed, np.ndarray) else ""
-        found = f"packed() returns {reprlib.repr(packed)}{kind}"
-        raise fault(what, found, "return finite numbers in a float64 array with one axis", plugin, "packed")
+        got = f"packed() returns {reprlib.repr(packed)}{kind}"
+        raise fault(what, got, "return finite numbers in a float64 array with one axis", plugin, "packed")
     return packed
 
 

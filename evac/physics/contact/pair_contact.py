@@ -129,7 +129,7 @@ class PairContact(ContactModel):
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
-        nearest = next(vars(one) for one in cls.__mro__ if "pair" in vars(one) or "law" in vars(one))
+        nearest = next(vars(base) for base in cls.__mro__ if "pair" in vars(base) or "law" in vars(base))
         if "law" not in nearest and isinstance(cls.pair, Entry):
             cls.law = law_of(cls.pair, f"{cls.__module__}:{cls.__qualname__}.law")
 
@@ -227,9 +227,9 @@ class PairContact(ContactModel):
                     force, friction = self.pair.function(gap, closing, mass, packed), 0.0
         except Exception as error:
             raise fault(what, f"{self.pair.title} raises {in_one_line(error)} {called}", remedy, self.pair) from error
-        for found in (force, friction):
-            if not (isinstance(found, (int, float, np.number)) and np.isreal(found) and np.isfinite(found)):
-                raise fault(what, f"{self.pair.title} returns {found} {called}", remedy, self.pair)
+        for component in (force, friction):
+            if not (isinstance(component, (int, float, np.number)) and np.isreal(component) and np.isfinite(component)):
+                raise fault(what, f"{self.pair.title} returns {component} {called}", remedy, self.pair)
         return float(force), float(friction)
 
     def culprit(self, state: State) -> PluginError | None:
