@@ -19,7 +19,7 @@ VARIANTS = {
 #: Cases in which the built-in behaviours have something to do.
 CASES = {
     "response_time": ("square_room", {"behaviours.response_time": {"time": {"uniform": [0.0, 2.0]}}}),
-    "teacher_following": ("primary_school", {}),
+    "teacher_following": ("primary_school", {"directions.spacing": 0.2}),
     "route_choice": (
         "square_room",
         {

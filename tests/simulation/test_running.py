@@ -346,13 +346,13 @@ def test_a_plugin_that_fails_when_the_run_has_ended_leaves_the_result_in_its_pla
 def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path, monkeypatch):
     monkeypatch.setattr("evac.physics.threads.threads.PEOPLE_PER_THREAD", 45)
     monkeypatch.setattr("evac.simulation.assembly.PEOPLE_PER_THREAD", 30)
-    changes = {"people.people.number": 90, "simulation.duration": 2.0, "contact.model": "dem"}
+    changes = {"people.people.number": 90, "simulation.duration": 1.0, "contact.model": "dem"}
     case = evac.load("square_room", changes)
     before = threading.active_count()
     wanted = run(case, threads=1)
 
     def stop(state):
-        if state.time > 1.0:
+        if state.time > 0.5:
             raise Stopped
 
     run(case, tmp_path / "r", threads=2, progress=stop)
