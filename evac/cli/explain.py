@@ -20,7 +20,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Print every optional part, whether it is used, and why."""
     case = case_to_run(arguments)
     note_unused_plugins(case)
-    from evac.cli.report import response_times
+    from evac.cli.outcome import response_times
     from evac.simulation.simulation import Simulation
 
     with Display(has_lines=False) as display:

@@ -31,7 +31,7 @@ COMMANDS = (
     *("run", "resume", "repeat", "sweep", "list", "check", "import", "new", "explain", "plugins", "cache"),
     *("replay", "export", "render", "map", "report", "verify", "evidence"),
 )
-MODULES = {"list": "catalogue", "import": "importing", "report": "write_report"}
+MODULES = {"list": "catalogue", "import": "importing"}
 
 EPILOG = """\
 Exit status:

@@ -46,7 +46,7 @@ def run_shown(
 
 def show_run(results: "Results") -> None:
     """Show the tables and quality warnings of a run."""
-    from evac.cli.report import show_folder, show_results
+    from evac.cli.outcome import show_folder, show_results
     from evac.cli.screen import show_warnings
     from evac.folder.files import CHECKPOINT_NAME
     from evac.results.ending import INTERRUPTED

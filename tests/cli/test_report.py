@@ -1,125 +1,63 @@
-"""The tables shown after a run tell what its summary holds."""
+"""evac report: where it writes, and what it refuses."""
 
 import re
-from types import SimpleNamespace
+import shutil
 
-import numpy as np
 import pytest
 
-from evac.cli.report import show_results
 
-SUMMARY = {
-    "keeps_distance": [],
-    "title": "A house",
-    "ended": "everybody out",
-    "people": 5,
-    "evacuated": 5,
-    "last_out": 9.0,
-    "simulated_time": 10.0,
-    "steps": 1000,
-    "seed": 7,
-    "exits": {"door": {"people": 5, "last_out": 9.0, "width": 0.8, "flow": None, "flow_per_metre": None}},
-    "stairs": {"main": {"people": 4, "greatest_number": 3, "last_left": 6.0}},
-    "contact": {
-        "model": "dem",
-        "greatest_overlap": 0.0123,
-        "mean_overlap": 0.0045,
-        "greatest_residual": 2e-4,
-        "unconverged_steps": 6,
-        "steps": 1000,
-        "contacts": 900,
-        "hardened_contacts": 8,
-        "too_fast_steps": 1,
-        "too_stiff_steps": 2,
-        "wall_crossings_prevented": 4,
-        "greatest_speed": 3.0,
-        "energy": {"driving_work": 100.0, "contact_dissipation": 30.0, "contact_creation": 5.0},
-    },
-    "wall_time": {"physics": 1.5, "recording": 0.5},
-    "left_by_other_exits": 0,
-    "stuck": [],
-    "not_started": 0,
-}
+def test_a_report_is_written_beside_the_tables(evac, result, tmp_path, capsys):
+    folder = shutil.copytree(result, tmp_path / "result")
+    assert evac("report", folder, "--maps", "usage", "--author", "A. Engineer") == 0
+    assert capsys.readouterr().out.strip() == str(folder / "report.html")
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert text.startswith("<!DOCTYPE html>")
+    assert "A. Engineer" in text
+    assert not list(folder.glob("*.new"))
 
 
-@pytest.fixture
-def shown(capsys):
-    """Show a summary; return its lines, divided at two spaces or more, and what is said on standard error."""
-
-    def show(closed=(), start_time=(0.0, 0.0), remarks=(), **changes):
-        results = SimpleNamespace(
-            summary=lambda: SUMMARY | changes,
-            crowd=SimpleNamespace(level=np.array([-1, 0]), start_time=np.array(start_time)),
-            building=SimpleNamespace(
-                levels=[SimpleNamespace(name="room")],
-                exits=[SimpleNamespace(name="door")],
-                is_open=lambda way: way.name not in closed,
-            ),
-            remarks=remarks,
-            changes=(),
-        )
-        show_results(results)
-        out, err = capsys.readouterr()
-        return [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()], err
-
-    return show
+def test_thresholds_of_congestion_are_options(evac, result, tmp_path):
+    out = tmp_path / "sub" / "one.html"
+    words = ("--congestion-density", "2.5", "--congestion-time", "0.25", "--maps", "none")
+    assert evac("report", result, "--out", out, *words) == 0
+    text = out.read_text(encoding="utf-8")
+    assert re.search(r"2\.5 .*m².* 0\.[23] s", text)
 
 
-def test_contact_is_told_in_millimetres_and_joules(shown):
-    lines, _ = shown()
-    first = next(k for k, line in enumerate(lines) if line[0] == "contact model")
-    assert lines[first : first + 11] == [
-        ["contact model", "dem"],
-        ["maximum overlap", "12.3 mm"],
-        ["mean overlap", "4.5 mm"],
-        ["hardened contacts", "8 of 900"],
-        ["maximum residual", "0.0002 m/s"],
-        ["unconverged steps", "6 of 1000"],
-        ["steps cut into smaller ones", "7 times; maximum speed 3 m/s"],
-        ["work of driving", "100 J"],
-        ["dissipated in contacts", "30 J"],
-        ["created in contacts", "5 J"],
-        ["balance: carried out or still in motion", "75 J"],
-    ]
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--maps", "densty"), "densty"),
+        (("--congestion-density", "-1"), "congestion"),
+        (("--run", "other"), "--run"),
+        (("--out", "taken/report.html", "--maps", "none"), "taken"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(evac, result, tmp_path, capsys, words, told):
+    (tmp_path / "taken").write_text("a file")
+    assert evac("report", result, *words) == 2
+    assert told in capsys.readouterr().err
 
 
-def test_places_and_phases_stand_under_their_heads(shown):
-    lines, _ = shown()
-    for head, row in (
-        (
-            ["exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"],
-            ["door", "5", "9", "0.8", "-", "-"],
-        ),
-        (["stair", "people", "maximum number", "last left [s]"], ["main", "4", "3", "6"]),
-        (["phase", "s"], ["physics", "1.5"]),
-    ):
-        assert lines[lines.index(head) + 2] == row
-    assert ["all", "2"] in lines
+def test_a_folder_without_a_result_is_refused(evac, tmp_path, capsys):
+    assert evac("report", tmp_path / "nowhere") == 2
+    assert "nowhere" in capsys.readouterr().err
+    assert evac("report", tmp_path) == 2
+    assert "summary.json" in capsys.readouterr().err
 
 
-def test_remarks_are_told_on_standard_error(shown):
-    assert shown()[1] == ""
-    assert shown(remarks=("first remark", "second"))[1].splitlines() == ["evac: first remark", "evac: second"]
-
-
-def test_with_people_left_the_last_time_is_that_of_those_who_are_out(shown):
-    assert ["last out", "9.00 s"] in shown()[0]
-    lines, _ = shown(evacuated=4, ended="no progress")
-    assert ["last out", "9.00 s, the last of those who are out; people left: 1"] in lines
-
-
-def test_a_closed_exit_is_marked(shown):
-    assert ["door (closed)", "5", "9", "0.8", "-", "-"] in shown(closed=["door"])[0]
-
-
-def test_response_times_are_stated(shown):
-    assert ["response times", "none: everybody starts at 0 s"] in shown()[0]
-    assert ["response times", "0 to 12.5 s"] in shown(start_time=(0.0, 12.5))[0]
-
-
-@pytest.mark.parametrize(("keepers", "word"), [([], "behaviours.walking={}"), (["mine"], "mine")])
-def test_how_people_walk_is_told(shown, keepers, word):
-    lines, _ = shown(keeps_distance=keepers)
-    (text,) = [line[1] for line in lines if line[0] == "movement"]
-    assert word in text
-    assert ("--set" in text) == (not keepers)
+@pytest.mark.parametrize("command", ["report", "map", "replay", "export"])
+def test_a_case_instead_of_a_result_is_told_from_it(evac, tmp_path, capsys, command):
+    (tmp_path / "office").mkdir()
+    (tmp_path / "office" / "case.toml").write_text("title = 'Office'\n")
+    more = ("--to", "csv") if command == "export" else ()
+    assert evac(command, "office", *more) == 2
+    assert "evac run office" in capsys.readouterr().err
+    (tmp_path / "office-result").mkdir()
+    for path in ("office", "office/case.toml"):
+        assert evac(command, path, *more) == 2
+        err = capsys.readouterr().err
+        assert "office-result?" in err
+        assert "Errno" not in err
+    assert evac(command, "offices", *more) == 2
+    assert "Errno" not in capsys.readouterr().err

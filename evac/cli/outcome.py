@@ -1,0 +1,118 @@
+"""The tables shown after a run."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from evac.cli.screen import show_facts, show_table
+from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
+from evac.physics.state import Crowd
+from evac.results.results import Results
+
+#: Maximum number of listed people without progress; summary.json has all of them.
+MOST_LISTED = 20
+
+
+def show_results(results: Results) -> None:
+    """Show the results of a run: egress, exits, stairs and people left inside, then contact and wall time by phase."""
+    summary = results.summary()
+    _show_outcome(summary, results)
+    _show_places(summary, results)
+    _show_left(summary, results)
+    _show_contact(summary["contact"])
+    wall = summary["wall_time"]
+    phases = [*wall.items(), ("all", sum(wall.values()))]
+    show_table("Wall time", ("phase", "s"), [(name, round(seconds, 3)) for name, seconds in phases])
+
+
+def show_folder(folder: Path) -> None:
+    """Show the result folder and the files in it that are played, as the last line."""
+    shown = {REPLAY_NAME: "browser", ANIMATION_NAME: "ParaView"}
+    files = [f", {name} ({where})" for name, where in shown.items() if (folder / name).is_file()]
+    show_facts({"results in": "".join([str(folder), *files])})
+
+
+def response_times(crowd: Crowd) -> str:
+    """Describe when people start to walk."""
+    times = crowd.start_time
+    if not times.any():
+        return "none: everybody starts at 0 s"
+    return f"{times.min():.4g} to {times.max():.4g} s"
+
+
+def _show_outcome(summary: dict[str, Any], results: Results) -> None:
+    last, left = summary["last_out"], summary["people"] - summary["evacuated"]
+    note = f", the last of those who are out; people left: {left}" if left else ""
+    changes = {"changes": ", ".join(map(str, results.changes))} if results.changes else {}
+    show_facts(
+        {
+            "case": summary["title"],
+            "ended": summary["ended"],
+            "people": summary["people"],
+            "out": summary["evacuated"],
+            "movement": _movement(summary["keeps_distance"]),
+            "response times": response_times(results.crowd),
+            **changes,
+            "last out": None if last is None else f"{last:.2f} s{note}",
+            "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
+        }
+    )
+
+
+def _movement(keepers: list[str]) -> str:
+    """Describe how people walk, by the behaviours in use that keep distances."""
+    if keepers:
+        return f"people keep distances ({', '.join(keepers)})"
+    advice = f"to keep distances: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+    return f"as in the paper: full speed until bodies touch; {advice}"
+
+
+def _show_places(summary: dict[str, Any], results: Results) -> None:
+    columns = ("people", "last_out", "width", "flow", "flow_per_metre")
+    building = results.building
+    closed = {way.name for way in building.exits if not building.is_open(way)}
+    exits = [
+        (f"{name} (closed)" if name in closed else name, *(use[column] for column in columns))
+        for name, use in summary["exits"].items()
+    ]
+    show_table("Exits", ("exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"), exits)
+    if summary["stairs"]:
+        stairs = [
+            (name, use["people"], use["greatest_number"], use["last_left"]) for name, use in summary["stairs"].items()
+        ]
+        show_table("Stairs", ("stair", "people", "maximum number", "last left [s]"), stairs)
+
+
+def _show_contact(contact: dict[str, Any]) -> None:
+    energy = contact["energy"]
+    balance = energy["driving_work"] - energy["contact_dissipation"] + energy["contact_creation"]
+    rows = [
+        ("contact model", contact["model"]),
+        ("maximum overlap", f"{1000.0 * contact['greatest_overlap']:.3g} mm"),
+        ("mean overlap", f"{1000.0 * contact['mean_overlap']:.3g} mm"),
+        ("maximum residual", f"{contact['greatest_residual']:.3g} m/s"),
+        ("unconverged steps", f"{contact['unconverged_steps']:.0f} of {contact['steps']:.0f}"),
+        ("work of driving", f"{energy['driving_work']:.4g} J"),
+        ("dissipated in contacts", f"{energy['contact_dissipation']:.4g} J"),
+        ("created in contacts", f"{energy['contact_creation']:.4g} J"),
+        ("balance: carried out or still in motion", f"{balance:.4g} J"),
+    ]
+    cut = contact["too_fast_steps"] + contact["too_stiff_steps"] + contact["wall_crossings_prevented"]
+    if cut:
+        value = f"{cut} times; maximum speed {contact['greatest_speed']:.3g} m/s"
+        rows.insert(5, ("steps cut into smaller ones", value))
+    if contact["hardened_contacts"]:
+        rows.insert(3, ("hardened contacts", f"{contact['hardened_contacts']} of {contact['contacts']}"))
+    show_table("Contact", ("quantity", "value"), rows)
+
+
+def _show_left(summary: dict[str, Any], results: Results) -> None:
+    """Print the remarks on people to standard error, and list people without progress."""
+    for line in results.remarks:
+        print(f"evac: {line}", file=sys.stderr)
+    stuck = summary["stuck"]
+    if stuck:
+        rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]
+        more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
+        show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)
