@@ -16,8 +16,8 @@ import evac
 from evac.base.errors import ResultError
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.replay.writer import replay_trajectory
+from evac.report.congestion import Places
 from evac.report.of_run import run_report
-from evac.report.pages import Labels
 from tests.attacks.checkpoints import HALL, ODD, places, table
 from tests.attacks.seeded import Case, in_turn
 
@@ -32,7 +32,7 @@ def run(case: Case, folder: Path) -> str:
     (_edit_summary if case.kind == SUMMARY_NAME else _edit_people)(path, generator)
     trajectory = evac.read_trajectory(folder / "r")
     replay = _outcome(path, lambda: replay_trajectory(trajectory, folder / "replay.html"))
-    report = _outcome(path, lambda: run_report(folder / "r", Labels(None, None, None, None), density=4.0, maps=()))
+    report = _outcome(path, lambda: run_report(folder / "r", places=Places(4.0, maps=())))
     return f"replay {replay}, report {report}"
 
 
