@@ -116,7 +116,8 @@ class Quickest:
             self._counts = np.zeros(4, np.int64)  # updates, levels solved, changes of exit, returns to an exit
             self._seconds = 0.0
         else:
-            self._density, self._speed = before._density, before._speed
+            self._density = _at_nodes_of(grids, before._density, before._grids, 0.0)
+            self._speed = _at_nodes_of(grids, before._speed, before._grids, 1.0)
             self._exit_of, self._left = before._exit_of, before._left
             self._counts, self._seconds = before._counts, before._seconds
 
@@ -491,6 +492,17 @@ def _strips_and_starts(
         else:
             starts[grid.packed] |= base[grid.packed] <= cell
     return strips, starts
+
+
+def _at_nodes_of(grids: BuildingGrids, values: FloatArray, before: BuildingGrids, elsewhere: float) -> FloatArray:
+    """Return the values (nodes,) of the grids before at the nodes of other ones, whose windows include open halos."""
+    found = np.full(grids.size, elsewhere)
+    for old, new in zip(before.levels, grids.levels, strict=True):
+        windows = [np.array([one.window.first, np.add(one.window.first, one.window.shape)]) for one in (old, new)]
+        common = np.array([np.maximum(*windows)[0], np.minimum(*windows)[1]])
+        there, here = (tuple(slice(*ends) for ends in (common - window[0]).T) for window in windows)
+        found[new.packed].reshape(new.window.shape)[here] = values[old.packed].reshape(old.window.shape)[there]
+    return found
 
 
 def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:

@@ -117,6 +117,7 @@ def table_of(generator: random.Random) -> dict[str, Any]:
     behaviours |= generator.choice([{"walking": {}}, {"headway": {}}, {}])
     behaviours |= {"route_choice": {"every": 0.5}} if generator.random() < 0.4 else {}
     crowd = {"radius": generator.choice([0.2, 0.25]), "speed": generator.choice([0.8, 1.4, 2.0])}
+    crowd["strategy"] = generator.choice(["fastest", "shortest", "quickest", "quickest"])
     people = [
         {"name": level, "number": generator.randrange(1, 25), "level": level, **crowd} for level in ("ground", "first")
     ]

@@ -126,3 +126,17 @@ def test_an_exit_that_closes_is_left_at_once():
     results = simulation.run()
     near = [exit_.index for exit_ in simulation.building.exits if exit_.name == "near"]
     assert (results.crowd.exit_used[inside] == near[0]).all()
+
+
+def test_a_stair_opens_and_closes_and_the_density_stays():
+    """The grids of its levels are larger while it is open."""
+    case = case_of(**{"building.closed": ["stair"], "people.b.area": "floor"})
+    one, other = Simulation(case), Simulation(case)
+    for time, kind in ((2.0, "open"), (4.0, "close")):
+        one.scene.apply(evac.Change(time, kind, "stair"))
+    run_ticks(one, 45)
+    other.restore(one.state())
+    for simulation in (one, other):
+        run_ticks(simulation, 30)
+    assert_same_bits(one, other)
+    assert one.run().ended == "everybody out"
