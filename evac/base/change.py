@@ -44,6 +44,9 @@ class Change:
             if not isinstance(key, str) or not all(map(_is_plain, value if isinstance(value, tuple) else [value])):
                 wrong = f"{key!r:.80} is {value!r:.80}"
                 raise ValueError(f"values of the {what}: {wrong}; use names, with finite numbers and texts of one line")
+        people = values.get("let_through", ())
+        if not (isinstance(people, tuple) and all(type(one) is int and one >= 0 for one in people)):
+            raise ValueError(f"values of the {what}: let_through is {people!r:.80}, not a list of people")
         object.__setattr__(self, "time", float(self.time))
         object.__setattr__(self, "values", values)
 

@@ -136,7 +136,7 @@ class Scene:
             return
         made = kind.act(self, change)
         if made is not None:
-            self.changes.append(replace(change, time=self.time, values={**change.values, **made}))
+            self.changes.append(replace(change, time=self.time, values=made))
 
     def set_open(self, name: str, is_open: bool) -> None:
         """Open or close an exit, a portal, or the portals of a stair now: closed ones are walls on both sides.
@@ -269,7 +269,7 @@ class Scene:
 class Kind(NamedTuple):
     """A kind of change.
 
-    `check` raises an error if it cannot be made. `act` returns values to be recorded with it, None if it has no effect.
+    `check` raises an error if it cannot be made. `act` returns the values to be recorded, None if it has no effect.
     """
 
     check: Callable[[Scene, Change], Any]
@@ -277,6 +277,10 @@ class Kind(NamedTuple):
 
 
 def _links(scene: Scene, change: Change) -> frozenset[int]:
+    if change.values.keys() - {"let_through"}:  # which a change that was recorded may have
+        raise ScenarioError(
+            f"change of {change.what!r}: {change.kind!r} has no values, but {[*change.values]} are given"
+        )
     return links_named(scene.building, change.what)
 
 

@@ -102,6 +102,8 @@ def test_what_is_none_is_refused_now_and_for_later(room, time):
         scene.apply(evac.Change(time, "close", "fron"))
     with pytest.raises(ScenarioError, match=r"'front'.*'clos'.*'close'"):
         scene.apply(evac.Change(time, "clos", "front"))
+    with pytest.raises(ScenarioError, match=r"'front'.*'close'.*'slowly'"):
+        scene.apply(evac.Change(time, "close", "front", {"slowly": True}))
     with pytest.raises(ScenarioError, match=r"'front'.*evac\.Change"):
         scene.apply((time, "close", "front"))
     with pytest.raises(ValueError, match="finite"):
@@ -122,6 +124,9 @@ def test_what_is_none_is_refused_now_and_for_later(room, time):
         ((1.0, "close", "front", {"to": {1, 2}}), "values"),
         ((1.0, "close", "front", {1: 2}), "values"),
         ((1.0, "close", "front", {"to": "\ud800"}), "values"),
+        ((1.0, "close", "front", {"let_through": 3}), "let_through"),
+        ((1.0, "close", "front", {"let_through": "12"}), "let_through"),
+        ((1.0, "close", "front", {"let_through": [1.5]}), "let_through"),
     ],
 )
 def test_what_files_cannot_contain_is_no_change(change, words):
@@ -152,6 +157,12 @@ def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):
         {0, 1},
         {0},
     ]
+
+
+def test_a_recorded_change_is_made_again_with_the_people_who_stand_there_now(room):
+    scene = Simulation(room).scene
+    scene.apply(evac.Change(0.0, "close", "front", {"let_through": [3]}))
+    assert scene.changes == [evac.Change(0.0, "close", "front")]
 
 
 def test_a_change_after_the_last_tick_has_no_effect(room, tmp_path):
