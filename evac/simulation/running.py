@@ -1,5 +1,6 @@
 """Run a case, or resume a run, and write its result folder."""
 
+import math
 import signal
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -94,6 +95,7 @@ def run(
     >>> results = run("classroom", "classroom-result")  # doctest: +SKIP
     """
     case = as_case(case)
+    _check_interval(checkpoint)
     if folder is None:
         if checkpoint is not None:
             raise ScenarioError("checkpoint: needs a result folder; give `folder`")
@@ -171,6 +173,7 @@ def resume(
     >>> results = resume("classroom-result")  # doctest: +SKIP
     >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
+    _check_interval(checkpoint)
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
         simulation, every = resumed(
             folder, place, overrides, plugin_files, registry, allow_differences, threads, case_file
@@ -387,6 +390,12 @@ def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, er
             error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}{without}")
         elif not first:
             place.discard(simulation.recording.plugin_files())
+
+
+def _check_interval(checkpoint: float | None) -> None:
+    """Raise an error unless a wall time between two checkpoints [s] is finite and not negative, or None."""
+    if checkpoint is not None and not 0.0 <= checkpoint < math.inf:
+        raise ScenarioError(f"checkpoint: {checkpoint!r} given; give a wall time of 0 s or more, or None")
 
 
 def _check_differences(path: Path, differences: list[str], is_allowed: bool) -> None:

@@ -419,3 +419,13 @@ def test_a_second_ctrl_c_while_outputs_are_written_publishes_what_is_complete(tm
     assert (results.ended, results.evacuated) == ("everybody out", 2)
     assert results.trajectory.time[-1] == pytest.approx(results.time)
     assert "without replay.html, egress.png" in err
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
+def test_an_interval_between_checkpoints_that_is_none_is_refused(tmp_path, seconds):
+    """Of -1 s, a checkpoint was saved after every tick that no run could be resumed from."""
+    with pytest.raises(ScenarioError, match="checkpoint: "):
+        evac.run("square_room", tmp_path / "r", checkpoint=seconds)
+    with pytest.raises(ScenarioError, match="checkpoint: "):
+        evac.resume(tmp_path / "r", checkpoint=seconds)
+    assert list(tmp_path.iterdir()) == []
