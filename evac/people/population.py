@@ -126,7 +126,7 @@ class Population:
         """Return copies of all arrays and of the log, for a checkpoint."""
         row, link, time = self.crossings
         log = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
-        return {name: array.copy() for name, array in self.crowd.values().items()} | log
+        return {name: array.copy() for name, array in self._arrays.items()} | log
 
     def restore(self, state: Mapping[str, NDArray[Any]], building: Building, routes: int) -> None:
         """Restore a state returned by `state`, writing into the existing arrays.
@@ -146,7 +146,7 @@ class Population:
         bounds = self._bounds(building, routes)
         values = {
             name: taken(state, name, array.dtype, array.shape, *bounds[name], nan=name == "exit_time")
-            for name, array in self.crowd.values().items()
+            for name, array in self._arrays.items()
         }
         is_out = values["level"] < 0
         marks = np.isfinite(values["exit_time"]), values["exit_used"] >= 0
@@ -155,15 +155,19 @@ class Population:
         rows = taken(state, "crossing_row", np.int32, (None,), 0, len(is_out) - 1)
         links = taken(state, "crossing_link", np.int32, rows.shape, 0, self._n_portals - 1)
         self._log = [(rows, links, taken(state, "crossing_time", np.float64, rows.shape, 0.0))]
-        for name, array in self.crowd.values().items():
+        for name, array in self._arrays.items():
             array[...] = values[name]
+
+    @property
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays of the crowd, without those that behaviours state before the run, and a changed case may change."""
+        return {name: array for name, array in self.crowd.values().items() if name != "contact_radius"}
 
     def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, Any]]:
         """Return the least and greatest value of each array of the crowd."""
         corners = building.vertices[:, :2]
         own = {name: BOUNDS[name] for name in ("radius", "height", "mass", "tau", "speed")}
         return own | {
-            "contact_radius": BOUNDS["radius"],
             "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
             "velocity": (-FINITE, FINITE),
             "level": (-1, len(building.levels) - 1),
