@@ -1,6 +1,7 @@
 """Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 CLASSES = {
     "IfcSpace": "space",
     "IfcSlab": "slab",
+    "IfcRoof": "roof",
     "IfcWall": "wall",
     "IfcWallStandardCase": "wall",
     "IfcWallElementedCase": "wall",
@@ -43,6 +45,10 @@ CLASSES = {
 }
 #: Classes that people walk on and that are not supported.
 NOT_READ = ("IfcRamp", "IfcRampFlight", "IfcTransportElement")
+#: The whole and its parts of a relation.
+AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\s]*)\)\s*\)\s*;")
+#: The opening and the door or window of a relation; names between quotes cannot hold a reference at the end.
+FILLS = re.compile(rb"=\s*IFCRELFILLSELEMENT\s*\([^;]*?#(\d+)\s*,\s*#(\d+)\s*\)\s*;")
 #: Longest name that is used unchanged.
 LONGEST = 30
 #: Largest coordinate of an undamaged file [m].
@@ -69,15 +75,17 @@ class IfcImporter(Importer):
 
         findings: list[Finding] = []
         optional_library(path, "ifclite_geom", "ifc")
-        elements, shapes = _read(path.read_bytes(), findings)
-        bodies = _bodies(elements, shapes, findings)
-        storeys = [
-            (_text(element["name"]) or f"storey {number}", float(element["placement"][14]))
+        content = path.read_bytes()
+        elements, shapes = _read(content, findings)
+        storeys = {
+            number: (_text(element["name"]) or f"storey {number}", float(element["placement"][14]))
             for number, element in elements.items()
             if element["ifc_type"] == "IfcBuildingStorey" and element.get("placement")
-        ]
+        }
+        names = {part: storeys[whole][0] for part, whole in _parts(content).items() if whole in storeys}
+        bodies = _bodies(elements, shapes, names, _fillings(content), findings)
         rules = Rules(**self.values())
-        return plan_of_bodies(path, bodies, storeys, rules, findings)
+        return plan_of_bodies(path, bodies, list(storeys.values()), rules, findings)
 
 
 def _read(content: bytes, findings: list[Finding]) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
@@ -131,7 +139,24 @@ def _standard_error(said: list[str]) -> Iterator[None]:
             said += [line.strip() for line in file.read().decode("utf-8", "replace").splitlines() if line.strip()]
 
 
-def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: list[Finding]) -> "list[Body]":
+def _fillings(content: bytes) -> dict[int, int]:
+    """Return the number of the opening that each door or window fills, by its number."""
+    return {int(filling): int(opening) for opening, filling in FILLS.findall(content)}
+
+
+def _parts(content: bytes) -> dict[int, int]:
+    """Return the number of the whole that each part belongs to, such as the storey of a space, by its number."""
+    found = [(int(whole), re.findall(rb"#(\d+)", parts)) for whole, parts in AGGREGATES.findall(content)]
+    return {int(part): whole for whole, parts in found for part in parts}
+
+
+def _bodies(
+    elements: Mapping[int, Any],
+    shapes: Mapping[int, Any],
+    storeys: Mapping[int, str],
+    fills: Mapping[int, int],
+    findings: list[Finding],
+) -> "list[Body]":
     """Return the bodies of a file, sorted by number; add a finding for each element without a shape or left out."""
     from evac.building.recover.bodies import Body
 
@@ -156,7 +181,8 @@ def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: li
             text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape is empty or not finite"
             findings.append(Finding("left out", text))
             continue
-        bodies.append(Body(kind, _label(number, element), points, triangles))
+        storey, opening = storeys.get(number, ""), fills.get(number, -1)
+        bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening))
     for name, many in count.items():
         findings.append(Finding("left out", f"{many} {name}: ramps, lifts and escalators are not supported"))
     return bodies
@@ -169,7 +195,7 @@ def _kind(element: Mapping[str, Any]) -> str | None:
         predefined = _attribute(element, "PredefinedType")
         name = _text(element["name"]).lower() + _text(element["object_type"]).lower()
         if predefined == "ROOF" or (predefined in ("", "NOTDEFINED", "USERDEFINED") and "roof" in name):
-            return None
+            return "roof"
         if predefined == "LANDING":
             return "landing"
     return kind

@@ -52,6 +52,7 @@ class IfcFile:
         placement = self.add(f"IFCLOCALPLACEMENT({self.placement},{axes})")
         made = self.add(f"IFCBUILDINGSTOREY({self.guid()},$,'{name}',$,$,{placement},$,$,.ELEMENT.,{self.number(z)})")
         self.add(f"IFCRELAGGREGATES({self.guid()},$,$,$,{self.building},({made}))")
+        return made
 
     def extruded(self, outline, z, height):
         points = ",".join(self.point(x, y) for x, y in [*outline, outline[0]])
@@ -75,13 +76,15 @@ class IfcFile:
     def space(self, name, outline, z, height=2.6):
         return self.body("IFCSPACE", name, self.extruded(outline, z, height), tail=",$,.ELEMENT.,.INTERNAL.,$")
 
-    def opening(self, low, high, *, wall=None, door=None, window=None):
-        """Add an opening, cut it out of a wall or slab, and fill it."""
+    def opening(self, low, high, *, wall=None, door=None, window=None, leaf=None):
+        """Add an opening, cut it out of a wall or slab, and fill it; with a leaf, its box and a relation to it."""
         made = self.box("IFCOPENINGELEMENT", "Opening", low, high)
         if wall:
             self.add(f"IFCRELVOIDSELEMENT({self.guid()},$,$,$,{wall},{made})")
         if door:
-            self.box("IFCDOOR", door, low, high, tail=",$,$,.DOOR.,.NOTDEFINED.,$")
+            filling = self.box("IFCDOOR", door, *(leaf or (low, high)), tail=",$,$,.DOOR.,.NOTDEFINED.,$")
+            if leaf:
+                self.add(f"IFCRELFILLSELEMENT({self.guid()},$,$,$,{made},{filling})")
         if window:
             self.box("IFCWINDOW", window, low, high, tail=",$,$,.WINDOW.,.NOTDEFINED.,$")
         return made

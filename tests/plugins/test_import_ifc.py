@@ -224,6 +224,102 @@ def test_a_flight_that_ends_a_little_below_or_level_with_the_floor(tmp_path, cha
     assert flight.polygon.area == pytest.approx(1.2 * 16 * 0.28, rel=1e-3)
 
 
+def test_treads_that_lie_on_the_steps_of_stringers_are_one_flight(tmp_path):
+    ifc = house(IfcFile(), storeys=2, hole=(6.3, 0.8, 7.7, 5.38))
+    solids = steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT)
+    for k in range(16):
+        y, z = 0.9 + 0.28 * k, 3 / 17 * (k + 1)
+        solids.append(ifc.extruded([(6.4, y - 0.05), (7.6, y - 0.05), (7.6, y + 0.28), (6.4, y + 0.28)], z, 0.01))
+        solids.append(
+            ifc.extruded([(6.4, y + 0.05), (7.6, y + 0.05), (7.6, y + 0.28), (6.4, y + 0.28)], z - 0.06, 0.02)
+        )
+    ifc.body("IFCSTAIR", "up", *solids, tail=STAIR_TAIL["IFCSTAIR"])
+    path = ifc.write(tmp_path / "a.ifc")
+    (flight,) = (level for level in building_of(path).levels if level.kind == "flight")
+    assert (flight.z_min, flight.z_max) == (0.0, 3.0)
+    assert not told_by(path, "missing", "warning")
+
+
+def test_steps_between_half_levels_that_are_shorter_than_a_level(tmp_path):
+    ifc = IfcFile()
+    storey = ifc.storey("L0", 0)
+    ifc.box("IFCSLAB", "high", (0, 0, -0.3), (6, 4, 0), predefined="FLOOR")
+    ifc.box("IFCSLAB", "low", (6, 0, -0.9), (12, 4, -0.6), predefined="FLOOR")
+    high = ifc.space("high", [(0, 0), (6, 0), (6, 4), (0, 4)], 0.0)
+    low = ifc.space("low", [(6, 0), (12, 0), (12, 4), (6, 4)], -0.6)
+    ifc.add(f"IFCRELAGGREGATES({ifc.guid()},$,$,$,{storey},({high},{low}))")
+    treads = [ifc.extruded([(x, 1), (x + 0.25, 1), (x + 0.25, 3), (x, 3)], -0.6, z) for x, z in ((6, 0.4), (6.25, 0.2))]
+    ifc.body("IFCSTAIRFLIGHT", "step", *treads, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
+    (flight,) = (level for level in building.levels if level.kind == "flight")
+    assert (flight.z_min, flight.z_max, flight.polygon.bounds[0]) == (-0.6, 0.0, 6.0)
+    assert sorted(level.name for level in building.levels if level.kind == "floor") == ["L0", "L0 z=-0.60"]
+
+
+def test_the_recess_of_a_slab_in_a_space_is_ground_of_the_floor_below(tmp_path):
+    ifc = IfcFile()
+    ifc.storey("L0", 0)
+    ifc.box("IFCSLAB", "high", (0, 0, -0.3), (6, 4, 0), predefined="FLOOR")
+    ifc.box("IFCSLAB", "recess", (6, 0, -0.7), (8, 4, -0.6), predefined="FLOOR")
+    ifc.box("IFCSLAB", "low", (8, 0, -0.7), (12, 4, -0.6), predefined="FLOOR")
+    ifc.space("high", [(0, 0), (8, 0), (8, 4), (0, 4)], 0.0)
+    ifc.space("low", [(8, 0), (12, 0), (12, 4), (8, 4)], -0.6)
+    area = {level.z_min: level.polygon.area for level in building_of(ifc.write(tmp_path / "a.ifc")).levels}
+    assert area == {0.0: pytest.approx(24.0), -0.6: pytest.approx(24.0)}
+
+
+def test_a_low_attic_and_a_space_above_the_roof_are_no_storeys(tmp_path):
+    ifc = house(IfcFile())
+    ifc.storey("attic", 3.0)
+    ifc.box("IFCSLAB", "S", (0, 0, 2.8), (10.4, 6.4, 3.0), predefined="FLOOR")
+    ifc.space("attic", [(0.2, 0.2), (10.2, 0.2), (10.2, 6.2), (0.2, 6.2)], 3.0, height=1.0)
+    ifc.storey("roof", 4.2)
+    ifc.box("IFCSLAB", "R", (0, 0, 4.0), (10.4, 6.4, 4.2), predefined="ROOF")
+    ifc.space("sky", [(0.2, 0.2), (10.2, 0.2), (10.2, 6.2), (0.2, 6.2)], 4.2)
+    path = ifc.write(tmp_path / "a.ifc")
+    assert [level.name for level in building_of(path).levels] == ["L0"]
+    assert len(told_by(path, "left out")) == 2
+
+
+@pytest.mark.parametrize("leaf", [((0.15, 3.1, 0), (0.19, 4.1, 2.1)), ((-0.05, 3.1, 0), (-0.01, 4.1, 2.1))])
+def test_a_thin_leaf_belongs_to_its_opening(tmp_path, leaf):
+    ifc = IfcFile()
+    ifc.storey("L0", 0)
+    ifc.box("IFCSLAB", "S", (0, 0, -0.2), (10.4, 6.4, 0), predefined="FLOOR")
+    wall = ifc.box("IFCWALL", "W", (0, 0.2, 0), (0.2, 6.2, 3))
+    ifc.opening((0, 3, 0), (0.2, 4.2, 2.1), wall=wall, door="front", leaf=leaf)
+    ifc.space("room", [(0.2, 0.2), (10.2, 0.2), (10.2, 6.2), (0.2, 6.2)], 0)
+    (way,) = building_of(ifc.write(tmp_path / "a.ifc")).exits
+    assert (way.name, round(way.width, 2)) == ("front", 1.2)
+
+
+def test_openings_and_shafts_are_no_exits(tmp_path):
+    ifc = IfcFile()
+    ifc.storey("L0", 0)
+    ifc.box("IFCSLAB", "S", (0, 0, -0.2), (10.4, 6.4, 0), predefined="FLOOR")
+    wall = ifc.box("IFCWALL", "W", (0, 0.2, 0), (0.2, 6.2, 3))
+    ifc.opening((0, 3, 0), (0.2, 4.2, 2.1), wall=wall)
+    shaft = [((4, 2), (6, 2.2)), ((4, 3.8), (6, 4)), ((4, 2.2), (4.2, 3.8)), ((5.8, 2.2), (6, 3.8))]
+    walls = [ifc.box("IFCWALL", f"L{k}", (*low, 0), (*high, 3)) for k, (low, high) in enumerate(shaft)]
+    ifc.opening((4, 2.5, 0), (4.2, 3.5, 2.1), wall=walls[2], door="lift")
+    outline = [
+        (0.2, 0.2),
+        (10.2, 0.2),
+        (10.2, 6.2),
+        (0.2, 6.2),
+        (0.2, 3),
+        (4, 3),
+        (4, 4),
+        (6, 4),
+        (6, 2),
+        (4, 2),
+        (4, 3),
+    ]
+    ifc.space("room", [*outline, (0.2, 3)], 0)
+    building = building_of(ifc.write(tmp_path / "a.ifc"), exits="all")
+    assert building.exits == ()
+
+
 def test_a_stair_that_is_there_twice_is_left_out_once(tmp_path):
     ifc = house(IfcFile(), storeys=2, hole=(6.3, 0.8, 7.7, 5.38))
     solids = steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT)

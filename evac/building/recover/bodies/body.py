@@ -28,6 +28,9 @@ class Body:
     name: str  # name in the file
     points: FloatArray  # (v, 3) float64 [m]
     triangles: IndexArray  # (t, 3) int64
+    number: int = -1  # number in the file
+    storey: str = ""  # name of the storey that a space belongs to, by the file
+    fills: int = -1  # number of the opening that a door or window fills, by the file
 
     @cached_property
     def corners(self) -> FloatArray:

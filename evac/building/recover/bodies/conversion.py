@@ -12,12 +12,12 @@ from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, snapped
-from evac.building.recover.bodies.doorways import Doorway, doorways_of, middle_of, opened, passages_of
+from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, middle_of, opened, passages_of
 from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
 from evac.building.recover.bodies.floors import Floor, floors_of
 
 #: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
-KINDS = ("space", "slab", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
+KINDS = ("space", "slab", "roof", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
 #: Minimum area of the remaining part of a room in which people can start [m2].
 LEAST_ROOM = 0.5
 #: Distance by which areas extend beyond their rooms, less than the thickness of walls [m].
@@ -75,7 +75,7 @@ def plan_of_bodies(
         raise ValueError(
             f"the file has no ground, neither a space nor a slab with a level top, only {', '.join(kinds) or 'nothing'}"
         )
-    ways = doorways_of(passages, floors, findings)
+    ways = doorways_of(passages, floors, [body for body in bodies if body.kind == "wall"], findings)
     for floor in floors:
         floor.ground = opened(floor, ways)
     stairs = stairs_of(bodies, floors, rules.cut_slabs, findings)
@@ -101,27 +101,30 @@ def plan_of_bodies(
 
 def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:
     """Add the doors and exits."""
-    outer = [way for way in ways if way.sides == 1]
+    outer = [way for way in ways if way.sides == 1 and way.leads_out and way.is_filled]
     floors = list({way.floor.name: way.floor for way in outer}.values())
     if rules.exits == "none":
         floors = []
     elif rules.exits == "ground" and floors:
-        floors = [min(floors, key=lambda floor: (abs(floor.z - rules.ground_z), floor.z))]
-        text = "doors with a room on one side only are exits on this storey but not on others (exits, ground_z)"
-        plan.note("assumed", text, floors[0].name)
+        ground = min(floors, key=lambda floor: (abs(floor.z - rules.ground_z), floor.z))
+        floors = [floor for floor in floors if abs(floor.z - ground.z) <= HALF_STOREY]
+        text = "doors that lead outside are exits on this storey but not on others (exits, ground_z)"
+        plan.note("assumed", text, ground.name)
     taken: set[str] = set()
     for way in ways:
         name, number = way.name, 2
         while name in taken:
             name, number = f"{way.name} ({number})", number + 1
         taken.add(name)
-        is_exit = way.sides == 1 and way.floor in floors
+        is_exit = way in outer and way.floor in floors
         if is_exit:
             plan.exit(name, way.floor.name, way.segment)
         elif way.sides == 1:
             plan.opening(way.floor.name, way.segment, name)
         width = float(np.hypot(*(way.segment[1] - way.segment[0])))
-        what = "exit" if is_exit else "door" if way.sides == 2 else "door to the outside (not an exit)"
+        kind = "door" if way.is_filled else "opening"
+        to = "the outside" if way.leads_out else "a void inside of the building"
+        what = "exit" if is_exit else kind if way.sides == 2 else f"{kind} to {to} (not an exit)"
         plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, middle_of(way))
 
 

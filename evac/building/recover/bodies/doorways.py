@@ -1,43 +1,50 @@
 """Convert doors and openings in walls to doors and exits of a plan."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.geometry.overlays import united
 from evac.building.model.findings import Finding
 from evac.building.plan.outlines import normal, strip
-from evac.building.recover.bodies.body import Body, snapped
+from evac.building.recover.bodies.body import Body, closed, snapped
 from evac.building.recover.bodies.floors import Floor
 
 #: Largest difference in height between the foot of a door and the floor that it stands on [m].
 SILL = 0.3
 #: Minimum height of an opening without a door that people can pass [m].
 LEAST_HEIGHT = 1.8
-#: A door or window fills an opening if their boxes share at least this fraction of the opening's box.
-FILLED = 0.3
+#: A door or window fills an opening if its box, grown across walls, covers at least this fraction of the opening's.
+FILLED = 0.5
 #: An opening reaches the foot of its wall if it ends at most this high above it [m].
 FOOT = 0.1
 #: Largest gap between the face of a wall and the room beside it [m].
 BEHIND = 0.15
 #: Lengths tried in turn by which each end of a door is shortened, until rooms lie along all of it [m].
 SHORTENED = (0.0, 0.02, 0.05, 0.1, 0.15)
+#: Floors whose heights differ by at most this are of one storey [m].
+HALF_STOREY = 1.5
+#: How far beyond a door the outside of the storey begins; recesses that are narrower than twice this are inside [m].
+BEYOND = 0.3
 #: Narrowest door [m].
 NARROWEST = 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Doorway:
-    """A door: its segment (2, 2) in the middle of a wall, its reach to rooms [m], the number of sides with rooms."""
+    """A door: its segment (2, 2) in the middle of a wall, its reach to rooms [m], and how many sides have rooms."""
 
     name: str
     floor: Floor
     segment: FloatArray
     reach: float
     sides: int
+    leads_out: bool  # whether one side is outside of the storey
+    is_filled: bool  # whether there is a door, not only an opening
 
 
 def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
@@ -53,14 +60,17 @@ def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
     passages, taken, filled = [], set(), []
     for body in bodies:
         if body.kind in ("door", "window"):
-            row = _filled(body, boxes)
+            row = _filled(body, openings, boxes)
             taken.add(row)
             shape = body if row is None else openings[row]
-            filled.append(Body("opening", body.name, shape.points, shape.triangles))
+            filled.append(replace(shape, kind="opening", name=body.name, fills=body.number))
             if body.kind == "door":
                 passages.append(filled[-1])
+    middles = boxes[sorted(row for row in taken if row is not None)].mean(axis=1)
     for row, opening in enumerate(openings):
-        if row not in taken and opening.z_max - opening.z_min >= LEAST_HEIGHT and _is_in_wall(opening, walls):
+        has_door = ((opening.box[0] <= middles) & (middles <= opening.box[1])).all(axis=1).any()
+        is_high = opening.z_max - opening.z_min >= LEAST_HEIGHT
+        if row not in taken and is_high and not has_door and _is_in_wall(opening, walls):
             passages.append(opening)
     return passages, [*filled, *(opening for opening in passages if opening not in filled)]
 
@@ -76,17 +86,27 @@ def _is_in_wall(opening: Body, walls: FloatArray) -> bool:
     return bool((meets & (opening.z_min - walls[:, 0, 2] < FOOT)).any())
 
 
-def _filled(door: Body, openings: FloatArray) -> int | None:
-    """Return the row of the opening, among boxes (o, 2, 3), that a door or window fills; None if it fills none."""
-    both = np.minimum(door.box[1], openings[:, 1]) - np.maximum(door.box[0], openings[:, 0])
-    size = np.maximum(openings[:, 1] - openings[:, 0], 1e-3)
-    share = np.prod(np.maximum(both, 0.0), axis=1) / np.prod(size, axis=1)
+def _filled(door: Body, openings: Sequence[Body], boxes: FloatArray) -> int | None:
+    """Return the row of the opening that a door or window fills by the file, or by their boxes; None if there is none.
+
+    A leaf is thinner than its opening, and may stand beside its wall: what counts is the share of the shorter sides.
+    """
+    for row, opening in enumerate(openings):
+        if opening.number == door.fills != -1:
+            return row
+    low, high = door.box + np.array([[-BEHIND], [BEHIND]]) * (1.0, 1.0, 0.0)
+    both = np.maximum(np.minimum(high, boxes[:, 1]) - np.maximum(low, boxes[:, 0]), 0.0)
+    size = np.maximum(boxes[:, 1] - boxes[:, 0], 1e-3)
+    share = np.prod(both / size, axis=1)
     return int(share.argmax()) if len(share) and share.max() > FILLED else None
 
 
-def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: list[Finding]) -> list[Doorway]:
+def doorways_of(
+    passages: Sequence[Body], floors: Sequence[Floor], walls: Sequence[Body], findings: list[Finding]
+) -> list[Doorway]:
     """Return the doors of each floor that join rooms or lead outside; doors without a room are added to `findings`."""
     doorways = []
+    hulls = {floor.name: _hull(floor, floors, walls) for floor in floors}
     for body in passages:
         near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
         if not near and body.name.startswith("opening"):
@@ -97,7 +117,7 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
             )
             continue
         floor = min(near, key=lambda storey: abs(storey.z - body.z_min))
-        way = _fit(body, floor)
+        way = _fit(body, floor, hulls[floor.name])
         if way is None:
             findings.append(Finding("left out", f"{body.name!r} has no room on either side", floor.name, body.place))
         else:
@@ -105,7 +125,15 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
     return doorways
 
 
-def _fit(body: Body, floor: Floor) -> Doorway | None:
+def _hull(floor: Floor, floors: Sequence[Floor], walls: Sequence[Body]) -> BaseGeometry:
+    """Return the ground and the walls of a storey without holes, as which shafts and voids belong to it."""
+    near = [other.ground for other in floors if abs(other.z - floor.z) <= HALF_STOREY]
+    beside = [wall.shadow() for wall in walls if wall.z_min - SILL <= floor.z + 1.0 <= wall.z_max + SILL]
+    plan = closed(united([*near, *(part for part in beside if not part.is_empty)]), 2.0 * BEYOND)
+    return united([shapely.Polygon(part.exterior) for part in shapely.get_parts(plan)])
+
+
+def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
     """Return the widest door with the largest number of rooms beside it; None if there is no room."""
     corners = body.rectangle()
     if corners is None:
@@ -122,9 +150,15 @@ def _fit(body: Body, floor: Floor) -> Doorway | None:
             segment = np.round(np.array([ends[0] + less * along, ends[1] - less * along]), 3)
             reach = depth / 2 + BEHIND
             ways = (normal(segment), -normal(segment))
-            sides = sum(strip(floor.ground, segment, way, reach) is not None for way in ways)
-            if sides and (best is None or sides > best.sides):
-                best = Doorway(body.name, floor, segment, reach, sides)
+            rooms = [strip(floor.ground, segment, way, reach) is not None for way in ways]
+            if any(rooms) and (best is None or sum(rooms) > best.sides):
+                behind = [
+                    shapely.Point(segment.mean(axis=0) + (reach + BEYOND) * way)
+                    for way, has_room in zip(ways, rooms, strict=True)
+                    if not has_room
+                ]
+                leads_out = any(not hull.contains(point) for point in behind)
+                best = Doorway(body.name, floor, segment, reach, sum(rooms), leads_out, body.fills != -1)
     return best
 
 

@@ -19,6 +19,7 @@ from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import NOTCH, Body, snapped
 from evac.building.recover.bodies.floors import Floor
 from evac.building.recover.bodies.treads import SHORT, Landing, Run, treads_of
+from evac.building.surface.checks import LEAST_DEPTH
 
 #: Largest gap in plan between the end of a flight and a floor [m].
 FAR = 0.6
@@ -124,7 +125,12 @@ def stairs_of(
         try:
             ends.append((run, (_end(run, False, floors, landings), _end(run, True, floors, landings))))
         except LeftOutError as left:
-            findings.append(left.finding)
+            plan = united([tread for tread, _ in run.treads])
+            if min(floor.ground.distance(plan) for floor in floors) > FAR:
+                text = f"{_names(run.names)} is left out: it is outside of the building"
+                findings.append(Finding("left out", text, None, run.place))
+            else:
+                findings.append(left.finding)
     stairs: list[FoundStair] = []
     for group in _groups([both for _, both in ends], len(landings)):
         names = tuple(dict.fromkeys(name for row in group for name in ends[row][0].names))
@@ -224,7 +230,8 @@ def _complete(stair: FoundStair, landings: Sequence[Landing]) -> None:
     """Narrow the flights of a stair to the floors at their ends, and extend floors and landings up to the flights."""
     if not stair.floors:
         raise LeftOutError(f"{stair.bodies} is left out: it does not meet any floor", None, place_of(stair.plan))
-    for row, both in enumerate(stair.flights):
+    for row, given in enumerate(stair.flights):
+        both = _lengthened(*given)
         lower, upper = _fitted(both[0], both), _fitted(both[1], both)
         for less in NARROWED:
             ends = (_narrowed(lower, less), _narrowed(upper, less))
@@ -253,6 +260,15 @@ def _narrowed(end: End, less: float) -> End:
     along = (end.edge[1] - end.edge[0]) / np.hypot(*(end.edge[1] - end.edge[0]))
     edge = np.round(np.array([end.edge[0] + less * along, end.edge[1] - less * along]), 3) + 0.0
     return End(edge, end.floor, end.landing, end.z)
+
+
+def _lengthened(lower: End, upper: End) -> tuple[End, End]:
+    """Return the ends of a flight of a few steps so far apart that it is a level: it reaches into the floor below."""
+    way = _away(lower, _outline(lower, upper))
+    lacks = LEAST_DEPTH + FIT - float((lower.edge.mean(axis=0) - upper.edge.mean(axis=0)) @ way)
+    if lacks <= 0.0 or lower.floor is None:
+        return lower, upper
+    return replace(lower, edge=np.round(lower.edge + lacks * way, 3)), upper
 
 
 def _fitted(end: End, both: tuple[End, End]) -> End:

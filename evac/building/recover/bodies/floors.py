@@ -1,5 +1,6 @@
 """Convert spaces, slabs, walls and columns to the floors of storeys."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -9,10 +10,16 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.defaults import HEADROOM
 from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
-from evac.building.recover.bodies.body import Body, closed, snapped, without_slivers
+from evac.building.recover.bodies.body import SAME_HEIGHT, Body, closed, snapped, without_slivers
 
 #: Largest difference in height between a floor and the top of its slab, due to floor finishes [m].
 THICKNESS = 0.3
+#: Largest depth below the floor of a space at which a slab in it is a part of the floor below [m].
+RECESS = 0.8
+#: Least height of a space that people can stand in [m].
+STANDING = 1.8
+#: Largest difference in height between a roof and the space above it [m].
+ROOF = 0.6
 #: Heights above a floor at which walls and columns are cut [m].
 CUTS = (0.1, 0.5, 1.0, 1.5, 1.9)
 #: Furniture higher above a floor than this is not an obstacle [m].
@@ -75,17 +82,28 @@ def floors_of(
     findings : list of Finding
         To add to.
     """
-    heights = _heights(bodies, ground, step)
+    low = _low_spaces(bodies, findings)
+    heights = _heights([body for body in bodies if body not in low], ground, step)
     names = _names(heights, storeys)
+    tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     floors = []
     for height, name in zip(heights, names, strict=True):
         slabs = united(height.slabs)
+        if height.spaces and slabs.is_empty and _is_above_roof(height, bodies):
+            text = "spaces with a roof and no slab below are outside of the building"
+            findings.append(Finding("left out", text, name, height.spaces[0][0].place))
+            continue
         if height.spaces:
             made, rooms = _of_spaces(height, slabs, name, gap, findings), _rooms(height)
+        elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
+            continue
         else:
             made, rooms = slabs, []
             what = "the file has no spaces" if ground == "auto" else "as set"
             findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
+        if height.spaces:
+            steps = _in_other_spaces(height, tops, heights)
+            slabs, made = united([slabs, steps]), united([made, steps])
         made = _without_bodies(made, bodies, height, furniture)
         floors.append(Floor(name, height.z, made, slabs, rooms))
         levels = [z for _, _, z in height.spaces]
@@ -97,6 +115,26 @@ def floors_of(
         floor.ground = cut(floor.ground, united([one for other in over for one in (other.ground, other.slabs)]))
         _drop_slivers(floor, findings)
     return [floor for floor in floors if not floor.ground.is_empty]
+
+
+def _low_spaces(bodies: Sequence[Body], findings: list[Finding]) -> list[Body]:
+    """Return the spaces in which nobody can stand, such as attics; they are added to `findings`."""
+    low = [body for body in bodies if body.kind == "space" and body.z_max - body.z_min < STANDING]
+    for body in low:
+        text = f"{body.name!r} is only {body.z_max - body.z_min:.2f} m high: nobody can stand in it"
+        findings.append(Finding("left out", text, None, body.place))
+    return low
+
+
+def _covers(plan: BaseGeometry, other: BaseGeometry) -> bool:
+    """Return whether a polygon covers at least half of another one."""
+    return bool(common(plan, other).area > 0.5 * other.area)
+
+
+def _is_above_roof(height: "_Height", bodies: Sequence[Body]) -> bool:
+    """Return whether a roof ends at about the height of spaces, below at least half of their area."""
+    roofs = [body.shadow() for body in bodies if body.kind == "roof" and abs(body.z_max - height.z) < ROOF]
+    return bool(roofs) and _covers(united(roofs), united([one for _, one, _ in height.spaces]))
 
 
 def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
@@ -130,21 +168,23 @@ def _nearest(heights: list[_Height], z: float, step: float) -> _Height:
 
 
 def _names(heights: Sequence[_Height], storeys: Sequence[tuple[str, float]]) -> list[str]:
-    """Name each floor after the nearest storey; further floors of the same storey get their height as a suffix."""
+    """Name floors after the storey of their spaces, or the nearest one; a storey's further floors get their height."""
     names = [""] * len(heights)
+    given = [Counter(body.storey for body, _, _ in height.spaces if body.storey).most_common(1) for height in heights]
     away = sorted(
-        (abs(height.z - z), row, name)
-        for row, height in enumerate(heights)
+        (not own, abs(height.z - z), row, name)
+        for row, (height, own) in enumerate(zip(heights, given, strict=True))
         for name, z in storeys
-        if abs(height.z - z) < 1.5
+        if (name == own[0][0] if own else abs(height.z - z) < 1.5)
     )
-    for _, row, name in away:
+    for _, _, row, name in away:
         if not names[row] and name not in names:
             names[row] = name
-    for row, height in enumerate(heights):
+    for row, (height, own) in enumerate(zip(heights, given, strict=True)):
         below = [name for name, z in sorted(storeys, key=lambda one: one[1]) if z <= height.z + THICKNESS]
         if not names[row]:
-            names[row] = f"{below[-1] if below else 'floor'} z={height.z:z.2f}"
+            storey = own[0][0] if own else below[-1] if below else "floor"
+            names[row] = f"{storey} z={height.z:z.2f}"
     return names
 
 
@@ -163,6 +203,22 @@ def _of_spaces(height: _Height, slabs: BaseGeometry, name: str, gap: float, find
             findings.append(Finding("left out", text, name, place_of(part)))
             plan = cut(plan, part)
     return plan
+
+
+def _in_other_spaces(
+    height: _Height, tops: Sequence[tuple[BaseGeometry, float]], heights: Sequence[_Height]
+) -> BaseGeometry:
+    """Return the slabs at a height that are in spaces of other floors: recesses and landings of a hall, for example."""
+    spaces = [
+        plan
+        for other in heights
+        for body, plan, z in other.spaces
+        if other is not height and z - RECESS <= height.z < body.z_max
+    ]
+    here = [plan for plan, z in tops if abs(z - height.z) <= SAME_HEIGHT]
+    over = [plan for plan, z in tops if SAME_HEIGHT < z - height.z < STANDING]
+    own = [plan for _, plan, _ in height.spaces]
+    return without_slivers(cut(common(united(here), united(spaces)), united([*over, *own])), NARROWEST)
 
 
 def _rooms(height: _Height) -> list[tuple[str, BaseGeometry]]:

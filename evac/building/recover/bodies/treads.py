@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry.overlays import united
+from evac.building.geometry.overlays import cut, united
 from evac.building.recover.bodies.body import Body, closed
 
 #: Range of the riser, the difference in height of consecutive treads [m].
@@ -17,6 +17,8 @@ LEAST_RISER, MOST_RISER = 0.05, 0.25
 APART = 0.1
 #: Minimum area [m2] and depth [m] of a tread.
 LEAST_TREAD, LEAST_DEPTH = 0.05, 0.1
+#: Nobody can step on a face with less clear height than this above it [m].
+CLEAR = 1.8
 #: A face larger than the median tread by this factor is a landing.
 LANDING = 2.2
 #: Minimum depth of a landing between flights in one direction; a shorter one is treated as a deep tread [m].
@@ -112,10 +114,15 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
 
 
 def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
-    """Return the level faces of a stair that people can step on, from bottom to top; nosings belong to their treads."""
-    faces = []
-    for plan, z in body.tops():
-        for part in shapely.get_parts(closed(plan, 0.02)):
+    """Return the level faces of a stair that people can step on, from bottom to top; nosings belong to their treads.
+
+    What is below another face, such as the steps of a stringer on which treads lie, is no part of them.
+    """
+    faces: list[tuple[BaseGeometry, float]] = []
+    tops = [(closed(plan, 0.02), z) for plan, z in body.tops()]
+    for row, (plan, z) in enumerate(tops):
+        over = [higher for higher, top in tops[row + 1 :] if top - z < CLEAR]
+        for part in shapely.get_parts(cut(plan, united(over)) if over else plan):
             box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
             if (
                 len(box) == 5
