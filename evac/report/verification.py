@@ -37,14 +37,16 @@ def evidence() -> Mapping[str, Any]:
 def subject_like(case: CaseTable, keepers: Sequence[str], subjects: Sequence[str]) -> str | None:
     """Return which subject of the standard tests is like the model of a case; None if none is.
 
-    Subjects are named by model and variant, then by the behaviour with which people keep distances, if there is one;
-    `keepers` are the behaviours of the case that do so.
+    Subjects are named by model and variant, then by the behaviour with which people keep distances, if there is one,
+    and its preset, if it was tested apart; `keepers` are the behaviours of the case that do so.
     """
     words = {case.model.lower(), *(str(value).lower() for value in case.model_parameters.values())}
-    for subject in subjects:
-        model, *behaviours = subject.split(", ")
-        if set(model.lower().split()) <= words and behaviours == list(keepers):
-            return subject
+    presets = [f"{name} {(case.behaviours.get(name) or {}).get('preset', '')}" for name in keepers]
+    for wanted in (presets, list(keepers)):
+        for subject in subjects:
+            model, *behaviours = subject.split(", ")
+            if set(model.lower().split()) <= words and behaviours == wanted:
+                return subject
     return None
 
 

@@ -186,7 +186,10 @@ def response_distributions(trial: Trial) -> Iterator[Check]:
     plan = one_storey(box(0, 0, 40, 25), exits={"door": across(40, 12, 13)}, areas={"hall": box(0, 0, 39, 25)})
     group = {"area": "hall", "number": ASKED}
     for name, (settings, distribution) in RESPONSES.items():
-        sections = {"behaviours": {"response_time": {"time": settings}}, "simulation": {"duration": 1.0}}
+        sections: dict[str, dict[str, Any]] = {
+            "behaviours": {"response_time": {"time": settings}},
+            "simulation": {"duration": 1.0},
+        }
         distances = [_distance(run.response_time, distribution) for run in trial.runs(plan, [group], name, **sections)]
         words = f"response times, {name}, {ASKED} people: Kolmogorov-Smirnov distance"
         yield check(words, f"NIST TN 1822, ISO 20414; level {ALPHA}", distances, high=_critical(ASKED))

@@ -28,6 +28,9 @@ CONTACT_MODEL = "nsm2"
 #: Longest run [s], and the time between two recorded states [s].
 DURATION, EVERY = 900.0, 0.1
 
+#: Output of runs with many people, of which exit times alone are measured.
+SELDOM = {"every": 1.0}
+
 
 @dataclass(frozen=True)
 class Criterion:
@@ -203,13 +206,13 @@ class Trial:
             "behaviours": {},
             **sections,
             "simulation": {"duration": DURATION, **sections.get("simulation", {})},
-            "output": {"every": EVERY},
+            "output": {"every": EVERY, **sections.get("output", {})},
         }
         return self.changed(load_case(content, plugin_files=self.plugin_files))
 
     def changed(self, case: Case) -> Case:
         """Return a case in which people walk as this trial has them walk."""
-        own = {} if self.is_paper else {f"behaviours.{DEFAULT_MOVEMENT}": {}}
+        own: dict[str, Any] = {} if self.is_paper else {f"behaviours.{DEFAULT_MOVEMENT}": {}}
         return case.change({**own, "output.picture": False}).change(self.settings)
 
     def runs(

@@ -89,8 +89,11 @@ def page_of(results: Sequence[Result], trial: Trial, seed: int) -> str:
 
 
 def _reason(result: Result) -> str:
-    """Return why a test was not run, or failed although that was to be expected."""
-    return result.error or (result.test.by_design if result.verdict == FAILED else result.test.why.partition(": ")[2])
+    """Return why a test was not run, or by how much it failed, and why that was to be expected."""
+    if result.verdict != FAILED:
+        return result.test.why.partition(": ")[2]
+    missed = [f"{check.criterion.quantity}: {check.verdict}" for check in result.checks if not check.is_passed]
+    return "; ".join(words for words in (*missed, result.error, result.test.by_design) if words)
 
 
 def _cell(result: Result) -> Cell:
