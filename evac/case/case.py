@@ -18,6 +18,7 @@ from evac.case.schema import (
     GroupSettings,
     OutputSettings,
     PeopleSettings,
+    PlaceSettings,
     PluginSettings,
     SimulationSettings,
 )
@@ -53,6 +54,9 @@ class Case(Table):
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
     people: tuple[GroupSettings, ...] = key(
         "the groups: a table [[people]] for each", "", min_length=1, max_length=MOST_ITEMS
+    )
+    place: tuple[PlaceSettings, ...] = key(
+        "areas with a task, such as refuges: a table [[place]] for each", "", (), max_length=MOST_ITEMS
     )
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")

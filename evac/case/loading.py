@@ -325,6 +325,9 @@ def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path) -> l
         if isinstance(name, str) and name in seen:
             faults.append(Fault(("people", index, "name"), f"{name!r} names two groups; rename one"))
         seen |= {name} if isinstance(name, str) else set()
+    for index, place in enumerate(case.place if case is not None else ()):
+        if any(place.name == other.name or place.area == other.area for other in case.place[:index]):  # type: ignore[union-attr]
+            faults.append(Fault(("place", index, "name"), f"{place.name!r}: another place has this name or area"))
     building = content.get("building")
     mesh = building.get("mesh") if isinstance(building, dict) else None
     if isinstance(mesh, str) and mesh and not os.path.exists(folder / mesh):

@@ -238,6 +238,19 @@ class GroupSettings(PeopleSettings):
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")
 
 
+class PlaceSettings(Table):
+    """`[[place]]`: an area with a task in the evacuation."""
+
+    name: Name = key("name of the place")
+    kind: Literal["refuge"] = key(
+        "refuge: people whose group has `steepest`, and who cannot leave the building otherwise, go there and stay"
+    )
+    area: str = key("name of the area of the building")
+    capacity: Whole | None = key(
+        "greatest number of people; if not given, there is no limit", "", None, ge=1, le=MOST_PEOPLE
+    )
+
+
 class ContactSettings(Table):
     """`[contact]`: the model in use, and in `[contact.NAME]` the parameters of any model."""
 

@@ -12,7 +12,7 @@ from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import COMFORT, ORDER, SPACING
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.building.model.building import Building, Exit
+from evac.building.model.building import Area, Building, Exit
 from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.building.surface.checks import measures
@@ -25,7 +25,7 @@ from evac.directions.lengths import (
     MarchedClass,
     barred_on,
     continue_values,
-    exits_of_route,
+    ends_of_route,
     nodes_not_marched,
     routes_at_present,
     strips_of,
@@ -116,7 +116,7 @@ def build_fields(
     classes = find_classes(building, narrowest, widest)
     _check_memory(building, len(routes) * (1 + len(classes)), spacing, clearance)
     present = routes_at_present(building, routes)
-    ways = [exits_of_route(building, route) for route in present]
+    ways = [ends_of_route(building, route) for route in present]
     barred = tuple(barred_on(building, route) for route in present)
     solver = _Solver(
         building=building,
@@ -215,7 +215,7 @@ class _Solver:
     def solve(self, barred: float, avoided: float = 0.0) -> _Solved:
         """Return the fields with gaps narrower than `barred` [m] as walls, and those narrower than `avoided` slow."""
         grids = build_grids(self.building, self.spacing, self.clearance, barred)
-        ways = [exits_of_route(grids.building, route) for route in self.routes]
+        ways = [ends_of_route(grids.building, route) for route in self.routes]
         slow, narrow = _nodes_in_gaps(grids, avoided)
         factor = _factor(grids, slow)
         bent = _bent(grids, self.clearance, factor) if self.clearance > 0.0 else None
@@ -398,7 +398,7 @@ def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatA
 
 def _solve(
     grids: BuildingGrids,
-    ways: Sequence[list[Exit]],
+    ways: Sequence[list[Exit | Area]],
     solver: _Solver,
     avoided: FloatArray,
     bent: FloatArray | None,
@@ -419,7 +419,7 @@ def _solve(
         for exits in ways:
             plain = next(costs)
             cost = plain if bent is None else next(costs)
-            yield _directions(grids, cost, exits, bent is None), plain, cost
+            yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)], bent is None), plain, cost
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:

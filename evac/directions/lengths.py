@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.model.building import FLAT, Building, Exit
+from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.descent import Ways, add_lengths, find_lowest
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
 from evac.directions.routes import Route
@@ -56,12 +56,19 @@ def nodes_not_marched(grids: BuildingGrids) -> IndexArray:
 def routes_at_present(building: Building, routes: Sequence[Route]) -> tuple[Route, ...]:
     """Return routes that lead to any exit instead of those whose exits are all closed."""
     names = [exit_.name for exit_ in building.exits if building.is_open(exit_)]
-    return tuple(route if any(map(route.leads_to, names)) else replace(route, exits=()) for route in routes)
+    return tuple(
+        route if route.refuge or any(map(route.leads_to, names)) else replace(route, exits=()) for route in routes
+    )
 
 
 def exits_of_route(building: Building, route: Route) -> list[Exit]:
     """Return the open exits that a route may end at."""
     return [exit_ for exit_ in building.exits if route.leads_to(exit_.name) and building.is_open(exit_)]
+
+
+def ends_of_route(building: Building, route: Route) -> list[Exit | Area]:
+    """Return the open exits, or the areas, that a route may end at."""
+    return [*exits_of_route(building, route), *(area for area in building.areas if area.name == route.refuge)]
 
 
 def barred_on(building: Building, route: Route) -> frozenset[int]:

@@ -8,11 +8,12 @@ import numpy as np
 import shapely
 import skfmm
 from numpy.typing import NDArray
+from shapely import maximum_inscribed_circle
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from evac.base.arrays import FloatArray
-from evac.building.model.building import DOWN, FLAT, UP, Exit, Portal
+from evac.building.model.building import DOWN, FLAT, UP, Area, Exit, Portal
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, use_towards
 from evac.directions.raster.lattice import SLACK
 from evac.directions.raster.strips import points_along
@@ -34,7 +35,7 @@ class Metric:
 
 
 def march(
-    grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int, barred: frozenset[int] = frozenset()
+    grids: BuildingGrids, metric: Metric, exits: list[Exit | Area], order: int, barred: frozenset[int] = frozenset()
 ) -> FloatArray:
     """Return the minimum cost from each node of all grids to any of the given exits.
 
@@ -47,8 +48,8 @@ def march(
     ----------
     grids : BuildingGrids
     metric : Metric
-    exits : list of Exit
-        Open exits, where the cost is 0.
+    exits : list of Exit or Area
+        Open exits, where the cost is 0, or areas, in whose innermost points it is.
     order : {1, 2}
         Order of the marching stencil.
     barred : frozenset of int
@@ -82,17 +83,20 @@ class _March:
         #: Per (portal, level behind): see `_tolerated`.
         self.tolerated: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
 
-    def run(self, exits: list[Exit]) -> FloatArray:
+    def run(self, exits: list[Exit | Area]) -> FloatArray:
         for grid in self.grids.levels:
+            areas = [one for one in exits if isinstance(one, Area) and one.level == grid.level]
+            for area in areas:
+                self._march_from_area(grid, area)
             alike: dict[tuple[int, int], list[Exit]] = {}
             for exit_ in exits:
-                if exit_.level == grid.level:
+                if isinstance(exit_, Exit) and exit_.level == grid.level:
                     level = self.grids.building.levels[grid.level]
                     use, rows = use_towards(level, exit_.segments), grid.strip_rows[exit_.index]
                     alike.setdefault((use, rows), []).append(exit_)
             for (use, rows), some in sorted(alike.items()):
                 self._march_from_exits(grid, use, rows, some)
-            if alike:
+            if alike or areas:
                 self._queue_portals(grid.level)
         while self.pending:
             _, portal, entered = heapq.heappop(self.pending)
@@ -172,6 +176,21 @@ class _March:
         time += ring * self.metric.slowness[grid.level, use]
         time[exact] = known
         self._lower(grid, time)
+
+    def _march_from_area(self, grid: LevelGrid, area: Area) -> None:
+        """March from a ring around the innermost point of an area."""
+        place = maximum_inscribed_circle(area.polygon).coords[0]
+        x, y = grid.window.coordinates()
+        distance = np.hypot(x - place[0], y - place[1])
+        ring, walkable = RING * self.spacing, self.grids.is_ground(grid)
+        exact = walkable & (distance <= ring)
+        known = distance[exact] * self.metric.slowness[grid.level, FLAT]
+        found = self._solve(grid, np.minimum(distance - ring, self.spacing), FLAT, None, walkable)
+        if found is None:
+            found = np.full(distance.shape, math.inf)
+        found += ring * self.metric.slowness[grid.level, FLAT]
+        found[exact] = known
+        self._lower(grid, found)
 
     def _distance_from(
         self, grid: LevelGrid, lines: BaseGeometry, behind: NDArray[np.bool_], reach: float

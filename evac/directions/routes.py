@@ -24,20 +24,23 @@ class Route:
         One of `STRATEGIES`.
     steepest : float, optional
         Steepest stair or ramp that it uses, as rise over run; None bars none.
+    refuge : str
+        Name of the area in which it ends, instead of at an exit.
     """
 
     exits: tuple[str, ...] = ()
     strategy: str = "fastest"
     steepest: float | None = None
+    refuge: str = ""
 
     @property
     def destination(self) -> str:
         """The exits as text, such as ``"north|south"``."""
-        return "|".join(self.exits) or "any exit"
+        return self.refuge or "|".join(self.exits) or "any exit"
 
     def leads_to(self, name: str) -> bool:
         """Return whether the route may end at the exit of this name."""
-        return not self.exits or name in self.exits
+        return not self.refuge and (not self.exits or name in self.exits)
 
     def __str__(self) -> str:
         """Return strategy and destination, such as ``"fastest to north|south"``."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.processes import Pool, cores
-from evac.building.model.building import Exit
+from evac.building.model.building import Area, Exit
 from evac.directions.marching import Metric, march
 from evac.directions.raster.grids import BuildingGrids
 
@@ -29,7 +29,7 @@ class March(NamedTuple):
     """The arguments of a march that differ between the fields of a building; see `march`."""
 
     metric: Metric
-    exits: list[Exit]
+    exits: list[Exit | Area]
     barred: frozenset[int] = frozenset()
 
 
@@ -96,7 +96,7 @@ def _take(grids: BuildingGrids, order: int) -> None:
 
 
 def _march(
-    slowness: FloatArray, factor: FloatArray, is_plain: bool, exits: list[Exit], barred: frozenset[int]
+    slowness: FloatArray, factor: FloatArray, is_plain: bool, exits: list[Exit | Area], barred: frozenset[int]
 ) -> FloatArray:
     """Return the costs of a march."""
     ((grids, order),) = _given

@@ -87,7 +87,7 @@ def check_ways(
     if fields.clearance < fields.packed.spacing:
         return ()
     found: list[Finding] = []
-    for route in range(len(fields.routes)):
+    for route in (index for index, one in enumerate(fields.routes) if not one.refuge):
         stopped = _check_walks(source, building, fields, world, crowd, groups, route)
         stopped.rows = stopped.rows[crowd.route[stopped.rows] == route]
         for group in groups:

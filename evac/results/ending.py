@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from evac.case.schema import SimulationSettings
 
 EVERYBODY_OUT = "everybody out"
+EVERYBODY_SAFE = "everybody out or at a refuge"
 DURATION_OVER = "duration over"
 NO_PROGRESS = "no progress"
 INTERRUPTED = "interrupted"
@@ -48,10 +49,15 @@ class Ending:
     ----------
     settings : SimulationSettings
     people, routes : int
+    arrived : (people,) bool, optional
+        Those who have arrived at a refuge, where they stay; nobody if not given.
     """
 
-    def __init__(self, settings: "SimulationSettings", people: int, routes: int) -> None:
+    def __init__(
+        self, settings: "SimulationSettings", people: int, routes: int, arrived: NDArray[np.bool_] | None = None
+    ) -> None:
         self._settings = settings
+        self._arrived = np.zeros(people, np.bool_) if arrived is None else arrived
         self._steps_per_check = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
         seconds_per_check = self._steps_per_check * settings.step
         self._decay = PROGRESS * seconds_per_check / max(settings.no_progress, STANDING)  # of the gain, per check [s]
@@ -78,7 +84,7 @@ class Ending:
         Returns
         -------
         str
-            `EVERYBODY_OUT`, `DURATION_OVER`, `NO_PROGRESS` or an empty string.
+            `EVERYBODY_OUT`, `EVERYBODY_SAFE`, `DURATION_OVER`, `NO_PROGRESS` or an empty string.
         """
         over = self.over(step, crowd)
         if over:
@@ -89,8 +95,9 @@ class Ending:
 
     def over(self, step: int, crowd: Crowd) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
-        if not (crowd.level >= 0).any():
-            return EVERYBODY_OUT
+        inside = crowd.level >= 0
+        if not (inside & ~self._arrived).any():
+            return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
         return DURATION_OVER if step >= self._settings.last_step else ""
 
     def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:
@@ -106,7 +113,8 @@ class Ending:
         """
         time = step * self._settings.step
         standing = time - self._progress_at >= min(STANDING, self._settings.no_progress)
-        return np.flatnonzero(standing & (crowd.level >= 0) & (crowd.start_time <= time))
+        standing &= (crowd.level >= 0) & ~self._arrived
+        return np.flatnonzero(standing & (crowd.start_time <= time))
 
     def state(self) -> NDArray[np.float64]:
         """Return the state of the checks: a (routes + 2, people) float64 array [s]."""
@@ -123,7 +131,7 @@ class Ending:
         remaining = fields.travel_time_at(
             crowd.level[inside], crowd.position[inside], crowd.route[inside], crowd.contact_radius[inside]
         )
-        waits = crowd.start_time[inside] > time
+        waits = (crowd.start_time[inside] > time) | self._arrived[inside]
         with np.errstate(invalid="ignore"):  # inf - inf where no exit can be reached: no gain
             gain = np.fmax(self._least[place] - remaining, 0.0)
         gained = np.maximum(self._gained[inside] - self._decay, 0.0) + gain

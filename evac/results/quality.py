@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from evac.base.errors import counted
 from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Observation
 
@@ -133,8 +135,12 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     """Return one line for each kind of people who did not leave as their route says; see `Results.remarks`."""
     people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
     lines = []
-    if left := people - results.evacuated:
-        number = Counter(level[level >= 0].tolist())
+    for refuge in results.refuges:
+        room = "" if refuge.capacity is None else f", which has room for {refuge.capacity}"
+        lines.append(f"{_number(len(refuge.people))} at refuge {refuge.name!r}{room}")
+    if left := people - results.evacuated - results.at_refuges:
+        others = np.delete(level, [row for refuge in results.refuges for row in refuge.people])
+        number = Counter(others[others >= 0].tolist())
         where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))
         waiting = results.not_started
         late = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""

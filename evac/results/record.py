@@ -9,6 +9,7 @@ from evac.base.change import Change
 from evac.directions.routes import Route
 from evac.folder.files import SUMMARY_NAME
 from evac.folder.jsonfile import checked, read_json
+from evac.people.refuges import Refuge
 
 Count = Annotated[int, Field(ge=0)]
 Amount = Annotated[float, Field(ge=0.0)]
@@ -139,6 +140,7 @@ class Summary(Record):
     evacuated: Count
     last_out: Amount | None
     ended: str
+    refuges: tuple[Refuge, ...] = ()
     stuck: list[StuckPlace]
     warnings: list[str]
     quality_warnings: list[str]

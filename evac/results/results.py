@@ -32,6 +32,7 @@ from evac.folder.files import (
 from evac.folder.jsonfile import plain, write_json
 from evac.folder.tables import write_csv
 from evac.people.population import Group
+from evac.people.refuges import Refuge
 from evac.physics.state import Crowd
 from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings, remarks_of
 from evac.results.watch import Observation
@@ -103,7 +104,8 @@ class Results:
         Person, portal and time of every crossing of a portal, in the order of the log; see
         `evac.analysis.occupancy.moves_of`.
     ended : str
-        ``"everybody out"``, ``"duration over"``, ``"no progress"``, ``"interrupted"`` or ``"failed"``.
+        ``"everybody out"``, ``"everybody out or at a refuge"``,
+        ``"duration over"``, ``"no progress"``, ``"interrupted"`` or ``"failed"``.
     time : float
         Simulated time [s].
     steps : int
@@ -113,6 +115,8 @@ class Results:
         The use of each exit, portal, level and stair, by name, as in summary.json (docs/results.md).
     doors : sequence of mapping
         Name, level and width [m] of the doors between rooms that the file of the building names.
+    refuges : sequence of Refuge
+        The refuges, with the people who were there at the end.
     stuck : sequence of int
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     warnings : sequence of str
@@ -165,6 +169,7 @@ class Results:
     levels: Mapping[str, Mapping[str, Any]]
     stairs: Mapping[str, Mapping[str, Any]]
     doors: Sequence[Mapping[str, Any]] = ()
+    refuges: Sequence[Refuge] = ()
     stuck: Sequence[int] = ()
     warnings: Sequence[str] = ()
     quality_warnings: Sequence[str] = ()
@@ -260,6 +265,11 @@ class Results:
         return int(np.isfinite(self.crowd.exit_time).sum())
 
     @property
+    def at_refuges(self) -> int:
+        """Number of people who are at refuges."""
+        return sum(len(refuge.people) for refuge in self.refuges)
+
+    @property
     def is_complete(self) -> bool:
         """Whether everybody is out."""
         return self.evacuated == self.number_of_people
@@ -284,8 +294,8 @@ class Results:
 
     @property
     def exit_status(self) -> int:
-        """0 if everybody is out, 3 if people are left."""
-        return 0 if self.is_complete else 3
+        """0 if everybody is out or at a refuge, 3 if others are left."""
+        return 0 if self.evacuated + self.at_refuges == self.number_of_people else 3
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -352,6 +362,7 @@ class Results:
             "last_out": self.last_out,
             "ended": self.ended,
             "exit_status": self.exit_status,
+            "refuges": [asdict(refuge) for refuge in self.refuges],
             "stuck": self._stuck_places(),
             "not_started": self.not_started,
             "warnings": self.warnings,

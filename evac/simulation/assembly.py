@@ -13,6 +13,7 @@ from evac.contract.builtin import BUILTIN_IMPORTERS
 from evac.contract.registry import Registry
 from evac.people.groups import check_people
 from evac.people.population import Population, build_population
+from evac.people.refuges import Refuges
 from evac.people.ways import check_ways
 from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import CompiledEngine, Engine
@@ -141,12 +142,13 @@ def make_shared(case: "Case") -> Ground:
 
 def make_population(
     case: "Case", ground: Ground, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
-) -> tuple[Population, tuple[Finding, ...], BorderScene]:
+) -> tuple[Population, Refuges, tuple[Finding, ...], BorderScene]:
     """Draw the people of a case, and check all that depends on them before a run.
 
     Returns
     -------
     Population
+    Refuges
     tuple of Finding
         A warning for each place that people do not fit through on their way to an exit.
     BorderScene
@@ -154,11 +156,13 @@ def make_population(
     """
     building = ground.building
     people = build_population(case, building, ground.fields, case.simulation.seed, behaviours)
+    refuges = Refuges(case, building, ground.fields.routes, people.crowd)
+    refuges.assign(ground.fields)
     stopping = check_ways(case.source, building, ground.fields, ground.world, people.crowd, people.groups)
     border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
     with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):
         contact.check_scene(border)
-    return people, stopping, border
+    return people, refuges, stopping, border
 
 
 def make_engine(

@@ -13,6 +13,7 @@ from evac.base.saved import part_of, state_of, taken
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.people.outside import PeopleOutside
 from evac.people.population import Population
+from evac.people.refuges import Refuges
 from evac.simulation import needed
 from evac.simulation.scene import Scene
 
@@ -30,6 +31,8 @@ class Deciding:
         Those of the case, in the order in which they act.
     scene : Scene
     population : Population
+    refuges : Refuges
+        Those who have arrived there stand.
     outside : PeopleOutside or None
     displacement_velocity : (n, 2) float64
         Displacement velocities [m/s], which behaviours can read.
@@ -54,11 +57,13 @@ class Deciding:
         behaviours: Sequence[Behaviour],
         scene: Scene,
         population: Population,
+        refuges: Refuges,
         outside: PeopleOutside | None,
         displacement_velocity: FloatArray,
         is_full: bool,
     ) -> None:
         self._case, self._scene, self._population, self._is_full = case, scene, population, is_full
+        self._refuges = refuges
         self._crowd, self._outside = population.crowd, None if outside is None else outside.arrays
         self._displacement_velocity = displacement_velocity
         self.used: list[tuple[Behaviour, BehaviourScene]] = []
@@ -91,10 +96,13 @@ class Deciding:
     def act(self, time: float) -> None:
         """Reset speed factors and extra directions, then call the behaviours; after a change of the scene, all."""
         changed, self.version = self._scene.version != self.version, self._scene.version
+        if changed:
+            self._refuges.assign(self._scene.fields)
         acting = [one for one in self.used if self.acts[one[0].name] or changed]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         if "speed_factor" in renewed:
             self._crowd.speed_factor[:] = 1.0
+        self._crowd.speed_factor[self._refuges.arrived] = 0.0
         if "extra_direction" in renewed:
             self._crowd.extra_direction[:] = 0.0
         if self._outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):

@@ -132,6 +132,7 @@ class Loop:
         np.subtract(simulation.population.crowd.position, self._before, out=simulation.displacement_velocity)
         simulation.displacement_velocity /= self._span
         self._left = simulation.population.settle(self._events)
+        simulation.refuges.settle(simulation.displacement_velocity)
 
     def _start_recording(self) -> None:
         simulation = self._simulation

@@ -17,6 +17,7 @@ from evac.jit.kernels import entries_of
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
 from evac.people.placement import add_discs
+from evac.people.refuges import routes_to_refuges
 from evac.people.ways import walk_all
 from evac.physics.force import Force
 from evac.physics.world import walls_behind_exits
@@ -45,6 +46,7 @@ class Part:
 def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> tuple[Route, ...]:
     """Return the routes that people can take, each once; `full` adds one of every strategy."""
     wanted = list(routes_of(case))
+    wanted += [route for people in case.people for route in routes_to_refuges(case, people)]
     for behaviour in behaviours:
         with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
             wanted.extend(behaviour.routes())
@@ -118,7 +120,7 @@ def run_kernels(
     routes = needed_routes(case, behaviours, full)
     if any(route.strategy == QUICKEST for route in routes):
         found += [deposit, march_waves]
-    if len(routes) > len(routes_of(case)):  # they are compared by their lengths
+    if sum(not route.refuge for route in routes) > len(routes_of(case)):  # they are compared by their lengths
         found += [add_lengths, find_lowest]
     return found
 

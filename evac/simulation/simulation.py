@@ -74,6 +74,8 @@ class Simulation:
         What happens at each tick.
     behaviours : list of (Behaviour, BehaviourScene)
         The behaviours in use, each with the scene that it can access.
+    refuges : Refuges
+        The people who go to refuges, and those who have arrived.
     outside : PeopleOutside or None
         The people who have left, if a behaviour keeps distances.
     plan : list of Part
@@ -145,16 +147,15 @@ class Simulation:
             solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, threads=self._threads)
             self.scene = Scene(ground or make_ground(building, solve(building)), solve, case.directions.quickest)
         with noting(building.warnings), self.phases.enter("people"):
-            self.population, self.stopping, border = assembly.make_population(
+            self.population, self.refuges, self.stopping, border = assembly.make_population(
                 case, self.scene.ground, self.contact, behaviours
             )
             self.scene.crowd = self.population.crowd
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             self.displacement_velocity = self.population.crowd.velocity.copy()
-            self.deciding = Deciding(
-                case, behaviours, self.scene, self.population, self.outside, self.displacement_velocity, self.full
-            )
+            people = self.population, self.refuges, self.outside
+            self.deciding = Deciding(case, behaviours, self.scene, *people, self.displacement_velocity, self.full)
             self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
@@ -166,7 +167,7 @@ class Simulation:
         crowd, settings = self.population.crowd, self.case.simulation
         self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
         self.watch = Watch(crowd.radius, settings.tick, self.case.output.every)
-        self.ending = Ending(settings, len(crowd.level), len(self.fields.routes))
+        self.ending = Ending(settings, len(crowd.level), len(self.fields.routes), self.refuges.arrived)
 
     @property
     def building(self) -> Building:
@@ -268,6 +269,7 @@ class Simulation:
             time=self.time,
             steps=self.step,
             seed=self.seed,
+            refuges=self.refuges.found(),
             stuck=tuple(self.ending.stuck(self.step, self.population.crowd).tolist()),
             warnings=self.warnings(),
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self._promised_overlap},

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
 from evac.base.phases import Progress
-from evac.results.ending import EVERYBODY_OUT, FAILED
+from evac.results.ending import EVERYBODY_OUT, EVERYBODY_SAFE, FAILED
 from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
 from evac.simulation.shared import GroundFile, shared_ground, simulation_of
 from evac.study.points import SEEDS, Point, Seeds
@@ -65,7 +65,7 @@ class Row:
     @property
     def is_blocked(self) -> bool:
         """Whether people are left inside at the end of a run that did not fail."""
-        return self.ended not in (EVERYBODY_OUT, FAILED)
+        return self.ended not in (EVERYBODY_OUT, EVERYBODY_SAFE, FAILED)
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _make_run(order: Order, base: "Case", run: int, tick: Callable[[Progress], N
         case.simulation.population_seed,
         results.ended,
         time=results.time,
-        last_out=float(crowd.exit_time.max()) if results.ended == EVERYBODY_OUT else math.inf,
+        last_out=math.inf if results.exit_status or results.last_out is None else results.last_out,
         exits=tuple(exits),
         exit_time=crowd.exit_time,
         exit_used=crowd.exit_used.astype(np.int16),

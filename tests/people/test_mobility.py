@@ -6,6 +6,7 @@ from shapely import box
 
 import evac
 from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
 
 
 def two_ways(gradient=1.0 / 14.0):
@@ -65,3 +66,58 @@ def test_without_limit_wheelchairs_have_the_route_of_all():
 def test_wheelchairs_that_only_stairs_lead_out_are_told_of():
     with pytest.raises(evac.EvacError, match=r"wheelchairs.* cannot reach any exit without slopes above 0\.0834"):
         Simulation(case_of(two_ways(gradient=1.0 / 8.0)))
+
+
+def with_refuges(*places, number=4, gradient=1.0 / 8.0):
+    """Return a case of people in wheelchairs above a ramp that is too steep, and refuges (name, capacity)."""
+    plan = two_ways(gradient)
+    plan.area("lobby", "high", box(30, 0, 34, 3))
+    plan.area("corner", "high", box(24.5, 4, 26.5, 6))
+    case = case_of(plan, number=number)
+    tables = [{"name": f"at {area}", "kind": "refuge", "area": area, "capacity": room} for area, room in places]
+    return evac.load({**case.to_dict(), "place": tables})
+
+
+def test_who_cannot_leave_waits_in_a_refuge_and_counts_as_there(tmp_path):
+    results = evac.run(with_refuges(("lobby", None)), tmp_path / "run")
+    assert (results.ended, results.exit_status, results.stuck) == ("everybody out or at a refuge", 0, ())
+    (refuge,) = results.refuges
+    wheelchairs = np.flatnonzero(results.crowd.level >= 0)
+    assert refuge.people == tuple(wheelchairs)
+    assert (results.evacuated, results.at_refuges, results.is_complete) == (3, 4, False)
+    x, y = results.crowd.position[wheelchairs].T
+    assert ((x > 30) & (y < 3)).all()
+    again = evac.read_results(tmp_path / "run")
+    assert (again.refuges, again.exit_status, again.remarks) == (results.refuges, 0, results.remarks)
+
+
+def test_a_refuge_takes_no_more_people_than_its_capacity():
+    results = evac.run(with_refuges(("lobby", 2), ("corner", 2)))
+    assert [len(refuge.people) for refuge in results.refuges] == [2, 2]
+    with pytest.raises(evac.EvacError, match="cannot reach any exit without slopes"):
+        Simulation(with_refuges(("lobby", 2), ("corner", 1)))
+
+
+def test_people_on_their_way_to_a_refuge_leave_if_a_way_opens():
+    case = with_refuges(("lobby", None), gradient=1.0 / 14.0)
+    simulation = Simulation(case.change({"building.closed": ["ramp"]}))
+    crowd, routes = simulation.population.crowd, simulation.fields.routes
+    assert {routes[k].refuge for k in crowd.route[crowd.group == 1]} == {"lobby"}
+    simulation.scene.apply(evac.Change(2.0, "open", "ramp"))
+    assert simulation.run().ended == "everybody out"
+
+
+def test_a_run_with_people_at_a_refuge_goes_on_to_the_same_bits():
+    one, other = Simulation(with_refuges(("lobby", None))), Simulation(with_refuges(("lobby", None)))
+    run_ticks(one, 150)
+    other.restore(one.state())
+    for simulation in (one, other):
+        run_ticks(simulation, 100)
+    assert_same_bits(one, other)
+    assert one.refuges.found() == other.refuges.found()
+    assert one.refuges.arrived.any()
+
+
+def test_an_unknown_area_of_a_refuge_is_named():
+    with pytest.raises(evac.EvacError, match=r"place\.at loby\.area: .*'lobby'"):
+        Simulation(with_refuges(("loby", None)))

@@ -10,7 +10,7 @@ from evac.base.change import Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry.components import connected_components
-from evac.building.model.building import Building, Exit
+from evac.building.model.building import Area, Building, Exit
 from evac.building.model.findings import Finding
 
 
@@ -112,8 +112,8 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
     return replace(result, findings=(*building.findings, *cut_off))
 
 
-def levels_reaching(building: Building, exits: Iterable[Exit], barred: Collection[int] = ()) -> set[int]:
-    """Return the levels from which one of some open exits can be reached, without the portals `barred`."""
+def levels_reaching(building: Building, exits: Iterable[Exit | Area], barred: Collection[int] = ()) -> set[int]:
+    """Return the levels from which one of some open exits or areas can be reached, without the portals `barred`."""
     part = _parts(building, barred)
     return set(np.flatnonzero(np.isin(part, [part[exit_.level] for exit_ in exits])).tolist())
 
