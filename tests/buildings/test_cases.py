@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
+import evac
 from evac.case import load_case
 from evac.simulation.assembly import read_building
 from evac.simulation.simulation import Simulation
@@ -163,3 +164,27 @@ def test_a_teacher_who_cannot_move_holds_back_nobody_else():
     school, exit_time = finished("primary_school", **still, **{"simulation.no_progress": 30.0})
     (teacher,) = next(group.rows for group in school.population.groups if group.name == "teacher_1a")
     assert np.flatnonzero(np.isnan(exit_time)).tolist() == [teacher]
+
+
+def test_the_drill_is_the_school_with_measured_people():
+    paper, drill = (load_case(name) for name in ("primary_school", "primary_school_drill"))
+    assert drill.mesh.resolve() == paper.mesh.resolve()
+    assert [(one.name, one.count, one.area) for one in drill.people] == [
+        (one.name, one.count, one.area) for one in paper.people
+    ]
+    assert {one.preset for one in drill.people} == {"adult", "child"}
+    assert drill.keeps_distance == ["walking"]
+    assert not paper.keeps_distance
+
+
+def test_in_the_drill_no_pupil_leaves_before_its_teacher():
+    results = evac.run(load_case("primary_school_drill", {"output.trajectory": False, "simulation.seed": 2}))
+    assert results.ended == "everybody out"
+    assert 120.0 < results.last_out < 170.0
+    rows = {group.name: group.rows for group in results.groups}
+    exit_time, start = results.crowd.exit_time, results.crowd.start_time
+    for name in ("0a", "0b", "1a", "1b", "2a", "2b"):
+        teacher, pupils = rows[f"teacher_{name}"], rows[f"class_{name}"]
+        assert exit_time[pupils].min() > exit_time[teacher[0]]
+        assert (start[pupils] == start[teacher[0]]).all()
+        assert 3.0 <= start[teacher[0]] <= 59.0
