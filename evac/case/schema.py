@@ -243,7 +243,8 @@ class PlaceSettings(Table):
 
     name: Name = key("name of the place")
     kind: Literal["refuge"] = key(
-        "refuge: people whose group has `steepest`, and who cannot leave the building otherwise, go there and stay"
+        "refuge: people whose group has `steepest` or `turns = false`, and who have no way out of the building that is "
+        "as wide as they are, go there and stay"
     )
     area: str = key("name of the area of the building")
     capacity: Whole | None = key(

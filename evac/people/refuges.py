@@ -43,8 +43,8 @@ class Refuge:
 
 
 def routes_to_refuges(case: "Case", people: "GroupSettings") -> tuple[Route, ...]:
-    """Return the route of a group to each refuge; none for groups that use all stairs and ramps."""
-    if people.steepest is None:
+    """Return the route of a group to each refuge; none for groups that use all stairs and turn in narrow doors."""
+    if people.steepest is None and people.turns:
         return ()
     own = replace(route_of(people), exits=())
     return tuple(replace(own, refuge=place.area) for place in case.place)
@@ -53,8 +53,8 @@ def routes_to_refuges(case: "Case", people: "GroupSettings") -> tuple[Route, ...
 class Refuges:
     """The people who go to a refuge because their way out is barred, and those who have arrived.
 
-    People whose group has `steepest` and whose route does not lead out go to the nearest refuge that they can reach and
-    that is not full, where they stay. If a way out opens before, they take it.
+    People whose group has `steepest`, or does not turn, and who have no way out that is as wide as they are, go to the
+    nearest refuge that they can reach and that is not full, where they stay. If a way out opens before, they take it.
 
     Parameters
     ----------
@@ -102,13 +102,11 @@ class Refuges:
                     self._meant[row], crowd.route[row] = nearest, ways[nearest]
 
     def _times(self, fields: "Fields", row: int, routes: Sequence[int]) -> FloatArray:
+        """Return the travel times of a person on some routes [s], inf if no way is as wide as its body."""
         crowd, n = self._crowd, len(routes)
-        return fields.travel_time_at(
-            np.repeat(crowd.level[row], n),
-            np.repeat(crowd.position[row : row + 1], n, axis=0),
-            np.asarray(routes),
-            np.repeat(crowd.contact_radius[row], n),
-        )
+        place = crowd.level[row], np.repeat(crowd.position[row : row + 1], n, axis=0), routes, crowd.contact_radius[row]
+        is_wide = np.isfinite(fields.lengths_at(*place)).all(axis=1)
+        return np.where(is_wide, fields.travel_time_at(*place), np.inf)
 
     def _has_room(self, place: int, row: int) -> bool:
         """Return whether a refuge has room for a person besides the others who go there."""

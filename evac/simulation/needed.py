@@ -120,7 +120,7 @@ def run_kernels(
     routes = needed_routes(case, behaviours, full)
     if any(route.strategy == QUICKEST for route in routes):
         found += [deposit, march_waves]
-    if sum(not route.refuge for route in routes) > len(routes_of(case)):  # they are compared by their lengths
+    if len(routes) > len(routes_of(case)):  # they are compared by their lengths
         found += [add_lengths, find_lowest]
     return found
 

@@ -27,9 +27,11 @@ def two_ways(gradient=1.0 / 14.0):
 
 
 def case_of(plan, **wheelchair):
+    """Return a case of three people who walk and two in wheelchairs, in the same area."""
+    start = {"area": wheelchair.pop("area", "start")}
     people = [
-        {"name": "walkers", "preset": "adult", "number": 3, "area": "start"},
-        {"name": "wheelchairs", "preset": "wheelchair", "number": 2, "area": "start", **wheelchair},
+        {"name": "walkers", "preset": "adult", "number": 3, **start},
+        {"name": "wheelchairs", "preset": "wheelchair", "number": 2, **start, **wheelchair},
     ]
     content = {"building": plan, "people": people, "contact": {"model": "nsm2"}, "behaviours": {"walking": {}}}
     return evac.load(content | {"output": {"trajectory": False}})
@@ -121,3 +123,16 @@ def test_a_run_with_people_at_a_refuge_goes_on_to_the_same_bits():
 def test_an_unknown_area_of_a_refuge_is_named():
     with pytest.raises(evac.EvacError, match=r"place\.at loby\.area: .*'lobby'"):
         Simulation(with_refuges(("loby", None)))
+
+
+def test_who_does_not_fit_through_the_only_door_goes_to_a_refuge():
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 5, 5).union(box(5, 2.15, 5.2, 2.85)).union(box(5.2, 0, 8, 5)))
+    plan.exit("out", "floor", [(8, 1), (8, 4)])
+    plan.area("room", "floor", box(0.5, 0.5, 4.5, 4.5))
+    plan.area("corner", "floor", box(0, 3, 2, 5))
+    case = case_of(plan, area="room")
+    refuge = {"name": "refuge", "kind": "refuge", "area": "corner"}
+    results = evac.run(evac.load({**case.to_dict(), "place": [refuge]}))
+    assert results.ended == "everybody out or at a refuge"
+    assert (results.evacuated, results.at_refuges) == (3, 2)
