@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from evac.base.arrays import IntArray
 from evac.base.distributions import Distribution, parse
 from evac.base.errors import naming
 from evac.base.parameters import Parameter
+from evac.base.saved import taken
 from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.physics.state import Crowd
 
 
 class ResponseTime(Behaviour):
@@ -37,6 +40,7 @@ class ResponseTime(Behaviour):
     reads = ("position", "level", "group")
     writes = ("start_time",)
     group_keys = ("time",)
+    hears_alarms = True
 
     time: Any = Parameter(
         {"constant": 0.0},
@@ -59,6 +63,26 @@ class ResponseTime(Behaviour):
             with naming(key):
                 times = distribution.draw(scene.generator, int(unit.max()) + 1)
             scene.crowd.start_time[rows] = times[unit]
+        self._scene, self._heard = scene, 0
+        self._response = scene.crowd.start_time.copy()
+
+    def act(self, crowd: Crowd, time: float) -> None:
+        """Let people who are alarmed start earlier; called at the tick after a change of the scene."""
+        for change in self._scene.scene.changes[self._heard :]:
+            if change.kind == "alarm":
+                rows = self._scene.people_in(change.what)
+                share = change.values.get("value", 1.0)
+                crowd.start_time[rows] = np.minimum(crowd.start_time[rows], time + share * self._response[rows])
+        self._heard = len(self._scene.scene.changes)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the response times, and the number of changes of the scene that were looked at."""
+        return {"response": self._response, "heard": np.array([self._heard])}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned."""
+        self._response[:] = taken(state, "response", np.float64, self._response.shape, 0.0, np.inf)
+        self._heard = int(taken(state, "heard", np.int64, (1,), 0, np.iinfo(np.int64).max)[0])
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if everybody starts immediately."""

@@ -8,6 +8,37 @@ from typing import Any
 
 from evac.base.errors import is_one_line
 
+#: Least share of their speeds at which people walk in a slow area; areas that nobody shall enter are barred.
+LEAST_SHARE = 0.01
+
+#: What the value of each kind of change may be.
+REMEDIES = {
+    "open": "no value",
+    "close": "no value",
+    "one_way": '"up" or "down", the name of the level to which it leads, or false for both directions',
+    "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
+    "bar": "no value, or false to lift it",
+    "strategy": "the name of a strategy, or a list of exits",
+    "alarm": "a share of the response times of at least 0, or no value",
+}
+
+
+def is_legal(kind: str, value: Any) -> bool:
+    """Return whether a value can belong to a change of a kind; None means that it has none."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    match kind:
+        case "one_way":
+            return value is False or isinstance(value, str)
+        case "slow":
+            return is_number and LEAST_SHARE <= value <= 1.0
+        case "bar":
+            return value is None or isinstance(value, bool)
+        case "strategy":
+            return isinstance(value, str | tuple)
+        case "alarm":
+            return value is None or (is_number and value >= 0.0)
+    return value is None
+
 
 @dataclass(frozen=True)
 class Change:
@@ -18,12 +49,14 @@ class Change:
     time : float
         Time [s] at which it takes effect: the beginning of a tick.
     kind : str
-        ``open`` or ``close`` for exits, portals and stairs.
+        ``open`` or ``close`` for exits, portals and stairs, ``one_way`` for portals and stairs, ``slow`` or ``bar``
+        for areas and levels, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an empty name,
+        everybody.
     what : str
         Name of what changes.
     values : mapping of str to number, str, bool or tuple of these
-        What the kind of change needs besides. When a link has closed, ``let_through`` lists the people whose bodies
-        were on its line, see docs/results.md.
+        What the kind of change needs besides, as ``value`` (`REMEDIES`). When a link has closed, ``let_through`` lists
+        the people whose bodies were on its line, see docs/results.md.
     """
 
     time: float
@@ -51,8 +84,17 @@ class Change:
         object.__setattr__(self, "values", values)
 
     def __str__(self) -> str:
-        done = {"open": "opened", "close": "closed"}.get(self.kind, self.kind)
-        return f"{self.what!r} {done} at {self.time:g} s"
+        value, ends = self.values.get("value"), self.values.get("value") is False
+        done = {
+            "open": "opened",
+            "close": "closed",
+            "one_way": "two-way" if ends else f"one-way, {value},",
+            "slow": f"at {value} of the speed",
+            "bar": "free" if ends else "barred",
+            "strategy": f"to {', '.join(value) or 'any exit'}" if isinstance(value, tuple) else f"on the {value} way",
+            "alarm": "alarmed",
+        }.get(self.kind, self.kind)
+        return f"{self.what or 'everybody'!r} {done} at {self.time:g} s"
 
     def as_row(self) -> dict[str, Any]:
         """Return the change as a dictionary that can be written as JSON."""

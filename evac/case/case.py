@@ -10,6 +10,7 @@ from pydantic import PrivateAttr, field_validator, model_validator
 
 from evac.base.keys import Parameters, Table, Title, key, wrong
 from evac.building.options import MOST_ITEMS
+from evac.case.events import EventSettings
 from evac.case.schema import (
     MOST_PEOPLE,
     BuildingSettings,
@@ -57,6 +58,9 @@ class Case(Table):
     )
     place: tuple[PlaceSettings, ...] = key(
         "areas with a task, such as refuges: a table [[place]] for each", "", (), max_length=MOST_ITEMS
+    )
+    event: tuple[EventSettings, ...] = key(
+        "what changes during the run: a table [[event]] for each", "", (), max_length=MOST_ITEMS
     )
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")

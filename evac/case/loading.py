@@ -13,6 +13,7 @@ from evac.base.keys import Fault, Key, faults_of, is_multiple
 from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
 from evac.case.content import content_faults, read_table, with_own_classes
+from evac.case.events import event_faults
 from evac.case.overrides import apply, dotted
 from evac.case.presets import shipped_presets, with_preset
 from evac.case.schema import MOST_STATES
@@ -119,7 +120,7 @@ def case_from(
     unchecked = tuple(fault.key for fault in of_plugins if unloaded and fault.is_unknown_name)
     faults = [fault for fault in faults if fault.key not in said]
     faults += [fault for fault in of_plugins if fault.key not in unchecked]
-    faults += _scene_faults(content, case, source.parent)
+    faults += _scene_faults(content, case, source.parent, registry)
     _refuse(faults, content, source, overridden)
     assert case is not None
     case._origin = Origin(source, content, loaded, unloaded, unchecked, registry)
@@ -315,7 +316,7 @@ def _group_faults(key: Key, settings: dict[str, Any], content: dict[str, Any], r
     return faults
 
 
-def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path) -> list[Fault]:
+def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path, registry: "Registry") -> list[Fault]:
     """Check conditions that involve more than one table."""
     faults: list[Fault] = []
     groups = content.get("people")
@@ -328,6 +329,10 @@ def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path) -> l
     for index, place in enumerate(case.place if case is not None else ()):
         if any(place.name == other.name or place.area == other.area for other in case.place[:index]):  # type: ignore[union-attr]
             faults.append(Fault(("place", index, "name"), f"{place.name!r}: another place has this name or area"))
+    if case is not None:
+        used = [name for name, table in case.behaviours.items() if table is not False]
+        known = registry.behaviours
+        faults += event_faults(case, any(name not in known or known[name].hears_alarms for name in used))
     building = content.get("building")
     mesh = building.get("mesh") if isinstance(building, dict) else None
     if isinstance(mesh, str) and mesh and not os.path.exists(folder / mesh):

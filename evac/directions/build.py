@@ -41,7 +41,8 @@ from evac.directions.workers import March, march_all, number_of_workers
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0
 
-#: Slowness factor within a cell of the line across a gap that nobody fits through, where there is no other way.
+#: Slowness factor of barred areas, and within a cell of the line across a gap that nobody fits through, where there is
+#: no other way.
 AVOID = 100.0
 
 #: Memory during the computation of fields [bytes]: per node, and per node and route after the first.
@@ -217,7 +218,7 @@ class _Solver:
         grids = build_grids(self.building, self.spacing, self.clearance, barred)
         ways = [ends_of_route(grids.building, route) for route in self.routes]
         slow, narrow = _nodes_in_gaps(grids, avoided)
-        factor = _factor(grids, slow)
+        factor = _slowed(grids, _factor(grids, slow))
         bent = _bent(grids, self.clearance, factor) if self.clearance > 0.0 else None
         solved = _Solved(
             grids, factor if bent is None else bent, barred, self.reaching, [], [], nodes_not_marched(grids), [], [], []
@@ -388,6 +389,22 @@ def _factor(grids: BuildingGrids, slow: IndexArray) -> FloatArray:
     return factor
 
 
+def _slowed(grids: BuildingGrids, factor: FloatArray) -> FloatArray:
+    """Return the slowness factors (nodes,), greater in the areas in which people are slow or that are barred."""
+    areas = [*grids.building.slowed, *((name, 1.0 / AVOID) for name in grids.building.barred)]
+    factor = factor.copy() if areas else factor
+    for name, share in sorted(areas):
+        area = grids.building.area_named(name)
+        assert area is not None
+        grid = grids.levels[area.level]
+        # With the nodes on its outline: along a wall they would be a way of their own.
+        ground = shapely.buffer(area.polygon, 0.5 * grids.lattice.spacing, join_style="mitre")
+        shapely.prepare(ground)
+        inside = shapely.intersects_xy(ground, *grid.window.coordinates()) & (grid.sheet == OWN)
+        factor[grid.packed][inside.ravel()] /= share
+    return factor
+
+
 def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatArray:
     """Return the slowness factors (nodes,) near walls, times those of `avoided`; see `build_fields`."""
     factor = avoided.copy()
@@ -407,11 +424,13 @@ def _solve(
 
     They are those to the exits of each route on all grids.
     """
-    cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
+    building = grids.building
+    cosine = np.array([math.cos(level.slope) for level in building.levels])
     marches = []
     for rate, exits, barred in zip(solver.rates, ways, solver.barred, strict=True):
         slowness = rate / cosine[:, None]
-        marches.append(March(Metric(slowness, avoided), exits, barred))
+        is_plain = not (building.slowed or building.barred)
+        marches.append(March(Metric(slowness, avoided, is_plain), exits, barred))
         if bent is not None:
             marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred))
     workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.threads)

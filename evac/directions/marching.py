@@ -110,7 +110,7 @@ class _March:
                 continue
             for entered in portal.levels:
                 start = self._start(portal, entered)
-                if start < math.inf:
+                if start < math.inf and self.grids.building.leads_from(portal, entered):
                     heapq.heappush(self.pending, (start, portal.index, entered))
 
     def _start(self, portal: Portal, entered: int) -> float:

@@ -304,11 +304,13 @@ class _Column:
         for step in (1, ways.stride[ways.level_of[nodes]].astype(np.int64)):
             for beside in (ways.source[nodes - step], ways.source[nodes + step]):
                 is_border |= (beside >= 0) & (starts[beside] | (ways.level_of[beside] != ways.level_of[nodes]))
+        source, twin = _one_way(grids, ways.source, ways.twin)
         self.waves = Waves(
             level_of=ways.level_of,
             border=nodes[is_border],
-            source=ways.source,
-            twin=ways.twin,
+            source=source,
+            beside=ways.source,
+            twin=twin,
             stride=ways.stride,
             uphill=ways.uphill,
             slowness=slowness,
@@ -503,6 +505,19 @@ def _at_nodes_of(grids: BuildingGrids, values: FloatArray, before: BuildingGrids
         there, here = (tuple(slice(*ends) for ends in (common - window[0]).T) for window in windows)
         found[new.packed].reshape(new.window.shape)[here] = values[old.packed].reshape(old.window.shape)[there]
     return found
+
+
+def _one_way(grids: BuildingGrids, source: IndexArray, twin: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Return sources and twins (nodes,) without those that would lead through portals against their direction."""
+    if grids.building.one_way:
+        source, twin = source.copy(), twin.copy()
+    for grid in grids.levels if grids.building.one_way else ():
+        for portal in grids.portals_of(grid.level):
+            if not grids.building.leads_from(portal, grid.level):
+                source[grid.packed][(grid.sheet == 1 + portal.index).ravel()] = -1
+                _, there = grid.seams[portal.index]
+                twin[there] = -1
+    return source, twin
 
 
 def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:

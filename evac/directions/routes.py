@@ -1,6 +1,7 @@
 """Routes that people follow: a destination and a strategy."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 #: Strategies, which minimise the length along the slope, the time at the reference speeds, or the time with stairs
@@ -46,3 +47,8 @@ class Route:
         """Return strategy and destination, such as ``"fastest to north|south"``."""
         gentle = "" if self.steepest is None else f" without slopes above {self.steepest:g}"
         return f"{self.strategy} to {self.destination}{gentle}"
+
+
+def changed_route(route: Route, value: str | Sequence[str]) -> Route:
+    """Return a route with another strategy, if the value is its name, or with other exits."""
+    return replace(route, strategy=value) if isinstance(value, str) else replace(route, exits=tuple(value))

@@ -20,8 +20,11 @@ class Waves(Struct):
 
     level_of: Ints  # (nodes,)
     border: Longs  # (b,) nodes to solve that are next to others from which a march may begin: starts, other levels
-    source: Longs  # (nodes,) node that each node represents, -1 for none
-    twin: Longs  # (nodes,) for nodes on a portal, the node at the same position on the other level, otherwise -1
+    source: Longs  # (nodes,) node that each node represents, -1 for none, and where a portal does not lead to it
+    beside: Longs  # (nodes,) as `source`, whether portals lead there or not
+    # (nodes,) for nodes on a portal, the node at the same position on the other level, unless the portal does not lead
+    # from there to here, otherwise -1
+    twin: Longs
     stride: Ints  # (levels,) stride along x in packed arrays
     uphill: Pairs  # (levels, 2)
     slowness: FloatGrid  # (levels, 3) time per metre in plan, by use [s/m]
@@ -264,7 +267,7 @@ def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: 
         stride = waves.stride[here]
         for k in range(4):
             step = (stride if k < 2 else 1) * (1 - 2 * (k % 2))
-            other = waves.source[node + step]
+            other = waves.beside[node + step]
             if other < 0 or waves.state[other] == APART:
                 continue
             if waves.state[other] != FINAL:

@@ -59,12 +59,12 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
             (folder / name).mkdir(parents=True, exist_ok=True)
         _remove_earlier(folder)
         buildings = [trajectory.building_at(time) for time in trajectory.time.tolist()]
-        states = {building.closed: building for building in buildings}
+        states = {building.condition: building for building in buildings}
         _write_buildings([*states.values()], folder)
         for k in range(len(trajectory)):
             write_polydata(people_polydata(trajectory, trajectory[k]), folder / frame_name(k))
-        names = {closed: building_name(k) for k, closed in enumerate(states)}
-        shown = [names[building.closed] for building in buildings]
+        names = {condition: building_name(k) for k, condition in enumerate(states)}
+        shown = [names[building.condition] for building in buildings]
         path = folder / ANIMATION_NAME
         with replacing(path, "the VTK animation") as new:
             new.write_text(_pvd(trajectory.time, shown), encoding="utf-8")

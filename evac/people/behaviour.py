@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.defaults import LEAST_RADIUS
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
@@ -65,6 +65,9 @@ class Behaviour(Configurable):
 
     #: Whether people stand firm before their response time: forces between people do not act on them, but contacts do.
     stands_firm: ClassVar[bool] = False
+
+    #: Whether it acts on the changes "alarm" of the scene; a case with an alarm needs such a behaviour.
+    hears_alarms: ClassVar[bool] = False
 
     #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
     group_keys: ClassVar[tuple[str, ...]] = ()
@@ -253,6 +256,17 @@ class BehaviourScene:
             own[name] = self.scene.add_field(name, unit, spacing)
             self.level_fields.append(own[name])
         return own[name]
+
+    def people_in(self, name: str) -> IntArray:
+        """Return the rows of the people inside who are in an area or on a level, or of a group; an empty name: all.
+
+        Raises
+        ------
+        ScenarioError
+            There is nothing of this name.
+        """
+        assert self.scene.people is not None
+        return self.scene.people.rows_in(self.scene.building, name)
 
     def apply(self, change: Change) -> None:
         """Change the scene: open or close exits, portals or stairs, now or later; see `Scene.apply`."""

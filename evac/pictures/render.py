@@ -2,7 +2,7 @@
 
 import importlib.util
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -87,7 +87,7 @@ class Renderer:
         self.trajectory = trajectory
         self._colouring = colouring(trajectory, colour_by)
         self._look = _looking(size, view, camera or Camera(), levels, self._colouring.has_legend)
-        self._drawn: dict[frozenset[int], _Drawn] = {}
+        self._drawn: dict[Hashable, _Drawn] = {}
         largest = float(trajectory.radius.max(initial=0.0)) * self.view_at(float(trajectory.time[0])).scale
         if largest > MOST_RADIUS:
             raise ResultError(
@@ -119,10 +119,10 @@ class Renderer:
     def _drawn_at(self, time: float) -> _Drawn:
         """Return the building at a time [s]."""
         building = self.trajectory.building_at(time)
-        if building.closed not in self._drawn:
+        if building.condition not in self._drawn:
             view = self._look(building)
-            self._drawn[building.closed] = _Drawn(view, self._with_writing(view), _in_front(view))
-        return self._drawn[building.closed]
+            self._drawn[building.condition] = _Drawn(view, self._with_writing(view), _in_front(view))
+        return self._drawn[building.condition]
 
     def _with_writing(self, view: View) -> NDArray[np.uint8]:
         """Return the building with all constant text: title, legend, scales."""
@@ -227,7 +227,7 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
             _write_mp4(new, images, fps)
         else:
             # The palette of a GIF is that of the first picture, and of the first after each change of the building.
-            first = {trajectory.building_at(float(trajectory.time[k])).closed: k for k in reversed(frames)}
+            first = {trajectory.building_at(float(trajectory.time[k])).condition: k for k in reversed(frames)}
             samples = np.concatenate([renderer.image(k) for k in first.values()])
             _write_gif(new, images, fps, samples)
 

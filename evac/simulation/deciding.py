@@ -98,9 +98,10 @@ class Deciding:
         changed, self.version = self._scene.version != self.version, self._scene.version
         if changed:
             self._refuges.assign(self._scene.fields)
-        acting = [one for one in self.used if self.acts[one[0].name] or changed]
+        again = changed or bool(self._scene.building.slowed)  # the scene multiplies the speed factors
+        acting = [pair for pair in self.used if self.acts[pair[0].name] or again]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
-        if "speed_factor" in renewed:
+        if again or "speed_factor" in renewed:
             self._crowd.speed_factor[:] = 1.0
         self._crowd.speed_factor[self._refuges.arrived] = 0.0
         if "extra_direction" in renewed:

@@ -4,7 +4,7 @@ For them the link is open until their body has left its line (`Crowd.passing`). 
 route did so, also if others push them back first; otherwise they leave it to the side on which they are.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -54,19 +54,40 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
     return sorted(found)
 
 
+def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> None:
+    """Let people leave the lines of links that get one direction, to their side, if they are behind these.
+
+    Parameters
+    ----------
+    building : Building
+    crowd : Crowd
+    links : mapping of int to int
+        The level from which each link is passed from now on.
+    """
+    for link, origin in links.items():
+        levels, segments = line_of(building, link)
+        is_behind = np.isin(crowd.level, levels) & (crowd.level != origin) & (crowd.passing < 0)
+        rows = np.flatnonzero(is_behind).astype(np.int32)
+        _, distance, outward = _nearest_points(segments, crowd.position[rows])
+        is_on = distance < crowd.contact_radius[rows]
+        crowd.passing[rows[is_on]] = link
+        crowd.ahead[rows[is_on]] = outward[is_on] * (-1.0 if levels[0] != origin else 1.0)
+        _aim(crowd, rows[is_on], segments)
+
+
 def go_on(building: Building, crowd: Crowd) -> set[int]:
     """Direct the people whom links let through, and release those who have left the line; return the links in use."""
     used = set()
     for link in np.unique(crowd.passing[crowd.passing >= 0]).tolist():
         _, segments = line_of(building, link)
-        rows = np.flatnonzero(crowd.passing == link)
+        rows = np.flatnonzero(crowd.passing == link).astype(np.int32)
         nearest, distance, _ = _nearest_points(segments, crowd.position[rows])
         is_before = np.einsum("ij,ij->i", crowd.ahead[rows], nearest - crowd.position[rows]) > 0.0
         goes_on = (crowd.level[rows] >= 0) & (is_before | (distance < crowd.contact_radius[rows]))
         crowd.passing[rows[~goes_on]], crowd.ahead[rows[~goes_on]] = -1, 0.0
         if goes_on.any():
             used.add(link)
-            _aim(crowd, rows[goes_on], segments)
+            _aim(crowd, rows[goes_on & crowd.ahead[rows].any(axis=1)], segments)
     return used
 
 

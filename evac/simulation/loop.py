@@ -51,6 +51,7 @@ class Loop:
         self.operations = [
             Operation("changes", "behaviours", one.scene.apply_waiting),
             Operation("behaviours", "behaviours", self._decide),
+            Operation("slow areas", "behaviours", one.scene.slow_down, lambda: bool(one.scene.building.slowed)),
             Operation("physics", "physics", self._move),
             Operation("settling", "recording", self._settle),
             Operation(
@@ -68,9 +69,12 @@ class Loop:
         if one.outside is not None:
             walk = one.outside.advance
             after = Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
-            self.operations.insert(4, after)
+            self.operations.insert(5, after)
         if one.scene.quickest is not None:
             self.operations.insert(1, Operation("quickest", "directions", self._find_quickest, self._is_update))
+        if one.timetable.is_waiting:
+            events = Operation("events", "behaviours", one.timetable.act, lambda: one.timetable.is_waiting)
+            self.operations.insert(0, events)
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""

@@ -50,9 +50,21 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     for behaviour in behaviours:
         with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
             wanted.extend(behaviour.routes())
+    wanted.extend(_routes_of_events(case))
     if full:
         wanted.extend(Route((), strategy) for strategy in STRATEGIES)
     return tuple(dict.fromkeys(wanted))
+
+
+def _routes_of_events(case: "Case") -> list[Route]:
+    """Return the routes that groups can get by the events of a case, in whatever order these happen."""
+    found: list[Route] = []
+    for people in case.people:
+        values = [one.value for one in case.event if one.kind == "strategy" and one.target == people.name]
+        strategies = [people.strategy, *(value for value in values if isinstance(value, str))]
+        exits = [people.exits, *(value for value in values if isinstance(value, tuple))]
+        found += [Route(some, strategy) for some in exits for strategy in strategies]
+    return found
 
 
 def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> dict[str, Any]:

@@ -5,23 +5,24 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.change import Change
-from evac.base.errors import ScenarioError
-from evac.base.parameters import did_you_mean
+from evac.base.errors import BuildingError, ScenarioError
 from evac.base.saved import SavedError, taken
 from evac.building.model.building import Building
 from evac.building.model.cells import MOST_FIELDS, LevelField
-from evac.building.model.links import links_named, with_links
+from evac.building.model.links import building_at
 from evac.directions.fields import Fields
 from evac.directions.quickest import Quickest, Settings
-from evac.physics.state import Crowd, World
+from evac.people.population import Population
+from evac.physics.state import World
 from evac.physics.world import make_world, set_open
-from evac.simulation.doorways import begin_to_leave, go_on
+from evac.simulation.doorways import begin_to_leave, go_on, turn_round
+from evac.simulation.kinds import KINDS, check
 
 #: Times that differ by less are the same [s]: a multiple of the tick is rounded.
 AT_ONCE = 1e-9
@@ -66,8 +67,8 @@ class Scene:
         Simulated time [s]: the beginning of the next tick.
     changes : list of Change
         The changes so far, in order, each with the time at which it took effect.
-    crowd : Crowd or None
-        The people, once there are any: those on the line of a link that closes are let through.
+    people : Population or None
+        The people, as soon as they exist: those on the line of a link that closes are let through.
     has_begun : bool
         Whether behaviours are prepared, so that no field can be added.
     has_ended : bool
@@ -87,7 +88,7 @@ class Scene:
         self.has_begun = self.has_ended = False
         self._planned: list[Change] = []  # what behaviours have applied before the run
         self._waiting: list[Change] = []
-        self.crowd: Crowd | None = None
+        self.people: Population | None = None
         self._held: set[int] = set()  # closed links that let people through who stand on their lines
         self._owned: dict[str, LevelField] = {}
         self._solve = solve
@@ -117,26 +118,21 @@ class Scene:
 
         Raises
         ------
-        ScenarioError
-            It is not a change, or there is no such kind.
-        BuildingError
-            The building has nothing of this name.
+        ScenarioError, BuildingError
+            It is not a change, there is no such kind, or what is to be changed does not exist or cannot be changed so.
         """
         if not isinstance(change, Change):
             raise ScenarioError(f"{change!r:.80} is not a change; give evac.Change(time, kind, what)")
-        if change.kind not in KINDS:
-            hint = did_you_mean(change.kind, (*KINDS,))
-            raise ScenarioError(f"change of {change.what!r}: there is no kind {change.kind!r}; {hint}")
-        kind = KINDS[change.kind]
-        kind.check(self, change)
+        check(self, change)
         if not self.has_begun:
             self._planned.append(change)
         if change.time > self.time + AT_ONCE or self.has_ended:
             self._waiting.append(change)
             return
-        made = kind.act(self, change)
+        made = KINDS[change.kind].act(self, change)
         if made is not None:
-            self.changes.append(replace(change, time=self.time, values=made))
+            given = {name: value for name, value in change.values.items() if name != "let_through"}
+            self.changes.append(replace(change, time=self.time, values=given | made))
 
     def set_open(self, name: str, is_open: bool) -> None:
         """Open or close an exit, a portal, or the portals of a stair now: closed ones are walls on both sides.
@@ -156,8 +152,8 @@ class Scene:
 
     def apply_waiting(self) -> None:
         """Apply the changes whose time has come, in the order of their times."""
-        if self.crowd is not None and self._held:
-            self._hold(go_on(self.building, self.crowd))
+        if self.people is not None and (self._held or self.building.one_way):
+            self._hold(go_on(self.building, self.people.crowd))
         if not self._waiting:
             return
         waiting, self._waiting = sorted(self._waiting, key=lambda change: change.time), []
@@ -218,7 +214,11 @@ class Scene:
         for name, field in self._owned.items():
             if f"field.{name}" in state:  # not if a changed case has added the behaviour
                 field.values[:] = taken(state, f"field.{name}", np.float64, field.values.shape)
-        self._become(replace(self.building, closed=frozenset(closed.tolist())))
+        try:
+            building = building_at(self.ground.building, self.changes, time)
+        except BuildingError as error:
+            raise SavedError(f"changes: {error}") from error
+        self.become(replace(building, closed=frozenset(closed.tolist())))
 
     def _own_fields(self, fields: Fields) -> Fields:
         """Return fields for this scene alone: others if some of them follow the crowd."""
@@ -229,68 +229,55 @@ class Scene:
 
     def hold(self) -> None:
         """Let those people through who were on the lines of closed links when the state was saved."""
-        if self.crowd is not None:
-            passing = self.crowd.passing
-            is_free = (passing >= 0) & ~np.isin(passing, list(self.building.closed))
-            passing[is_free], self.crowd.ahead[is_free] = -1, 0.0
+        if self.people is not None:
+            crowd, passing = self.people.crowd, self.people.crowd.passing
+            is_free = (passing >= 0) & ~np.isin(passing, [*self.building.closed, *self._directed])
+            passing[is_free], crowd.ahead[is_free] = -1, 0.0
             self._hold(set(passing[passing >= 0].tolist()))
+
+    def slow_down(self) -> None:
+        """Multiply the speed factors of people in slow areas; behaviours have set or multiplied them before."""
+        assert self.people is not None
+        for name, share in sorted(self.building.slowed):
+            self.people.crowd.speed_factor[self.people.rows_in(self.building, name)] *= share
+
+    @property
+    def _directed(self) -> dict[int, int]:
+        """The open links of one direction, with the level from which they are passed."""
+        return {link: level for link, level in self.building.one_way if link not in self.building.closed}
 
     def _hold(self, links: set[int]) -> None:
         """Keep closed links open for those whom they let through, and only these links."""
         for link in self._held - links:
-            set_open(self.world, link, link not in self.building.closed)
-        for link in links & self.building.closed:
-            set_open(self.world, link, 2)
+            self._set_open(link)
         self._held = links & self.building.closed
+        for link in self._held:
+            set_open(self.world, link, 2)
 
-    def _become(self, building: Building) -> list[int] | None:
-        """Take over a building with other closed links.
+    def _set_open(self, link: int) -> None:
+        """Set the flags of a link in the world."""
+        origin = self._directed.get(link, -1)
+        self.world.link_from[link] = origin
+        set_open(self.world, link, 2 if origin >= 0 else link not in self.building.closed)
 
-        Returns
-        -------
-        list of int or None
-            The people on the lines of links that have closed; None if no link has closed or opened.
-        """
-        changed, on_lines = building.closed ^ self.building.closed, list[int]()
-        if not changed:
-            return None
-        for link in changed:
-            set_open(self.world, link, link not in building.closed)
-        if self.crowd is not None and building.closed & changed:
-            on_lines = begin_to_leave(self.building, self.fields, self.crowd, building.closed & changed)
-        self.building = building
+    def become(self, building: Building) -> list[int]:
+        """Take over a building that is in another condition; return the people on the lines of links that close."""
+        if building.condition == self.building.condition:
+            return []
+        before, self.building = self.building, building
+        closing = building.closed - before.closed
+        turning = {link for link, _ in building.one_way - before.one_way} - building.closed
+        on_lines: list[int] = []
+        if self.people is not None:
+            on_lines = begin_to_leave(before, self.fields, self.people.crowd, closing)
+            turn_round(before, self.people.crowd, {link: self._directed[link] for link in turning})
+        for link in before.closed ^ building.closed | {link for link, _ in before.one_way ^ building.one_way}:
+            self._set_open(link)
         self.hold()
         if self._solve is not None:
             self.fields = self._own_fields(self._solve(building))
             self.world.fields = self.fields.packed
         return on_lines
-
-
-class Kind(NamedTuple):
-    """A kind of change.
-
-    `check` raises an error if it cannot be made. `act` returns the values to be recorded, None if it has no effect.
-    """
-
-    check: Callable[[Scene, Change], Any]
-    act: Callable[[Scene, Change], Mapping[str, Any] | None]
-
-
-def _links(scene: Scene, change: Change) -> frozenset[int]:
-    if change.values.keys() - {"let_through"}:  # which a change that was recorded may have
-        raise ScenarioError(
-            f"change of {change.what!r}: {change.kind!r} has no values, but {[*change.values]} are given"
-        )
-    return links_named(scene.building, change.what)
-
-
-def _switch(scene: Scene, change: Change) -> Mapping[str, Any] | None:
-    let_through = scene._become(with_links(scene.building, change.what, change.kind == "open"))
-    return {"let_through": tuple(let_through)} if let_through else None if let_through is None else {}
-
-
-#: All kinds of change.
-KINDS = {"open": Kind(_links, _switch), "close": Kind(_links, _switch)}
 
 
 def _changes_in(state: Mapping[str, NDArray[Any]], name: str) -> list[Change]:

@@ -33,6 +33,7 @@ from evac.simulation.doorways import doorway_warning
 from evac.simulation.loop import Loop
 from evac.simulation.scene import Ground, Scene, make_ground
 from evac.simulation.state import restore_state, saved_state
+from evac.simulation.timetable import Timetable
 from evac.trajectory.recorder import Recorder
 from evac.trajectory.recording import Recording, metrics
 
@@ -70,6 +71,8 @@ class Simulation:
     ----------
     registry, scene, building, fields, population, contact, forces, engine, recording, deciding, watch, ending
         The parts of the simulation, see docs/architecture.md.
+    timetable : Timetable
+        The events of the case.
     loop : Loop
         What happens at each tick.
     behaviours : list of (Behaviour, BehaviourScene)
@@ -150,7 +153,9 @@ class Simulation:
             self.population, self.refuges, self.stopping, border = assembly.make_population(
                 case, self.scene.ground, self.contact, behaviours
             )
-            self.scene.crowd = self.population.crowd
+            self.scene.people = self.population
+            with naming(case.source):
+                self.timetable = Timetable(case.event, self.scene)
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             self.displacement_velocity = self.population.crowd.velocity.copy()

@@ -32,6 +32,7 @@ def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
         "simulation": {
             "clock": np.array([simulation.step, simulation.deciding.version]),
             "ending": simulation.ending.state(),
+            "events": simulation.timetable.state(),
             "start_position": simulation.start_position,
             "start_level": simulation.start_level,
             "displacement_velocity": simulation.displacement_velocity.copy(),
@@ -80,6 +81,7 @@ def _restore_own(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) ->
     if step % settings.steps_per_tick and step < settings.last_step:
         raise SavedError(f"clock: step {step} is not at the end of a tick")
     simulation.step = step
+    simulation.timetable.restore(taken(state, "events", np.float64, (None,), 0.0, np.inf))
     position, level = simulation.start_position, simulation.start_level
     simulation.start_position = taken(state, "start_position", np.float64, position.shape)
     simulation.start_level = taken(state, "start_level", np.int32, level.shape, 0, len(simulation.building.levels) - 1)

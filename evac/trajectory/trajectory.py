@@ -175,16 +175,16 @@ class Trajectory:
         return field
 
     def building_at(self, time: float) -> Building:
-        """Return the building with the exits and portals that are closed at `time` [s]."""
+        """Return the building as it is at `time` [s], with what changes of the scene have closed, opened or slowed."""
         return self._buildings[bisect_right(self.changes, time, key=lambda change: change.time)]
 
     @cached_property
     def _buildings(self) -> list[Building]:
-        """The building before all changes and after each of them; the same one whenever the same links are closed."""
-        buildings, known = [self.building], {self.building.closed: self.building}
+        """The building before all changes and after each of them; the same one for equal conditions."""
+        buildings, known = [self.building], {self.building.condition: self.building}
         for change in self.changes:
             after = building_at(buildings[-1], [change], change.time)
-            buildings.append(known.setdefault(after.closed, after))
+            buildings.append(known.setdefault(after.condition, after))
         return buildings
 
     @cached_property

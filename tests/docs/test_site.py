@@ -76,7 +76,12 @@ def test_recipes_are_taken(text, split_level, monkeypatch):
     folder, case = split_level
     monkeypatch.chdir(folder)
     recipe = tomllib.loads(text)
+    if "event" in recipe:
+        case["people"][0]["speed"] = 0.15  # so that somebody is there at the times of the events
     simulation = Simulation(load_case(merged(case, recipe)))
+    if "event" in recipe:
+        events = [(one["kind"], one.get("target", "")) for one in recipe["event"]]
+        assert [(change.kind, change.what) for change in simulation.run().changes] == events
     simulation.advance_tick()
     named = {one["name"] for one in recipe.get("people", ())}
     assert named <= {group.name for group in simulation.population.groups}

@@ -1,5 +1,6 @@
 """Data model of a building: levels, portals, exits, areas, walls. All classes are immutable."""
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -174,7 +175,13 @@ class Building:
     findings : tuple of Finding
         Warnings and other facts that do not prevent a run, with their places.
     closed : frozenset of int
-        Indices of links that are closed for the whole run and act as walls.
+        Indices of links that are closed and act as walls.
+    one_way : frozenset of (int, int)
+        Portals that are passed in one direction only, each with the level from which they are passed.
+    slowed : frozenset of (str, float)
+        Areas, or levels, in which people walk at a share of their speeds, each with this share.
+    barred : frozenset of str
+        Areas, or levels, around which ways lead where there is another way.
     doors : tuple of Door
         Doors between rooms, if the source names them as plans do; empty for meshes.
     """
@@ -191,6 +198,9 @@ class Building:
     findings: tuple[Finding, ...] = field(default=())
     closed: frozenset[int] = frozenset()
     doors: tuple[Door, ...] = ()
+    one_way: frozenset[tuple[int, int]] = frozenset()
+    slowed: frozenset[tuple[str, float]] = frozenset()
+    barred: frozenset[str] = frozenset()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
@@ -216,6 +226,17 @@ class Building:
         """Return the level with a given name, or None."""
         return next((level for level in self.levels if level.name == name), None)
 
+    def area_named(self, name: str) -> Area | None:
+        """Return the area with a given name, or the whole level with this name; None if there is neither."""
+        area = next((area for area in self.areas if area.name == name), None)
+        level = self.level_named(name)
+        return area if area is not None or level is None else Area(level.name, level.index, level.polygon)
+
+    @property
+    def condition(self) -> Hashable:
+        """All that changes of a scene can change: equal for buildings that are the same at two times of a run."""
+        return self.closed, self.one_way, self.slowed, self.barred
+
     @property
     def n_links(self) -> int:
         """Number of portals and exits."""
@@ -228,6 +249,10 @@ class Building:
     def is_open(self, link: Portal | Exit) -> bool:
         """Return whether a portal or an exit can be passed."""
         return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
+
+    def leads_from(self, portal: Portal, level: int) -> bool:
+        """Return whether a portal can be passed from one of its levels."""
+        return self.is_open(portal) and (portal.index, portal.other(level)) not in self.one_way
 
     def links_of(self, level: int) -> "list[Portal | Exit]":
         """Return the portals and exits of a level, including closed ones."""

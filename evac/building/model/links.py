@@ -46,20 +46,95 @@ def with_links(building: Building, name: str, is_open: bool) -> Building:
     return building if closed == building.closed else replace(building, closed=closed)
 
 
+def with_direction(building: Building, name: str, towards: str | bool) -> Building:
+    """Return the building after a portal or a stair can be passed in one direction only, or in both again.
+
+    Parameters
+    ----------
+    building : Building
+    name : str
+        Name of a portal or stair.
+    towards : str or bool
+        ``"up"`` or ``"down"``, the name of the level to which the portal leads, or False for both directions.
+
+    Raises
+    ------
+    BuildingError
+        No portal or stair has this name, or the direction is none of it.
+    """
+    links = links_named(building, name)
+    if not links <= set(range(len(building.portals))):
+        raise BuildingError(f"{building.source}: {name!r} is an exit, which leads in one direction only")
+    others = {one for one in building.one_way if one[0] not in links}
+    if towards is False:
+        return replace(building, one_way=frozenset(others))
+    return replace(building, one_way=frozenset(others | {(link, _origin(building, link, towards)) for link in links}))
+
+
+def _origin(building: Building, link: int, towards: str | bool) -> int:
+    """Return the level from which a portal is passed in a direction."""
+    portal = building.portals[link]
+    ends = {building.levels[level].name: portal.other(level) for level in portal.levels}
+    if towards in ("up", "down"):
+        low, high = sorted(portal.levels, key=lambda k: building.levels[k].z_min + building.levels[k].z_max)
+        return low if towards == "up" else high
+    if towards not in ends:
+        known = ", ".join(map(repr, ("up", "down", *ends)))
+        raise BuildingError(
+            f"{building.source}: portal {portal.name!r} does not lead to {towards!r}; use one of {known}"
+        )
+    return ends[str(towards)]
+
+
+def changed(building: Building, change: Change) -> Building:
+    """Return a building after a change, or itself if the change does not concern it or has no effect.
+
+    Raises
+    ------
+    BuildingError
+        The building has nothing of this name, or it cannot be changed in this way.
+    """
+    value = change.values.get("value")
+    match change.kind:
+        case "open" | "close":
+            return with_links(building, change.what, change.kind == "open")
+        case "one_way":
+            after = with_direction(building, change.what, value if isinstance(value, str) else False)
+        case "slow":
+            name, share = _area(building, change.what), float(1.0 if value is None else value)
+            others = {one for one in building.slowed if one[0] != name}
+            after = replace(building, slowed=frozenset(others | ({(name, share)} if share < 1.0 else set())))
+        case "bar":
+            name = _area(building, change.what)
+            free = building.barred - {name}
+            after = replace(building, barred=free if value is False else free | {name})
+        case _:
+            return building
+    return building if after.condition == building.condition else after
+
+
+def _area(building: Building, name: str) -> str:
+    """Return the name of an area or level, if there is one."""
+    if building.area_named(name) is None:
+        known = [area.name for area in building.areas] + [level.name for level in building.levels]
+        raise BuildingError(f"{building.source}: no area or level is named {name!r}; {did_you_mean(name, known)}")
+    return name
+
+
 def building_at(building: Building, changes: Iterable[Change], time: float) -> Building:
-    """Return a building as it is at a time, with the links that changes until then have opened and closed.
+    """Return a building as it is at a time, after the changes until then.
 
     Parameters
     ----------
     building : Building
         The building at the start.
     changes : iterable of Change
-        In the order in which they took effect; those that concern no links are skipped.
+        In the order in which they took effect; those that do not concern the building are skipped.
     time : float [s]
     """
     for change in changes:
-        if change.time <= time and change.kind in ("open", "close"):
-            building = with_links(building, change.what, change.kind == "open")
+        if change.time <= time:
+            building = changed(building, change)
     return building
 
 
@@ -114,8 +189,15 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
 
 def levels_reaching(building: Building, exits: Iterable[Exit | Area], barred: Collection[int] = ()) -> set[int]:
     """Return the levels from which one of some open exits or areas can be reached, without the portals `barred`."""
-    part = _parts(building, barred)
-    return set(np.flatnonzero(np.isin(part, [part[exit_.level] for exit_ in exits])).tolist())
+    reached = {exit_.level for exit_ in exits}
+    waiting = list(reached)
+    while waiting:
+        level = waiting.pop()
+        leading = [portal for portal in building.portals_of(level) if building.leads_from(portal, portal.other(level))]
+        more = {portal.other(level) for portal in leading if portal.index not in barred}
+        waiting += more - reached
+        reached |= more
+    return reached
 
 
 def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:

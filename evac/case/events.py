@@ -1,0 +1,117 @@
+"""The section `[[event]]` of case.toml: what changes during a run, at a time or when something happens."""
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from evac.base.change import REMEDIES, is_legal
+from evac.base.keys import Fault, Name, Real, Switch, Table, Whole, key, wrong
+from evac.base.parameters import did_you_mean
+from evac.directions.routes import STRATEGIES
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+
+#: Latest time of an event [s], that of the longest run.
+LATEST = 1e7
+
+#: The conditions of which `when` has one.
+CONDITIONS = ("event", "out", "count", "at_most", "density")
+
+#: Those of them that are about the people in an area.
+IN_AREA = ("count", "at_most", "density")
+
+
+class WhenSettings(Table):
+    """`when` of an event: what makes it happen; exactly one of the keys before `area`."""
+
+    event: str | None = key("name of another event, which has happened", "", None)
+    out: Whole | None = key("this many people have left the building", "", None, ge=1)
+    count: Whole | None = key("at least this many people are in `area`", "", None, ge=1)
+    at_most: Whole | None = key("at most this many people are in `area`", "", None, ge=0)
+    density: Annotated[Real, Field(gt=0)] | None = key("at least this density in `area`", "1/m2", None)
+    area: str | None = key("name of an area or level", "", None)
+    after: Real = key("time from then to the event", "s", 0.0, ge=0, le=LATEST)
+
+    @model_validator(mode="after")
+    def _one_condition(self) -> Self:
+        given = [name for name in CONDITIONS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise wrong("event", f"give exactly one of {', '.join(CONDITIONS)}, not {' and '.join(given) or 'none'}")
+        if (given[0] in IN_AREA) != (self.area is not None):
+            fault = (
+                f"missing; name the area of {given[0]}" if self.area is None else f"{given[0]} has no area; remove it"
+            )
+            raise wrong("area", fault)
+        return self
+
+
+class EventSettings(Table):
+    """`[[event]]`: a change during the run, at a time or when something happens."""
+
+    name: Name | None = key("name by which other events refer to it", "", None)
+    time: Annotated[Real, Field(ge=0, le=LATEST)] | None = key("time of the event; this or `when`", "s", None)
+    when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
+    kind: Literal["open", "close", "one_way", "slow", "bar", "strategy", "alarm"] = key(
+        "`open` or `close` an exit, portal or stair; pass a portal or stair in `one_way` only; `slow` people in an "
+        "area or on a level; `bar` it; change the `strategy` of a group; sound an `alarm`"
+    )
+    target: str = key(
+        "name of what changes: exit, portal, stair, area, level or group; of an alarm, an area, a level or a group, or "
+        "everybody if not given",
+        "",
+        "",
+    )
+    value: Switch | Real | str | tuple[str, ...] | None = key(
+        '`one_way`: "up", "down", the name of the level to which it leads, or false for both directions; `slow`: the '
+        "share of the speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of "
+        "exits; "
+        "`alarm`: the share of the response times that people still take",
+        "",
+        None,
+    )
+
+    @model_validator(mode="after")
+    def _at_one_time(self) -> Self:
+        if (self.time is None) == (self.when is None):
+            raise wrong("time", "give either the time of the event (time) or what makes it happen (when)")
+        return self
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The values of the change."""
+        return {} if self.value is None else {"value": self.value}
+
+
+def event_faults(case: "Case", hears_alarms: bool) -> list[Fault]:
+    """Return the faults of events that refer to others, to groups or to behaviours of the case.
+
+    Parameters
+    ----------
+    case : Case
+    hears_alarms : bool
+        Whether a behaviour in use acts on alarms, or may do so because it is not known yet.
+    """
+    faults: list[Fault] = []
+    names, groups = [one.name for one in case.event], [group.name for group in case.people]
+    for index, one in enumerate(case.event):
+        found: dict[str, str] = {}
+        if one.name is not None and one.name in names[:index]:
+            found["name"] = f"{one.name!r} names two events; rename one"
+        if not is_legal(one.kind, one.value):
+            found["value"] = f"is {one.value!r}; use {REMEDIES[one.kind]}"
+        elif one.kind == "strategy" and isinstance(one.value, str) and one.value not in STRATEGIES:
+            found["value"] = f"unknown strategy {one.value!r}; {did_you_mean(one.value, STRATEGIES)}"
+        if one.kind == "strategy" and one.target not in groups:
+            found["target"] = f"there is no group {one.target!r}; {did_you_mean(one.target, groups)}"
+        if one.kind == "alarm" and not hears_alarms:
+            found["kind"] = "no behaviour of the case acts on an alarm; add one, such as [behaviours.response_time]"
+        if one.kind != "alarm" and not one.target:
+            found["target"] = f"missing; name what to {one.kind.replace('_', '-')}"
+        faults += [Fault(("event", index, key), text) for key, text in found.items()]
+        other = None if one.when is None else one.when.event
+        if other is not None and (other not in names or other == one.name):
+            known = [name for name in names if name is not None and name != one.name]
+            text = f"there is no other event {other!r}; {did_you_mean(other, known)}"
+            faults.append(Fault(("event", index, "when", "event"), text))
+    return faults

@@ -1,0 +1,224 @@
+"""Events of a case: at a time or when something happens; what they do, and that a resumed run has the same."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.base.errors import BuildingError, ScenarioError
+from evac.building.model.links import building_at
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+FLOOR = [[0, 0], [20, 0], [20, 8], [0, 8]]
+
+
+def house(*events, **changes):
+    """Return a case of two storeys with the stairs a, near the people, and b; the only exit is on the ground."""
+    stair = {"lower": "ground", "upper": "first", "length": 4.0}
+    plan = {
+        "storeys": [{"name": "ground", "polygons": [FLOOR]}, {"name": "first", "z": 2.0, "polygons": [FLOOR]}],
+        "stairs": [
+            stair | {"name": "a", "lower_edge": [[2, 0.8], [2, 2]], "direction": [1, 0]},
+            stair | {"name": "b", "lower_edge": [[18, 7.2], [18, 6]], "direction": [-1, 0]},
+        ],
+        "exits": [
+            {"name": "main", "storey": "ground", "segment": [[0, 3], [0, 4.2]]},
+            {"name": "back", "storey": "ground", "segment": [[20, 1], [20, 2.2]]},
+        ],
+        "areas": [{"name": "hall", "storey": "ground", "polygon": [[6, 2.5], [12, 2.5], [12, 8], [6, 8]]}],
+    }
+    table = {
+        "building": {"plan": plan},
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 90.0, "no_progress": 10.0},
+        "people": [
+            {"name": "above", "number": 20, "level": "first", "exits": ["main"]},
+            {"name": "below", "number": 10, "level": "ground"},
+        ],
+        "event": list(events),
+    }
+    return evac.load(table, changes)
+
+
+def event(kind, target, time=None, **keys):
+    return {"kind": kind, "target": target} | ({} if time is None else {"time": time}) | keys
+
+
+def crossed(results, name, after):
+    """Return how often each portal of a stair was crossed after a time."""
+    _, portal, time = results.crossings
+    own = [one.index for one in results.building.portals if f"{name} flight" in one.name]
+    return [int(((portal == index) & (time > after)).sum()) for index in own]
+
+
+def test_people_turn_round_where_a_stair_gets_the_other_direction_and_nobody_passes_it_against():
+    results = Simulation(house(event("one_way", "a", 4.0, value="up"))).run()
+    assert results.ended == "everybody out"
+    flight = next(level for level in results.building.levels if level.stair == "a")
+    low, high = (portal for portal in results.building.portals if flight.index in portal.levels)
+    person, portal, time = results.crossings
+    assert not ((portal == low.index) & (time > 4.0)).any(), "its foot leads upwards"
+    last = {int(one): int(link) for one, link in zip(person, portal, strict=True)}
+    assert high.index not in last.values(), "who was on it has gone up again"
+    assert sum(crossed(results, "b", 4.0)) >= 40
+
+
+def test_a_stair_of_the_direction_in_which_people_go_changes_nothing_for_them():
+    one = Simulation(house()).run()
+    other = Simulation(house(event("one_way", "a", 0.0, value="down"), event("one_way", "a", 5.0, value=False))).run()
+    assert other.ended == "everybody out"
+    assert crossed(other, "a", 0.0) == crossed(one, "a", 0.0)
+    assert other.last_out == pytest.approx(one.last_out, rel=0.1)
+
+
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_directions_do_not_lead_through_a_portal_against_its_direction(strategy):
+    ways = []
+    for value in ("down", "up"):
+        simulation = Simulation(house(event("one_way", "a", 0.0, value=value), **{"people.above.strategy": strategy}))
+        run_ticks(simulation, 1)
+        first = simulation.building.level_named("first").index
+        route = int(simulation.population.crowd.route[0])
+        ways.append(simulation.fields.travel_time_at(first, np.array([[6.5, 1.4]]), route)[0])
+    assert ways[1] > ways[0] + 10.0
+
+
+def hall(*events):
+    """Return the way of one person through the hall, who walks at 1 m/s from its east to the main exit."""
+    case = house(*events).change({"people": [WALKER]})
+    simulation = Simulation(case)
+    places = []
+    while not simulation.ended:
+        simulation.advance_tick()
+        places.append(simulation.population.crowd.position[0].copy())
+    return np.array(places), simulation.population.crowd.exit_time[0]
+
+
+WALKER = {
+    "name": "walker",
+    "level": "ground",
+    "positions": [[15.0, 4.0]],
+    "speed": 1.0,
+    "speed_up": 0.5,
+    "speed_down": 0.5,
+    "exits": ["main"],
+}
+
+
+def inside(places):
+    return (places[:, 0] > 6.1) & (places[:, 0] < 11.9) & (places[:, 1] > 2.6)
+
+
+def test_people_are_slow_in_a_slow_area_and_go_round_a_barred_one():
+    changes = (), [event("slow", "ground", 0.0, value=0.8)], [event("bar", "hall", 0.0)]
+    (plain, free), (_, late), (barred, _) = (hall(*events) for events in changes)
+    assert inside(plain).any()
+    assert late == pytest.approx(free / 0.8, abs=0.2)
+    assert not inside(barred).any()
+    (slow, _), (slower, _) = (hall(event("slow", "hall", 0.0, value=value)) for value in (0.95, 0.3))
+    assert inside(slow).any()
+    assert not inside(slower).any(), "the way round is shorter in time"
+
+
+def test_a_slow_area_ends_and_the_speed_is_as_before():
+    _, free = hall()
+    _, late = hall(event("slow", "hall", 0.0, value=0.5), event("slow", "hall", 0.1, value=1.0))
+    assert late == pytest.approx(free, abs=0.1)
+
+
+def test_a_group_gets_other_exits_and_other_strategies():
+    results = Simulation(house(event("strategy", "below", 0.5, value=["back"]))).run()
+    rows = next(group.rows for group in results.groups if group.name == "below")
+    late = rows[results.crowd.exit_time[rows] > 0.5]
+    names = list(results.exits)
+    assert len(late) > 5
+    assert {names[used] for used in results.crowd.exit_used[late]} == {"back"}
+    routes = Simulation(house(event("strategy", "below", 5.0, value="shortest")), will_run=False).fields.routes
+    assert [route.strategy for route in routes if not route.exits] == ["fastest", "shortest"]
+
+
+def test_an_alarm_shortens_the_response_times_of_those_in_its_place():
+    times = {"behaviours.response_time.time": 50.0}
+    results = Simulation(house(event("alarm", "hall", 5.0, value=0.1), **times)).run()
+    simulation = Simulation(house(**times))
+    hears = simulation.population.rows_in(simulation.building, "hall")
+    expected = np.full(30, 50.0)
+    expected[hears] = 10.0
+    assert 0 < len(hears) < 10
+    assert results.crowd.start_time.tolist() == pytest.approx(expected.tolist())
+
+
+@pytest.mark.parametrize(
+    ("when", "is_true"),
+    [
+        ({"out": 4}, lambda s: np.isfinite(s.population.crowd.exit_time).sum() >= 4),
+        ({"area": "hall", "at_most": 1}, lambda s: len(s.population.rows_in(s.building, "hall")) <= 1),
+        ({"area": "hall", "count": 3}, lambda s: len(s.population.rows_in(s.building, "hall")) >= 3),
+        ({"area": "first", "density": 0.05}, lambda s: len(s.population.rows_in(s.building, "first")) >= 8),
+    ],
+)
+def test_an_event_happens_at_the_tick_at_which_its_condition_is_true(when, is_true):
+    simulation = Simulation(house(event("close", "back", when=when)))
+    while not simulation.scene.changes:
+        expected = is_true(simulation)
+        time = simulation.time
+        simulation.advance_tick()
+        assert bool(simulation.scene.changes) == expected
+    assert simulation.scene.changes[0].time == time
+
+
+def test_an_event_follows_another_and_a_resumed_run_has_the_same_events():
+    first = event("close", "back", when={"out": 4}, name="closing")
+    case = house(first, event("open", "back", when={"event": "closing", "after": 2.0}))
+    one = Simulation(case)
+    while not one.scene.changes:
+        one.advance_tick()
+    run_ticks(one, 5)
+    other = Simulation(case)
+    other.restore(one.state())
+    results = [simulation.run() for simulation in (one, other)]
+    assert_same_bits(one, other)
+    assert results[0].changes == results[1].changes
+    closing, opening = results[0].changes
+    assert (closing.kind, opening.kind) == ("close", "open")
+    assert opening.time == pytest.approx(closing.time + 2.0)
+    start, ground = one.scene.ground.building, one.scene.ground.building.closed
+    assert building_at(start, results[0].changes, opening.time).closed == ground
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (event("close", "mian", 5.0), r"'mian'.*'main'"),
+        (event("one_way", "main", 5.0, value="up"), r"'main' is an exit"),
+        (event("one_way", "a", 5.0, value="left"), r"'left'.*'up', 'down'"),
+        (event("slow", "hal", 5.0, value=0.5), r"'hal'.*'hall'"),
+        (event("close", "main", when={"area": "hal", "count": 5}), r"'hal'.*'hall'"),
+        (event("strategy", "below", 5.0, value=["mian"]), r"'mian'.*'main'"),
+    ],
+)
+def test_what_the_building_does_not_have_is_refused_before_the_run(wrong, words):
+    with pytest.raises((BuildingError, ScenarioError), match=words):
+        Simulation(house(wrong), will_run=False)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (event("close", "main"), r"event\.0\.time"),
+        (event("close", "main", 5.0, when={"out": 3}), r"event\.0\.time"),
+        (event("close", "", 5.0), r"event\.0\.target"),
+        (event("close", "main", 5.0, value=1.0), r"event\.0\.value"),
+        (event("slow", "hall", 5.0, value=1.5), r"event\.0\.value.*from 0.01 to 1"),
+        (event("strategy", "belw", 5.0, value="shortest"), r"event\.0\.target.*'below'"),
+        (event("strategy", "below", 5.0, value="shortst"), r"event\.0\.value.*'shortest'"),
+        (event("alarm", "hall", 5.0), r"event\.0\.kind.*behaviour"),
+        (event("close", "main", when={"out": 3, "count": 3, "area": "hall"}), r"event\.0\.when\.event"),
+        (event("close", "main", when={"count": 3}), r"event\.0\.when\.area"),
+        (event("close", "main", when={"out": 3, "area": "hall"}), r"event\.0\.when\.area"),
+        (event("close", "main", when={"event": "fire"}), r"event\.0\.when\.event.*'fire'"),
+    ],
+)
+def test_events_that_say_nothing_possible_are_refused_with_their_key(wrong, words):
+    with pytest.raises(ScenarioError, match=words):
+        house(wrong)
