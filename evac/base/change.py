@@ -94,7 +94,7 @@ class Change:
             "strategy": f"to {', '.join(value) or 'any exit'}" if isinstance(value, tuple) else f"on the {value} way",
             "alarm": "alarmed",
         }.get(self.kind, self.kind)
-        return f"{self.what or 'everybody'!r} {done} at {self.time:g} s"
+        return f"{repr(self.what) if self.what else 'everybody'} {done} at {self.time:g} s"
 
     def as_row(self) -> dict[str, Any]:
         """Return the change as a dictionary that can be written as JSON."""

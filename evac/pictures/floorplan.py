@@ -127,6 +127,7 @@ def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fil
         for level in levels:
             fill = PathPatch(outline(level), facecolor=palette.LEVELS[level.kind], edgecolor="none", zorder=0.5)
             axes.add_patch(fill)
+    _draw_conditions(axes, building, rows)
     walls = building.walls[np.isin(building.wall_level, rows)]
     axes.add_collection(LineCollection(_ends(walls), colors=palette.EDGE, linewidths=1.1, zorder=3))
     for portal in building.portals:
@@ -140,6 +141,25 @@ def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fil
     for exit_ in building.exits:
         if exit_.level in rows:
             _draw_exit(axes, exit_, building.is_open(exit_), has_widths)
+
+
+def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> None:
+    """Draw what changes of the scene do to areas and to the directions of portals: hatched areas, and arrows."""
+    marked = {name: "///" for name, _ in building.slowed} | dict.fromkeys(building.barred, "xxx")
+    for name, hatch in sorted(marked.items()):
+        area = building.area_named(name)
+        if area is not None and area.level in rows:
+            style = {"facecolor": "none", "edgecolor": palette.CLOSED, "linewidth": 0.0, "alpha": 0.5, "zorder": 0.8}
+            axes.add_patch(PathPatch(outline_of(area.polygon), hatch=hatch, **style))
+    for link, origin in sorted(building.one_way):
+        portal = building.portals[link]
+        if origin in rows or portal.other(origin) in rows:
+            x1, y1, x2, y2 = portal.segments_from(origin)[len(portal.segments) // 2].tolist()
+            middle = np.array([x1 + x2, y1 + y2]) / 2.0
+            along = np.array([y2 - y1, x1 - x2]) / math.hypot(x2 - x1, y2 - y1)
+            arrow = {"arrowstyle": "-|>", "color": palette.CLOSED, "linewidth": 1.6}
+            ends = {"xytext": tuple(middle - 0.5 * along), "xy": tuple(middle + 0.5 * along)}
+            axes.annotate("", **ends, arrowprops=arrow, zorder=5)
 
 
 def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:

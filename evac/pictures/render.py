@@ -109,7 +109,9 @@ class Renderer:
         out = trajectory.number_of_people - len(frame["person"])
         picture = Image.fromarray(image)
         picture.paste(names, (0, 0), names)
-        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out")
+        so_far = [change for change in trajectory.changes if change.time <= frame["time"]]
+        latest = f"      {so_far[-1]}" if so_far else ""
+        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out{latest}")
         return np.array(picture)
 
     def view_at(self, time: float) -> View:

@@ -114,6 +114,7 @@ class ReplayWriter:
                 [time, sorted(building_at(self._building, changes, time).closed)]
                 for time in dict.fromkeys([0.0, *(change.time for change in changes)])
             ],
+            "changes": [[change.time, str(change)] for change in changes],
             "grain": GRAIN,
             "tallest": MOST_HEIGHT,
             "least_force": LEAST_FORCE,

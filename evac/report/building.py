@@ -41,6 +41,7 @@ def building_section(run: Results | None) -> Section:
         doors=[(door.name, levels[door.level].name, fixed(door.width, 2)) for door in building.doors],
         areas=[(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas],
         closed=run.record.table.building.closed,
+        changes=[(fixed(change.time, 1), str(change)) for change in run.trajectory.changes],
         lacks=() if building.doors else ("doors",),
     )
 
