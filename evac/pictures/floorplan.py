@@ -158,8 +158,8 @@ def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> Non
             middle = np.array([x1 + x2, y1 + y2]) / 2.0
             along = np.array([y2 - y1, x1 - x2]) / math.hypot(x2 - x1, y2 - y1)
             arrow = {"arrowstyle": "-|>", "color": palette.CLOSED, "linewidth": 1.6}
-            ends = {"xytext": tuple(middle - 0.5 * along), "xy": tuple(middle + 0.5 * along)}
-            axes.annotate("", **ends, arrowprops=arrow, zorder=5)
+            start, end = tuple(middle - 0.5 * along), tuple(middle + 0.5 * along)
+            axes.annotate("", end, start, arrowprops=arrow, zorder=5)
 
 
 def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:

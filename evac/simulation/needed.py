@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import counted, plugin_code
@@ -63,7 +63,8 @@ def _routes_of_events(case: "Case") -> list[Route]:
         values = [one.value for one in case.event if one.kind == "strategy" and one.target == people.name]
         strategies = [people.strategy, *(value for value in values if isinstance(value, str))]
         exits = [people.exits, *(value for value in values if isinstance(value, tuple))]
-        found += [Route(some, strategy) for some in exits for strategy in strategies]
+        own = route_of(people)
+        found += [replace(own, exits=some, strategy=strategy) for some in exits for strategy in strategies]
     return found
 
 

@@ -216,7 +216,7 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
     return tuple(notes)
 
 
-def _parts(building: Building, barred: Collection[int] = ()) -> IndexArray:
-    """Return the part of the building that each level belongs to: open portals not `barred` join levels to parts."""
-    pairs = [one.levels for one in building.portals if building.is_open(one) and one.index not in barred]
+def _parts(building: Building) -> IndexArray:
+    """Return the part of the building that each level belongs to: open portals join levels to parts."""
+    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
     return connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
