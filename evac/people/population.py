@@ -152,7 +152,7 @@ class Population:
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all arrays and of the log, for a checkpoint."""
         row, link, time = self.crossings
-        log = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
+        log: dict[str, NDArray[Any]] = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
         return {name: array.copy() for name, array in self._arrays.items()} | log
 
     def restore(self, state: Mapping[str, NDArray[Any]], building: Building, routes: int) -> None:
@@ -187,7 +187,7 @@ class Population:
 
     @property
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of the crowd, without those that behaviours state before a run, which a changed case may change."""
+        """The arrays of the crowd, without those set by behaviours before a run, which a changed case may alter."""
         return {name: array for name, array in self.crowd.values().items() if name != "contact_radius"}
 
     def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, Any]]:

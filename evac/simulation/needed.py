@@ -15,7 +15,7 @@ from evac.directions.waves import deposit, march_waves
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
 from evac.people.behaviour import Behaviour, BehaviourScene
-from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
+from evac.people.groups import default_clearance, narrowest_body, reference_speeds, route_of, routes_of
 from evac.people.placement import add_discs
 from evac.people.refuges import routes_to_refuges
 from evac.people.ways import walk_all

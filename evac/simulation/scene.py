@@ -132,7 +132,7 @@ class Scene:
         made = KINDS[change.kind].act(self, change)
         if made is not None:
             given = {name: value for name, value in change.values.items() if name != "let_through"}
-            self.changes.append(replace(change, time=self.time, values=given | made))
+            self.changes.append(replace(change, time=self.time, values={**given, **made}))
 
     def set_open(self, name: str, is_open: bool) -> None:
         """Open or close an exit, a portal, or the portals of a stair now: closed ones are walls on both sides.

@@ -110,8 +110,8 @@ def floors_of(
         if levels and max(levels) - min(levels) > 0.001:
             text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are merged at {height.z:z.3f} m (step)"
             findings.append(Finding("assumed", text, name))
-    for low, floor in enumerate(floors):
-        over = [other for other in floors[low + 1 :] if other.z < floor.z + HEADROOM]
+    for lower, floor in enumerate(floors):
+        over = [other for other in floors[lower + 1 :] if other.z < floor.z + HEADROOM]
         floor.ground = cut(floor.ground, united([one for other in over for one in (other.ground, other.slabs)]))
         _drop_slivers(floor, findings)
     return [floor for floor in floors if not floor.ground.is_empty]
