@@ -52,17 +52,17 @@ def write_index(folder: Path) -> None:
     for kind in KINDS:
         conditions = folder / kind / "run.json"
         if conditions.is_file():
-            found = json.loads(conditions.read_text())
+            kept = json.loads(conditions.read_text())
             page = f"{kind}/README.md"
-            lines += [f"## [{found['title']}]({page})", found["examined"], verdict_table(found["verdicts"], page)]
-            lines.append(f"`{found['command']}`, commit {found['commit']}, {found['wall time [s]']} s.")
+            lines += [f"## [{kept['title']}]({page})", kept["examined"], verdict_table(kept["verdicts"], page)]
+            lines.append(f"`{kept['command']}`, commit {kept['commit']}, {kept['wall time [s]']} s.")
     write_whole(folder / "README.md", "\n\n".join(lines))
 
 
 def shown_in_reports(folder: Path) -> dict[str, Any]:
     """Return the verdicts of an evidence folder in the form of `evac.report.verification.evidence`."""
-    found = {kind: folder / kind / "run.json" for kind in KINDS}
-    kinds = {kind: json.loads(path.read_text()) for kind, path in found.items() if path.is_file()}
+    files = {kind: folder / kind / "run.json" for kind in KINDS}
+    kinds = {kind: json.loads(path.read_text()) for kind, path in files.items() if path.is_file()}
     with (folder / "validation" / "verdicts.csv").open(newline="", encoding="utf-8") as file:
         tests = list(csv.DictReader(file))
-    return {"kinds": {kind: {key: one[key] for key in SHOWN} for kind, one in kinds.items()}, "tests": tests}
+    return {"kinds": {kind: {key: run[key] for key in SHOWN} for kind, run in kinds.items()}, "tests": tests}

@@ -87,9 +87,9 @@ class Evidence:
         self._findings: list[Finding] = []
         self._stored: set[str] = set()
         if page_only:
-            found = json.loads(self._earlier("run.json").read_text())
-            self._conditions = {key: found[key] for key in CONDITIONS}
-            self.quick, self.seed = found["command"].endswith("--quick"), int(found["seed"])
+            earlier = json.loads(self._earlier("run.json").read_text())
+            self._conditions = {key: earlier[key] for key in CONDITIONS}
+            self.quick, self.seed = earlier["command"].endswith("--quick"), int(earlier["seed"])
             return
         self.quick, self.seed = quick, seed
         self._start = time.perf_counter()
@@ -331,11 +331,11 @@ def commit(file: Path = Path(__file__)) -> str:
     try:
         subprocess.run([*git, "ls-files", "--error-unmatch", file.name], check=True, capture_output=True)
         described = [*git, "describe", "--always", "--abbrev=12"]
-        found = subprocess.run(described, check=True, capture_output=True, text=True).stdout.strip()
+        description = subprocess.run(described, check=True, capture_output=True, text=True).stdout.strip()
         changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *CODE], capture_output=True).returncode
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return f"{found}-dirty" if changed else found
+    return f"{description}-dirty" if changed else description
 
 
 def _version(package: str) -> str:

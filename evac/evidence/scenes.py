@@ -78,7 +78,7 @@ def one_direction(bounds: Bounds, *directions: tuple[float, float]) -> Fields:
     side = max(x2 - x1, y2 - y1)
     node = np.array([(x1, y1), (x1, y1 + side), (x1 + side, y1), (x1 + side, y1 + side)], dtype=float)
     ahead = np.array(directions or [(1.0, 0.0)], dtype=float)
-    time = np.concatenate([2.0 * side - (node - node[0]) @ one for one in ahead])
+    time = np.concatenate([2.0 * side - (node - node[0]) @ way for way in ahead])
     return fields_of((x1, y1), (2, 2), side, np.repeat(ahead, 4, axis=0), time)
 
 

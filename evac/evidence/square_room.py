@@ -74,14 +74,14 @@ class Flow:
 def run_set(task: SetTask) -> dict[str, FloatArray]:
     """Return the sorted exit times (runs, people) [s] of each model; NaN after the last exit of a stopped run."""
     positions = start_positions(task.seed, task.position_set)
-    found = {}
+    flows = {}
     for name in MODELS:
         times = [
             exit_times(name, crowd_at(positions, task.seed, task.position_set, run), task.step)
             for run in range(task.runs)
         ]
-        found[name] = np.sort(times, axis=1)
-    return found
+        flows[name] = np.sort(times, axis=1)
+    return flows
 
 
 def start_positions(seed: int, position_set: int) -> FloatArray:

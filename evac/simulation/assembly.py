@@ -242,7 +242,7 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
     """Return the surface of a plan; storeys that are given as files are read."""
     from evac.building.plan.plan import Plan
 
-    for storey in [one for one in plan.storeys.values() if one.file is not None]:
+    for storey in [each for each in plan.storeys.values() if each.file is not None]:
         assert storey.file is not None
         try:
             read = read_file(registry.importer_for(storey.file)(**storey.options), storey.file)
@@ -252,7 +252,7 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
             raise BuildingError(
                 f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey needs a file with a plan"
             )
-        if any(one.file is not None for one in read.storeys.values()):
+        if any(each.file is not None for each in read.storeys.values()):
             raise BuildingError(
                 f"{plan.source}: storey {storey.name!r}: {storey.file} takes its own storeys from other files; name "
                 "those files here"

@@ -26,9 +26,9 @@ def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
     files = {str(path): path for path in case.plugin_files}
     if case.mesh is not None:
         files[case.mesh.name] = case.mesh
-    packages = [one for one in case.registry.provenance if one.source == "distribution"]
+    packages = [source for source in case.registry.provenance if source.source == "distribution"]
     return {
-        "version": {**versions(), **{one.plugin: one.version for one in packages}},
+        "version": {**versions(), **{source.plugin: source.version for source in packages}},
         "processor": {"": f"{host()}"},
         "file": {name: digest_of_file(path)[:16] for name, path in files.items()},
     }
@@ -48,8 +48,8 @@ def kernels_of(simulation: Simulation) -> dict[str, str]:
     behaviours = [behaviour for behaviour, _ in simulation.behaviours]
     parts = type(simulation.engine), simulation.building, simulation.contact, simulation.forces, behaviours
     entries = [*needed.set_up_kernels(), *needed.run_kernels(simulation.case, *parts, full=True)]
-    found = {entry.label: digest_of(entry, f"{host()}") for entry in entries}
-    return found | {"interpreted": str(INTERPRETED)}
+    digests = {entry.label: digest_of(entry, f"{host()}") for entry in entries}
+    return digests | {"interpreted": str(INTERPRETED)}
 
 
 def differences_of(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:

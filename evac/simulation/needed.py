@@ -127,15 +127,15 @@ def run_kernels(
     full: bool,
 ) -> list[Entry]:
     """Return the kernels of engine, behaviours and routes that are known to be needed at the start of a run."""
-    found = engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)
+    kernels = engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)
     for behaviour in behaviours:
-        found += entries_of(sys.modules[type(behaviour).__module__])
+        kernels += entries_of(sys.modules[type(behaviour).__module__])
     routes = needed_routes(case, behaviours, full)
     if any(route.strategy == QUICKEST for route in routes):
-        found += [deposit, march_waves]
+        kernels += [deposit, march_waves]
     if len(routes) > len(routes_of(case)):  # they are compared by their lengths
-        found += [add_lengths, find_lowest]
-    return found
+        kernels += [add_lengths, find_lowest]
+    return kernels
 
 
 def explain(simulation: "Simulation", forces: Sequence[Force], behaviours: Sequence[Behaviour]) -> list[Part]:

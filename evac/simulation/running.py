@@ -207,31 +207,31 @@ def resumed(
             f"{folder}: a run that is resumed in a changed case needs another result folder, so that results are not "
             "mixed; give one (--out)"
         )
-    found = find_checkpoint(folder)
-    before = found.case((), plugin_files, registry, case_file, announce)
-    case = found.case(overrides, plugin_files, before.registry, case_file) if overrides else before
-    differences = differences_of(found.header.made_with, inputs_of(before))
-    _check_differences(found.path, differences, allow_differences)
-    simulation = Simulation(case, place.running, found.header.full, threads=threads, compiling=compiling)
-    differences += differences_of(found.header.made_with, made_of(simulation))
-    _check_differences(found.path, differences, allow_differences)
-    found.restore(simulation, before)
+    checkpoint = find_checkpoint(folder)
+    before = checkpoint.case((), plugin_files, registry, case_file, announce)
+    case = checkpoint.case(overrides, plugin_files, before.registry, case_file) if overrides else before
+    differences = differences_of(checkpoint.header.made_with, inputs_of(before))
+    _check_differences(checkpoint.path, differences, allow_differences)
+    simulation = Simulation(case, place.running, checkpoint.header.full, threads=threads, compiling=compiling)
+    differences += differences_of(checkpoint.header.made_with, made_of(simulation))
+    _check_differences(checkpoint.path, differences, allow_differences)
+    checkpoint.restore(simulation, before)
     if not is_branch:
-        found.check_recorders(simulation)
+        checkpoint.check_recorders(simulation)
     simulation.resumed.append(
-        {"from": str(folder), "time": found.header.time, "changes": dict(overrides), "differences": differences}
+        {"from": str(folder), "time": checkpoint.header.time, "changes": dict(overrides), "differences": differences}
     )
     if is_branch:
         place.start()
     else:
-        place.reopen(found.path.parent)
+        place.reopen(checkpoint.path.parent)
         try:
-            found.restore_recorders(simulation)
+            checkpoint.restore_recorders(simulation)
         except BaseException:
-            place.put_back(found.path.parent)
+            place.put_back(checkpoint.path.parent)
             raise
-        remove_written(place.running, [*found.files, CHECKPOINT_NAME])
-    return simulation, found.header.every
+        remove_written(place.running, [*checkpoint.files, CHECKPOINT_NAME])
+    return simulation, checkpoint.header.every
 
 
 def _run_interruptible(

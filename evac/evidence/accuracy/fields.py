@@ -102,7 +102,7 @@ def run(evidence: Evidence) -> None:
 
 def _default_spacing(spacings: Sequence[float]) -> float:
     """Return the spacing that is nearest to the default [m]."""
-    return min(spacings, key=lambda one: abs(one - DirectionSettings().spacing))
+    return min(spacings, key=lambda spacing: abs(spacing - DirectionSettings().spacing))
 
 
 def _judge(
@@ -202,8 +202,8 @@ def plain_directions(fields: Fields, plan: Plan) -> FloatArray:
     nearest = ndimage.distance_transform_edt(walls, return_distances=False, return_indices=True)
     gradient = np.gradient(values[tuple(nearest)], packed.spacing)
     place = ((plan.points - packed.origin[level]) / packed.spacing).T
-    found = -np.stack([ndimage.map_coordinates(part, place, order=1) for part in gradient], axis=1)
-    return np.asarray(found / np.maximum(np.hypot(*found.T), 1e-300)[:, None])
+    directions = -np.stack([ndimage.map_coordinates(part, place, order=1) for part in gradient], axis=1)
+    return np.asarray(directions / np.maximum(np.hypot(*directions.T), 1e-300)[:, None])
 
 
 def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
@@ -225,7 +225,7 @@ def _angle_rows(plan: Plan, spacings: Sequence[float], clean: CleanWays) -> list
         single = away & (clean.to_meeting > 0.5 * CLEAR_CELLS * spacing)
         compared = away & (plan.lead > CLEAR_CELLS * spacing)
         ours = fields.directions_at(plan.level, plan.points, 0)
-        found = {
+        angles = {
             "ours": (angles_between(ours, plan.direction), compared),
             "np.gradient": (angles_between(plain_directions(fields, plan), plan.direction), compared),
             "with clearance": (angles_between(kept, clean.direction), single),
@@ -233,12 +233,12 @@ def _angle_rows(plan: Plan, spacings: Sequence[float], clean: CleanWays) -> list
         bent = angles_between(kept, plan.direction)
         for where, (low, high) in RANGES.items():
             near = (plan.wall_distance >= low) & (plan.wall_distance < high)
-            if not all((near & chosen).any() for _, chosen in found.values()):
+            if not all((near & chosen).any() for _, chosen in angles.values()):
                 continue
             row: dict[str, Any] = {"plan": plan.name, "spacing [m]": spacing, "where": where}
             row["places"] = int((near & compared).sum())
-            row |= {f"{name}, mean": float(angle[near & chosen].mean()) for name, (angle, chosen) in found.items()}
-            row |= {f"{name}, greatest": float(angle[near & chosen].max()) for name, (angle, chosen) in found.items()}
+            row |= {f"{name}, mean": float(angle[near & chosen].mean()) for name, (angle, chosen) in angles.items()}
+            row |= {f"{name}, greatest": float(angle[near & chosen].max()) for name, (angle, chosen) in angles.items()}
             rows.append({**row, "clearance from geodesics, mean": float(bent[near & compared].mean())})
     return rows
 

@@ -56,17 +56,17 @@ def time_to(rows: Sequence[Row], goal: float, measure: str = "residual", **where
 
 def problems_of(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return the keys of all problems in their order."""
-    found = dict.fromkeys((row["people"], row["crowd"], row["law"]) for row in rows)
-    return [{"people": people, "crowd": crowd, "law": law} for people, crowd, law in found]
+    keys = dict.fromkeys((row["people"], row["crowd"], row["law"]) for row in rows)
+    return [{"people": people, "crowd": crowd, "law": law} for people, crowd, law in keys]
 
 
 def lines_of(rows: Sequence[Row], where: dict[str, Any]) -> dict[tuple[str, str], list[Row]]:
     """Return the solves of one problem by solver and start."""
-    found: dict[tuple[str, str], list[Row]] = {}
+    lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         if all(row[key] == value for key, value in where.items()):
-            found.setdefault((row["solver"], row["start"]), []).append(row)
-    return found
+            lines.setdefault((row["solver"], row["start"]), []).append(row)
+    return lines
 
 
 def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
@@ -150,7 +150,7 @@ def goal_rows(rows: Sequence[Row]) -> list[Row]:
                         "contacts": lines[solvers[0], start][0]["contacts"],
                         "start": start,
                         "residual": f"{goal:.0e}",
-                        **{solver: None if found is None else 1e3 * found for solver, found in times.items()},
+                        **{solver: None if time is None else 1e3 * time for solver, time in times.items()},
                     }
                 )
     return table

@@ -90,23 +90,23 @@ def _rows(people: int, seed: int, is_quick: bool) -> list[dict[str, Any]]:
 def settings(lightest: float, is_quick: bool) -> list[Setting]:
     """Return the models with what is varied."""
     get = plugins().get
-    found = []
+    chosen = []
     for stiffness in (1.2e5, 1.2e6, 1.2e7) if is_quick else (1.2e4, 1.2e5, 1.2e6, 1.2e7, 1.2e8, 1.2e9):
         step = TICK / math.ceil(TICK / (SHARE * 2.0 / math.sqrt(6.0 * stiffness / lightest)))
-        found.append(Setting("DEM", get("contact_model", "dem")(stiffness=stiffness), "k [kg/s2]", stiffness, step))
+        chosen.append(Setting("DEM", get("contact_model", "dem")(stiffness=stiffness), "k [kg/s2]", stiffness, step))
     for tolerance in (1e-3, 1e-5) if is_quick else (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
         model = get("contact_model", "nsm1")(
             gap_tolerance=tolerance, velocity_tolerance=tolerance / 0.01, iterations=20_000
         )
-        found.append(Setting("NSM1 inertial", model, "gap tolerance [m]", tolerance, 0.01))
+        chosen.append(Setting("NSM1 inertial", model, "gap tolerance [m]", tolerance, 0.01))
     shipped = get("contact_model", "nsm1")()
     tolerance = shipped.values()["gap_tolerance"]
-    found.append(Setting("NSM1 inertial as shipped", shipped, "gap tolerance [m]", tolerance, 0.01))
+    chosen.append(Setting("NSM1 inertial as shipped", shipped, "gap tolerance [m]", tolerance, 0.01))
     for label, dissipation in (("NSM2, K_N = 1e5", 1e5), ("NSM2, K_N = 0", 0.0)):
         for step in (0.01, 0.002) if is_quick else (0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005):
             model = get("contact_model", "nsm2")(normal_dissipation=dissipation)
-            found.append(Setting(label, model, "h [s]", step, step))
-    return found
+            chosen.append(Setting(label, model, "h [s]", step, step))
+    return chosen
 
 
 def measure(setting: Setting, start: DoorCrowd) -> dict[str, Any]:

@@ -78,13 +78,13 @@ def compare(problem: ContactProblem) -> dict[str, Any]:
     table = np.column_stack([contacts.body[:c], contacts.other[:c], contacts.bias[:c] * STEP, towards])
     discs = np.zeros((len(problem.free), 4))
     spans: list[float] = []
-    found: FloatArray = np.zeros(0)
+    percussions: FloatArray = np.zeros(0)
     for _ in range(REPEATS):
         start = time.perf_counter()
-        _, _, found, _, _ = micro.projection(STEP, discs, table, problem.free)
+        _, _, percussions, _, _ = micro.projection(STEP, discs, table, problem.free)
         spans.append(time.perf_counter() - start)
     theirs = float(np.median(spans))
-    error = STEP * float(np.hypot(*(np.asarray(found).reshape(-1, 2) - truth).T).max())
+    error = STEP * float(np.hypot(*(np.asarray(percussions).reshape(-1, 2) - truth).T).max())
     cold, cold_error = _solved(problem, truth, GOALS[0], is_warm=False)
     warm, warm_error = _solved(problem, truth, GOALS[0], is_warm=True)
     equal, own_error = cold, cold_error

@@ -101,9 +101,9 @@ class ContactLaw(NamedTuple):
         solution = np.zeros(len(right))
         for _ in range(REFINEMENTS):
             solution += factors.solve(right - system @ solution)
-        found = np.zeros(len(percussion))
-        found[pushes] = solution[len(mass) :]
-        return solution[: len(mass)], found
+        polished = np.zeros(len(percussion))
+        polished[pushes] = solution[len(mass) :]
+        return solution[: len(mass)], polished
 
 
 def solve_contact_qp(
@@ -142,7 +142,7 @@ def solve_contact_qp(
         )
         bound = np.concatenate([start + bias, 0.5 * (start + before)])
     law = ContactLaw(gradient, mass, free, bias, before, dissipation)
-    best, found = free, np.inf
+    best, gap = free, np.inf
     for refinements, tolerance in ATTEMPTS:
         solution = _solved_by_clarabel(quadratic, matrix, bound, refinements, tolerance)
         velocity = free + root * np.array(solution.x)[:k]
@@ -151,12 +151,12 @@ def solve_contact_qp(
             percussion += 0.5 * unit * np.array(solution.z)[c:]
         for _ in range(POLISHES):
             left = law.residual(velocity, percussion)
-            if left < found:
-                best, found = velocity, left
-            if found <= precision:
+            if left < gap:
+                best, gap = velocity, left
+            if gap <= precision:
                 return np.asarray(best)
             velocity, percussion = law.polished(velocity, percussion)
-    raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, not to {precision:.0e} m/s")
+    raise EvacError(f"the reference of a contact problem was found to {gap:.1e} m/s only, not to {precision:.0e} m/s")
 
 
 def _solved_by_clarabel(quadratic: Any, matrix: Any, bound: FloatArray, refinements: int, tolerance: float) -> Any:
@@ -244,14 +244,14 @@ def _reflex_corners(plan: "BaseGeometry") -> FloatArray:
     """Return the corners (k, 2) around which a shortest path can bend: the inside angle is more than 180 degrees."""
     from shapely.geometry.polygon import orient
 
-    found: list[FloatArray] = []
+    corners: list[FloatArray] = []
     solid = orient(plan)
     for ring in (solid.exterior, *solid.interiors):
         corner = np.asarray(ring.coords)[:-1, :2]
         back, ahead = corner - np.roll(corner, 1, axis=0), np.roll(corner, -1, axis=0) - corner
         turn = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-        found.append(corner[turn < -1e-9])
-    return np.concatenate(found)
+        corners.append(corner[turn < -1e-9])
+    return np.concatenate(corners)
 
 
 def _visible(room: "BaseGeometry", start: FloatArray, end: FloatArray) -> NDArray[np.bool_]:

@@ -91,10 +91,10 @@ def run(evidence: Evidence) -> None:
         Nesterov's momentum."""
     )
     for stage in stages:
-        found = [row for row in rows if row["people"] == stage.people]
+        rows_of_stage = [row for row in rows if row["people"] == stage.people]
         evidence.plot(
             f"solvers_{stage.people}",
-            partial(draw, stage, found),
+            partial(draw, stage, rows_of_stage),
             f"{stage.people} people: true error over the CPU time of one solve, cold (full lines) and warm (dashed)."
             " Dotted: the time of the reference, whose error is below the axis.",
         )
@@ -175,13 +175,13 @@ def measure(
     limit = affordable(problem, solver, cap)
     rows = []
     for tolerance in tolerances:
-        duration, iterations, found = median_solve(problem, solver, is_warm, tolerance / problem.law.scale, limit)
+        duration, iterations, residual = median_solve(problem, solver, is_warm, tolerance / problem.law.scale, limit)
         rows.append(
             {
                 "tolerance": tolerance,
                 "time [s]": duration,
                 "iterations": iterations,
-                "residual": found * problem.law.scale,
+                "residual": residual * problem.law.scale,
                 "error": velocity_error(problem, truth),
             }
         )
@@ -210,9 +210,9 @@ def median_solve(
     while len(spans) < 5 and sum(spans) < 0.05:
         problem.start(is_warm)
         start = time.process_time()
-        iterations, found = problem.solve(solver, tolerance, limit)
+        iterations, residual = problem.solve(solver, tolerance, limit)
         spans.append(time.process_time() - start)
-    return float(np.median(spans)), iterations, found
+    return float(np.median(spans)), iterations, residual
 
 
 def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:

@@ -70,15 +70,15 @@ def _beside(line: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray,
 
 def wall_distances(walls: FloatArray, x: FloatArray, y: FloatArray, reach: float) -> FloatArray:
     """Return the distances of the nodes of a grid to the nearest of walls (w, 4), at most `reach` [m]."""
-    found = np.full(x.shape, reach)
+    distances = np.full(x.shape, reach)
     for x1, y1, x2, y2 in walls:
         i = slice(*np.searchsorted(x[:, 0], [min(x1, x2) - reach, max(x1, x2) + reach]))
         j = slice(*np.searchsorted(y[0], [min(y1, y2) - reach, max(y1, y2) + reach]))
         px, py = x[i, j] - x1, y[i, j] - y1
         dx, dy = x2 - x1, y2 - y1
         share = np.clip((px * dx + py * dy) / (dx * dx + dy * dy), 0.0, 1.0)
-        found[i, j] = np.minimum(found[i, j], np.hypot(px - share * dx, py - share * dy))
-    return found
+        distances[i, j] = np.minimum(distances[i, j], np.hypot(px - share * dx, py - share * dy))
+    return distances
 
 
 @kernel

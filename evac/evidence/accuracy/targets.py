@@ -64,7 +64,7 @@ def _rows(first_seed: int) -> list[dict[str, Any]]:
             what = f"settled, {law.label}, to {SMALL:g} {law.unit}: {default} [ms]"
             span = 1e3 * seconds_to(problems["settled"], default, SMALL)
             measured.setdefault((what, "at most", LONGEST), []).append(span)
-    return [_row(*target, found) for target, found in measured.items()]
+    return [_row(*target, ratios) for target, ratios in measured.items()]
 
 
 def seconds_to(problem: ContactProblem, solver: str, goal: float) -> float:
@@ -73,14 +73,14 @@ def seconds_to(problem: ContactProblem, solver: str, goal: float) -> float:
     return median_solve(problem, solver, False, goal / problem.law.scale, limit)[0]
 
 
-def _row(what: str, side: str, bound: float, found: Sequence[float]) -> dict[str, Any]:
-    median = float(np.median(found))
+def _row(what: str, side: str, bound: float, ratios: Sequence[float]) -> dict[str, Any]:
+    median = float(np.median(ratios))
     finding = (at_least if side == "at least" else at_most)(what, median, bound)
     return {
         "what": what,
         "wanted": finding["wanted"],
         "measured": median,
         "verdict": finding["verdict"],
-        "least": min(found),
-        "greatest": max(found),
+        "least": min(ratios),
+        "greatest": max(ratios),
     }

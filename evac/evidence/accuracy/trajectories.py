@@ -147,8 +147,8 @@ def measure(
                 model.check_scene(problem.scene(0.0).border(step, drive == "explicit"))
             except ScenarioError:
                 continue
-            found = [walked(problem, model, shift, step, drive) for shift in shifts]
-            errors = [_distance(place, truth) for (place, _), truth in zip(found, truths, strict=True)]
+            walks = [walked(problem, model, shift, step, drive) for shift in shifts]
+            errors = [_distance(place, truth) for (place, _), truth in zip(walks, truths, strict=True)]
             path = _fastest(problem) * step
             error = math.sqrt(float(np.mean(np.square(errors))))
             rows.append(
@@ -160,7 +160,7 @@ def measure(
                     "error [m]": error,
                     "error / (v h)": error / path,
                     "worst start / (v h)": max(errors) / path,
-                    "time [s]": float(np.median([span for _, span in found])),
+                    "time [s]": float(np.median([span for _, span in walks])),
                     "theory": 2 if (label, drive) in problem.second_order else 1,
                 }
             )

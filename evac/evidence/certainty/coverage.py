@@ -54,12 +54,12 @@ def covered(task: Drawn) -> dict[str, Any]:
         below += wanted < low
         above += wanted > high
         widths.append(0.5 * (high - low) / wanted)
-    found = task.studies - none
+    covering = task.studies - none
     return {
         "no interval [%]": 100.0 * none / task.studies,
-        "covers [%]": 100.0 * (found - below - above) / found if found else None,
-        "truth below [%]": 100.0 * below / found if found else None,
-        "truth above [%]": 100.0 * above / found if found else None,
+        "covers [%]": 100.0 * (covering - below - above) / covering if covering else None,
+        "truth below [%]": 100.0 * below / covering if covering else None,
+        "truth above [%]": 100.0 * above / covering if covering else None,
         "half width, median [%]": 100.0 * float(np.median(widths)) if widths else None,
         "runs, median": float(np.median(runs)),
         "runs, 5 %": float(np.percentile(runs, 5)),
@@ -71,8 +71,8 @@ def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, i
     """Return the interval of one study, and its number of runs."""
     if task.times.ndim == 2:
         drawn = task.times[generator.integers(len(task.times), size=task.runs)]
-        found = estimate(task.statistic, drawn.ravel(), np.repeat(np.arange(task.runs), drawn.shape[1]).tolist())
-        return found.low, found.high, task.runs
+        interval = estimate(task.statistic, drawn.ravel(), np.repeat(np.arange(task.runs), drawn.shape[1]).tolist())
+        return interval.low, interval.high, task.runs
     if task.until is None:
         times = generator.choice(task.times, task.runs)
         return *_interval(task, times, generator), task.runs
@@ -84,24 +84,24 @@ def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, i
     while runs < wanted:
         runs = wanted
         wanted = rule.wanted(times[:runs], range(runs))
-    found = rule.estimate(times[:runs], range(runs))
-    return found.low, found.high, runs
+    interval = rule.estimate(times[:runs], range(runs))
+    return interval.low, interval.high, runs
 
 
 def _plain(task: Drawn, times: FloatArray, least: int) -> tuple[float, float, int]:
     """Compute the interval after every run, and stop when it is narrow enough for the first time."""
     assert task.until is not None
     for runs in range(least, len(times)):
-        found = estimate(task.statistic, times[:runs])
-        if found.relative_half_width <= task.until:
+        interval = estimate(task.statistic, times[:runs])
+        if interval.relative_half_width <= task.until:
             break
-    return found.low, found.high, runs
+    return interval.low, interval.high, runs
 
 
 def _interval(task: Drawn, times: FloatArray, generator: np.random.Generator) -> Interval:
     if task.method == "ours":
-        found = estimate(task.statistic, times)
-        return found.low, found.high
+        interval = estimate(task.statistic, times)
+        return interval.low, interval.high
     finite = times[np.isfinite(times)]
     return OTHERS[task.method](finite if task.statistic == "mean" else times, task.statistic, generator)
 
@@ -117,20 +117,20 @@ def _percentile_bootstrap(times: FloatArray, statistic: str, generator: np.rando
     samples = times[generator.integers(len(times), size=(OTHER_RESAMPLES, len(times)))]
     of = percentile_of(statistic)
     with np.errstate(invalid="ignore"):
-        found = samples.mean(axis=1) if of is None else np.percentile(samples, of, axis=1)
-    found = np.sort(np.where(np.isnan(found), math.inf, found))
+        values = samples.mean(axis=1) if of is None else np.percentile(samples, of, axis=1)
+    values = np.sort(np.where(np.isnan(values), math.inf, values))
     tail = 50.0 * (1.0 - CONFIDENCE)
-    return percentile(found, tail), percentile(found, 100.0 - tail)
+    return percentile(values, tail), percentile(values, 100.0 - tail)
 
 
 def _bca_bootstrap(times: FloatArray, statistic: str, generator: np.random.Generator) -> Interval:
     """Return the bias-corrected and accelerated bootstrap interval of the mean."""
     from scipy.stats import bootstrap
 
-    found = bootstrap(
+    interval = bootstrap(
         (times,), np.mean, n_resamples=OTHER_RESAMPLES, confidence_level=CONFIDENCE, method="BCa", rng=generator
     ).confidence_interval
-    return float(found.low), float(found.high)
+    return float(interval.low), float(interval.high)
 
 
 #: Studies that look after every run, and from how many runs on.

@@ -143,12 +143,12 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
     fixed_rows = evidence.measured("fixed", lambda: _covered(evidence, fixed))
     stopped_rows = evidence.measured("stopped", lambda: _covered(evidence, stopped))
     other_rows = evidence.measured("others", lambda: _covered(evidence, others))
-    for what, found in (("a fixed number of runs", fixed_rows), ("a precision", stopped_rows)):
-        good = [LEAST_COVER <= row["covers [%]"] <= MOST_COVER for row in found]
+    for what, rows in (("a fixed number of runs", fixed_rows), ("a precision", stopped_rows)):
+        good = [LEAST_COVER <= row["covers [%]"] <= MOST_COVER for row in rows]
         question = f"Intervals of studies with {what} that cover in {LEAST_COVER:g} to {MOST_COVER:g} % of {studies}"
         evidence.verdict(all_of(question, sum(good), len(good), COVERAGE))
-        least = min(row["covers [%]"] for row in found)
-        greatest = max(row["covers [%]"] for row in found)
+        least = min(row["covers [%]"] for row in rows)
+        greatest = max(row["covers [%]"] for row in rows)
         evidence.verdict(at_least(f"Least coverage, {what}", least, LEAST_COVER, "%", COVERAGE))
         evidence.verdict(at_most(f"Greatest coverage, {what}", greatest, MOST_COVER, "%", COVERAGE))
     of = percentile_of("percentile 95")
@@ -239,8 +239,8 @@ def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
     question = f"Intervals of percentiles of irregular runs that cover in at least {LEAST_COVER:g} % of {studies}"
     evidence.verdict(all_of(question, sum(good), len(good), OTHER_RUNS))
     for kind in (BLOCKED, "rare long runs"):
-        found = [row["covers [%]"] for row in rows if row["runs of"] == kind and row["statistic"] == "mean"]
-        told = f"{min(found):.1f} to {max(found):.1f} %"
+        shares = [row["covers [%]"] for row in rows if row["runs of"] == kind and row["statistic"] == "mean"]
+        told = f"{min(shares):.1f} to {max(shares):.1f} %"
         evidence.verdict(reported(f"Coverage of the mean, {kind}", told, section=OTHER_RUNS))
     without = [row["no interval [%]"] for row in rows if row["statistic"] == "percentile 95" and row["runs"] < 72]
     question = "Studies of less than 72 populations without an interval of the 95th percentile"
@@ -331,14 +331,14 @@ def report_work(evidence: Evidence) -> None:
 def _runs(evidence: Evidence, name: str, runs: int, repetitions: int = 1) -> list[Row]:
     """Return the evacuation times of many runs of a case."""
     workers = 1 if evidence.quick else WORKERS
-    found = repeat(load_case(name), runs, repetitions=repetitions, workers=workers).rows(columns=["seed", "last_out"])
-    return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in found]
+    rows = repeat(load_case(name), runs, repetitions=repetitions, workers=workers).rows(columns=["seed", "last_out"])
+    return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in rows]
 
 
 def _times(rows: Sequence[Row]) -> FloatArray:
     """Return the evacuation times of the rows of `_runs`, infinite where people are left."""
-    found = [row["evacuation time [s]"] for row in rows]
-    return np.array([np.inf if time is None else time for time in found])
+    times = [row["evacuation time [s]"] for row in rows]
+    return np.array([np.inf if time is None else time for time in times])
 
 
 def _steps(evidence: Evidence) -> list[Row]:
@@ -373,9 +373,9 @@ def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:
             "runs": task.runs or None,
             "until [%]": None if task.until is None else 100.0 * task.until,
             "method": task.method,
-            **found,
+            **counts,
         }
-        for task, found in zip(tasks, evidence.map(covered, tasks), strict=True)
+        for task, counts in zip(tasks, evidence.map(covered, tasks), strict=True)
     ]
 
 

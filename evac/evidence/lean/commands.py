@@ -104,8 +104,8 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac check primary_school": [],
         "evac explain primary_school": [],
     }
-    found = {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]}
-    return found | {name: ["-m", *name.split(), *words] for name, words in more.items()}
+    commands = {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]}
+    return commands | {name: ["-m", *name.split(), *words] for name, words in more.items()}
 
 
 def report_commands(evidence: Evidence) -> None:

@@ -78,9 +78,9 @@ def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for variant in (AS_IT_IS, ALL_IN):
         overrides = dict(case.overrides) | (dict(case.named) if variant == ALL_IN else {})
-        found = _in_fresh_process(case.scene, overrides, variant == ALL_IN, [row["kernel"] for row in rows])
-        head = {"scene": case.scene, "model": case.model, "variant": variant, "functions": found["functions"]}
-        for label, (span, size) in found["kernels"].items():
+        loads = _in_fresh_process(case.scene, overrides, variant == ALL_IN, [row["kernel"] for row in rows])
+        head = {"scene": case.scene, "model": case.model, "variant": variant, "functions": loads["functions"]}
+        for label, (span, size) in loads["kernels"].items():
             rows.append({**head, "kernel": label, CPU: span, "object code [kB]": 1e-3 * size})
     return rows
 
@@ -98,21 +98,21 @@ def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[
     from evac.jit.compiler import compile_entry, compiled_functions  # imports numba, which is not timed
 
     before = len(compiled_functions())
-    found = {}
+    seconds = {}
     for entry in sorted(entries, key=lambda entry: (entry.label not in first, entry.label)):
         start = time.process_time()
         code = compile_entry(entry, "timed", host())
-        found[entry.label] = time.process_time() - start, len(code)
-    return {"kernels": found, "functions": len(compiled_functions()), "before": before}
+        seconds[entry.label] = time.process_time() - start, len(code)
+    return {"kernels": seconds, "functions": len(compiled_functions()), "before": before}
 
 
 def _in_fresh_process(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[str]) -> dict[str, Any]:
     """Return the result of `loaded` in a new process, which has compiled no kernels."""
     command = [sys.executable, "-c", PROBE, json.dumps([name, overrides, full, first])]
-    found: dict[str, Any] = {"before": 1}
-    while found["before"]:  # kernels that were missing are on disk the next time
-        found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    return found
+    said: dict[str, Any] = {"before": 1}
+    while said["before"]:  # kernels that were missing are on disk the next time
+        said = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return said
 
 
 def summary_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -162,7 +162,7 @@ def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -
 def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> dict[str, Any]:
     """Return the cost of a part over several rounds: median, least and greatest."""
     assert part.base is not None
-    pairs = [(one[part.name], one[part.base.name]) for one in trials]
+    pairs = [(trial[part.name], trial[part.base.name]) for trial in trials]
     setup = [1e3 * (forced.setup - base.setup) for forced, base in pairs]
     loop = [100.0 * (forced.loop - base.loop) / base.loop for forced, base in pairs]
     return {

@@ -148,7 +148,7 @@ def phase_times(walk: Walk, variant: Variant, cost: Cost) -> dict[str, float]:
     by a tick without steps.
     """
     state = walk.engine.state
-    found = {
+    times = {
         name: _each(partial(kernel, state))
         for name, kernel in (
             ("lists", phases.repeat_lists),
@@ -157,15 +157,15 @@ def phase_times(walk: Walk, variant: Variant, cost: Cost) -> dict[str, float]:
             ("move", phases.repeat_move),
         )
     }
-    found["lists"] *= cost.builds
+    times["lists"] *= cost.builds
 
     def sort(repeats: int) -> None:
         for _ in range(repeats):
             walk.engine.advance(variant.model, walk.crowd, walk.made, 0, walk.step, False, False)
 
-    found["sorting"] = _each(sort) / walk.per_tick
-    found["contact and rest"] = max(0.0, cost.seconds - sum(found.values()))
-    return {name: found[name] for name in PHASES}
+    times["sorting"] = _each(sort) / walk.per_tick
+    times["contact and rest"] = max(0.0, cost.seconds - sum(times.values()))
+    return {name: times[name] for name in PHASES}
 
 
 def _each(call: Callable[[int], Any]) -> float:

@@ -144,8 +144,8 @@ def _draw_restitution(rows: Sequence[dict[str, Any]]) -> Any:
     finite = [row for row in rows if 0.0 < row["K_N [kg]"] < np.inf]
     for name, mass, colour in (("pair", 37.5, "#0072B2"), ("wall", 80.0, "#D55E00")):
         axis.plot(smooth, [restitution(k, mass) for k in smooth], color=colour, label=f"{name}, {mass:g} kg: theory")
-        found = [row[f"{name}: restitution"] for row in finite]
-        axis.plot([row["K_N [kg]"] for row in finite], found, "o", color=colour, label=f"{name}: measured")
+        values = [row[f"{name}: restitution"] for row in finite]
+        axis.plot([row["K_N [kg]"] for row in finite], values, "o", color=colour, label=f"{name}: measured")
     axis.set_xscale("log")
     axis.set_xlabel("K_N [kg]")
     axis.set_ylabel("coefficient of restitution")
@@ -163,11 +163,11 @@ def standing_crowd() -> Scene:
 
 def standing(evidence: Evidence) -> list[str]:
     """Tabulate the greatest speed of 40 people pressed against a wall, for all models, solvers, drives and steps."""
-    found = evidence.measured("standing_cells", lambda: cell_rows(_standing_cells(evidence.quick), STANDING_AXES))
+    cells = evidence.measured("standing_cells", lambda: cell_rows(_standing_cells(evidence.quick), STANDING_AXES))
     section = "Standing crowds"
     rows: dict[str, dict[str, Any]] = {}
     still: dict[str, list[bool]] = {}
-    for cell in found:
+    for cell in cells:
         variant, solver, drive = cell["panel"].split(", ")
         row = rows.setdefault(cell["panel"], {"model": variant, "solver": solver or "-", "drive": drive})
         speed = cell["error"]
@@ -183,8 +183,8 @@ def standing(evidence: Evidence) -> list[str]:
         jitter."""
     )
     evidence.data("standing", list(rows.values()), "Speeds [m/s]")
-    evidence.data("standing_cells", found, "What each run counted")
-    return [cell["verdict"] for cell in found]
+    evidence.data("standing_cells", cells, "What each run counted")
+    return [cell["verdict"] for cell in cells]
 
 
 def _standing_cells(quick: bool) -> list[Cell]:

@@ -262,6 +262,6 @@ def _scene_rows(quick: bool) -> list[dict[str, Any]]:
         rows.append(("building of one triangle", model, "people still inside after 30 s", try_triangle(model)))
     columns = ("scene", "model", "verdict", "judged by", "error", "words")
     return [
-        dict(zip(columns, (scene, model, found.kind, by, found.error, found.words), strict=True))
-        for scene, model, by, found in rows
+        dict(zip(columns, (scene, model, outcome.kind, by, outcome.error, outcome.words), strict=True))
+        for scene, model, by, outcome in rows
     ]

@@ -184,11 +184,11 @@ def _places(values: Sequence[float], wanted: FloatArray) -> FloatArray:
     logarithm = np.log([values[k] for k in usable])
     places = np.array(usable, dtype=float)
     sought = np.log(np.asarray(wanted, dtype=float))
-    found = np.interp(sought, logarithm, places)
+    places_ = np.interp(sought, logarithm, places)
     first = (places[1] - places[0]) / (logarithm[1] - logarithm[0])
     last = (places[-1] - places[-2]) / (logarithm[-1] - logarithm[-2])
-    found = np.where(sought < logarithm[0], places[0] + first * (sought - logarithm[0]), found)
-    return np.asarray(np.where(sought > logarithm[-1], places[-1] + last * (sought - logarithm[-1]), found))
+    places_ = np.where(sought < logarithm[0], places[0] + first * (sought - logarithm[0]), places_)
+    return np.asarray(np.where(sought > logarithm[-1], places[-1] + last * (sought - logarithm[-1]), places_))
 
 
 def _draw_legend(figure: Any, cells: Sequence[Cell], styles: Mapping[str, str]) -> None:

@@ -126,14 +126,14 @@ def _class_runs(evidence: Evidence, seeds: list[int]) -> ClassRuns:
     return ClassRuns(times, blocked)
 
 
-def _blocked_rows(found: ClassRuns) -> list[Row]:
-    return [_share_row(name, found.blocked[name], found.times[name]) for name in MODELS]
+def _blocked_rows(runs: ClassRuns) -> list[Row]:
+    return [_share_row(name, runs.blocked[name], runs.times[name]) for name in MODELS]
 
 
-def _all_rows(found: ClassRuns) -> list[Row]:
+def _all_rows(runs: ClassRuns) -> list[Row]:
     """Return rows that compare the models over all runs, including blocked ones."""
     rows = []
-    for name, times in found.times.items():
+    for name, times in runs.times.items():
         middle = median_last(times)
         row: Row = {"model": name, "runs": len(times)}
         row["last out, median [s]"] = middle if math.isfinite(middle) else None
@@ -164,7 +164,7 @@ def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> Row:
     }
 
 
-def _desk_rows(found: ClassRuns) -> list[Row]:
+def _desk_rows(runs: ClassRuns) -> list[Row]:
     """Return the mean escape times of every desk over the runs that did not block, from the door back."""
     simulation = Simulation(load_case("classroom"))
     place = simulation.population.crowd.position
@@ -180,7 +180,7 @@ def _desk_rows(found: ClassRuns) -> list[Row]:
             "way to the door [m]": way[desk],
         }
         for name in MODELS:
-            values = found.times[name][~found.blocked[name], desk]
+            values = runs.times[name][~runs.blocked[name], desk]
             row[f"{name} [s]"] = float(values.mean()) if len(values) else None
             row[f"{name} +- [s]"] = _standard_error(values)
         rows.append(row)

@@ -66,7 +66,7 @@ def report_flow(evidence: Evidence) -> None:
     def measured() -> tuple[FlowTable, FlowTable]:
         return _flows(evidence, plan)
 
-    rows = evidence.measured("table3", lambda: [_row(*key, plan[key[1]][0], one) for key, one in measured()[0].items()])
+    rows = evidence.measured("table3", lambda: [_row(*key, plan[key[1]][0], own) for key, own in measured()[0].items()])
     changes = evidence.measured("table3_steps", lambda: _change_rows(measured()[1]))
     _judge_flows(evidence, rows, changes)
     evidence.heading(SECTION)
@@ -144,24 +144,24 @@ def _flows(evidence: Evidence, plan: Mapping[float, tuple[int, int]]) -> tuple[F
     return flows, changes
 
 
-def _row(name: str, step: float, sets: int, found: Flow) -> Row:
+def _row(name: str, step: float, sets: int, flow: Flow) -> Row:
     published = PUBLISHED[name].get(step)
     return {
         "model": name,
         "h [s]": step,
         "position sets": sets,
-        "runs": found.runs,
-        "counted apart": found.stopped,
-        "Q pooled": found.pooled.value,
-        "from": found.pooled.low,
-        "to": found.pooled.high,
-        "per metre [1/s/m]": found.pooled.value / (60.0 * WIDTH),
-        "Q of runs": found.mean.value,
-        "of runs, from": found.mean.low,
-        "of runs, to": found.mean.high,
+        "runs": flow.runs,
+        "counted apart": flow.stopped,
+        "Q pooled": flow.pooled.value,
+        "from": flow.pooled.low,
+        "to": flow.pooled.high,
+        "per metre [1/s/m]": flow.pooled.value / (60.0 * WIDTH),
+        "Q of runs": flow.mean.value,
+        "of runs, from": flow.mean.low,
+        "of runs, to": flow.mean.high,
         "published": published,
-        "Q pooled - published": found.pooled.value - published if published else None,
-        "Q of runs - published": found.mean.value - published if published else None,
+        "Q pooled - published": flow.pooled.value - published if published else None,
+        "Q of runs - published": flow.mean.value - published if published else None,
     }
 
 
@@ -172,16 +172,16 @@ def _change_rows(changes: FlowTable) -> list[Row]:
             "model": name,
             "from h [s]": DEFAULT,
             "to h [s]": step,
-            "shared runs": found.runs,
-            "counted apart": found.stopped,
-            "change of Q pooled": found.pooled.value,
-            "from": found.pooled.low,
-            "to": found.pooled.high,
-            "change of Q of runs": found.mean.value,
-            "of runs, from": found.mean.low,
-            "of runs, to": found.mean.high,
+            "shared runs": change.runs,
+            "counted apart": change.stopped,
+            "change of Q pooled": change.pooled.value,
+            "from": change.pooled.low,
+            "to": change.pooled.high,
+            "change of Q of runs": change.mean.value,
+            "of runs, from": change.mean.low,
+            "of runs, to": change.mean.high,
         }
-        for (name, step), found in changes.items()
+        for (name, step), change in changes.items()
     ]
 
 
@@ -192,11 +192,11 @@ def _draw(flows: FlowTable, steps: list[float]) -> Any:
     for shift, name in enumerate(MODELS):
         here = [step for step in steps if (name, step) in flows]
         place = [step * 1.08 ** (shift - 1.5) for step in here]
-        found = [flows[name, step].pooled for step in here]
-        spread = [[one.value - one.low for one in found], [one.high - one.value for one in found]]
+        pooled = [flows[name, step].pooled for step in here]
+        spread = [[own.value - own.low for own in pooled], [own.high - own.value for own in pooled]]
         colour = MODEL_COLOURS[name]
         handles.append(
-            axis.errorbar(place, [one.value for one in found], spread, fmt="o-", color=colour, capsize=3, label=name)
+            axis.errorbar(place, [own.value for own in pooled], spread, fmt="o-", color=colour, capsize=3, label=name)
         )
         runs = [flows[name, step].mean.value for step in here]
         axis.plot(place, runs, "o", color=colour, markerfacecolor="none")

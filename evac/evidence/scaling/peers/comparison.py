@@ -184,12 +184,12 @@ def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float)
 def _row(name: str, costs: Mapping[str, list[float] | str]) -> dict[str, Any]:
     """Return the columns of a program."""
     row: dict[str, Any] = {"program": name, "ns per person-step": None, "times DEM": None, "times minimal": None}
-    found = costs[name]
-    if isinstance(found, str):
-        return {**row, "message": found}
-    row["ns per person-step"] = 1e9 * float(np.median(found))
+    cost = costs[name]
+    if isinstance(cost, str):
+        return {**row, "message": cost}
+    row["ns per person-step"] = 1e9 * float(np.median(cost))
     for column, base in (("times DEM", BASE), ("times minimal", LEAST)):
-        row[column] = float(np.median(np.divide(found, costs[base])))
+        row[column] = float(np.median(np.divide(cost, costs[base])))
     return {**row, "message": ""}
 
 
