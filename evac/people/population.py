@@ -12,7 +12,6 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, naming
-from evac.base.parameters import did_you_mean
 from evac.base.saved import FINITE, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
@@ -100,32 +99,6 @@ class Population:
         """Return the groups with the settings for one behaviour only, as in its `BehaviourScene`."""
         return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
 
-    def rows_in(self, building: Building, name: str) -> IntArray:
-        """Return the people inside who are in an area or on a level, or belong to a group; an empty name means all.
-
-        Parameters
-        ----------
-        building : Building
-        name : str
-
-        Raises
-        ------
-        ScenarioError
-            There is nothing of this name.
-        """
-        crowd, area = self.crowd, building.area_named(name)
-        is_in = crowd.level >= 0
-        if area is not None:
-            is_in = crowd.level == area.level
-            is_in[is_in] = shapely.intersects_xy(area.polygon, *crowd.position[is_in].T)
-        elif name:
-            groups = [group.name for group in self.groups]
-            if name not in groups:
-                known = groups + [area.name for area in building.areas] + [level.name for level in building.levels]
-                raise ScenarioError(f"no area, level or group is named {name!r}; {did_you_mean(name, known)}")
-            is_in &= crowd.group == groups.index(name)
-        return np.flatnonzero(is_in).astype(np.int32)
-
     def settle(self, events: Events) -> IntArray:
         """Record the crossings of a tick: exit times, exits used, and the log of portal crossings.
 
@@ -187,7 +160,7 @@ class Population:
 
     @property
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of the crowd, without those set by behaviours before a run, which a changed case may alter."""
+        """The arrays of the crowd, without those that follow from its behaviours, which may change."""
         return {name: array for name, array in self.crowd.values().items() if name != "contact_radius"}
 
     def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, Any]]:
