@@ -62,11 +62,12 @@ def main_results(run: Results) -> dict[str, object]:
     """Return the main results of a run, which open its report."""
     summary = run.record
     last = "nobody is out" if summary.last_out is None else f"{summary.last_out:.1f} s"
-    if summary.last_out is not None and not run.is_complete:
+    if summary.last_out is not None and summary.evacuated < summary.people:
         last += " (the last of those who are out)"
     return {
         "People": str(summary.people),
         "Out": f"{summary.evacuated} of {summary.people}",
+        **{f"At refuge {one.name!r}": str(len(one.people)) for one in summary.refuges},
         "Last person out": last,
         "End of the run": f"{summary.ended}, after {summary.simulated_time:.1f} s of simulated time"
         f" ({summary.steps} steps)",
@@ -79,7 +80,7 @@ def main_results(run: Results) -> dict[str, object]:
 def banner(run: Results) -> str:
     """Return what makes the results of a run incomplete, empty if nothing does."""
     summary = run.record
-    left = summary.people - summary.evacuated
+    left = summary.people - summary.evacuated - run.at_refuges
     inside = f"{left} of {summary.people} people were still inside after {summary.simulated_time:.1f} s."
     if summary.ended in STOPPED:
         return f"This run was stopped before its end ({summary.ended}); its results are incomplete. {inside}"

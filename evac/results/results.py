@@ -271,8 +271,8 @@ class Results:
 
     @property
     def is_complete(self) -> bool:
-        """Whether everybody is out."""
-        return self.evacuated == self.number_of_people
+        """Whether everybody is out or at a refuge."""
+        return self.evacuated + self.at_refuges == self.number_of_people
 
     @property
     def last_out(self) -> float | None:
@@ -295,7 +295,7 @@ class Results:
     @property
     def exit_status(self) -> int:
         """0 if everybody is out or at a refuge, 3 if others are left."""
-        return 0 if self.evacuated + self.at_refuges == self.number_of_people else 3
+        return 0 if self.is_complete else 3
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -135,7 +135,7 @@ def _make_run(order: Order, base: "Case", run: int, tick: Callable[[Progress], N
         case.simulation.population_seed,
         results.ended,
         time=results.time,
-        last_out=math.inf if results.exit_status or results.last_out is None else results.last_out,
+        last_out=results.last_out if results.is_complete and results.last_out is not None else math.inf,
         exits=tuple(exits),
         exit_time=crowd.exit_time,
         exit_used=crowd.exit_used.astype(np.int16),

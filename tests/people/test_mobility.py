@@ -5,6 +5,7 @@ import pytest
 from shapely import box
 
 import evac
+from evac.report.of_run import banner, main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
 
@@ -86,10 +87,12 @@ def test_who_cannot_leave_waits_in_a_refuge_and_counts_as_there(tmp_path):
     (refuge,) = results.refuges
     wheelchairs = np.flatnonzero(results.crowd.level >= 0)
     assert refuge.people == tuple(wheelchairs)
-    assert (results.evacuated, results.at_refuges, results.is_complete) == (3, 4, False)
+    assert (results.evacuated, results.at_refuges, results.is_complete) == (3, 4, True)
     x, y = results.crowd.position[wheelchairs].T
     assert ((x > 30) & (y < 3)).all()
     again = evac.read_results(tmp_path / "run")
+    assert banner(again) == ""
+    assert main_results(again)["At refuge 'at lobby'"] == "4"
     assert (again.refuges, again.exit_status, again.remarks) == (results.refuges, 0, results.remarks)
 
 
