@@ -105,6 +105,7 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
         "versions": dict(versions()),
         "groups": [members.name for members in population.groups],
         "group": group.tolist(),
+        "arriving": [one.name for one in simulation.case.people if one.arrive is not None],
         "radius": population.crowd.radius.tolist(),
         "height": population.crowd.height.tolist(),
         "building": building_to_json(simulation.scene.ground.building),

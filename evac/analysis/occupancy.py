@@ -71,6 +71,7 @@ def moves_of(
     start_level: IntArray,
     crossings: tuple[IntArray, IntArray, FloatArray],
     exit_time: FloatArray,
+    arrival_time: FloatArray | None = None,
 ) -> Moves:
     """Return all changes of level of a run.
 
@@ -78,12 +79,14 @@ def moves_of(
     ----------
     building : Building
     start_level : (n,) int32
-        Level of each person at time zero.
+        Level of each person at time zero, or at the time of arrival; -1 for people who have not come.
     crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
         Person, link and time in the order of the log. Links are the portals, then the exits (as in
         ``evac.physics.state.World``); exits may be missing in the log.
     exit_time : (n,) float64 [s]
         NaN for people who are not out.
+    arrival_time : (n,) float64, optional
+        Times at which people came [s], NaN for those who have not; by default all are there from time zero.
 
     Raises
     ------
@@ -104,8 +107,13 @@ def moves_of(
             )
         target[k] = level[person] = way.other(source[k])
     out = np.flatnonzero(np.isfinite(exit_time)).astype(np.int32)
-    row, time = np.concatenate([row, out]), np.concatenate([time, exit_time[out]])
-    source = np.concatenate([source, level[out]])
-    target = np.concatenate([target, np.full(out.size, -1, np.int32)])
+    begin = np.array(start_level, dtype=np.int32)
+    came = np.flatnonzero(arrival_time > 0.0) if arrival_time is not None else np.zeros(0, np.intp)
+    came = came.astype(np.int32)
+    row = np.concatenate([came, row, out])
+    time = np.concatenate([np.zeros(0) if arrival_time is None else arrival_time[came], time, exit_time[out]])
+    source = np.concatenate([np.full(came.size, -1, np.int32), source, level[out]])
+    target = np.concatenate([begin[came], target, np.full(out.size, -1, np.int32)])
+    begin[came] = -1
     order = np.argsort(time, kind="stable")
-    return Moves(np.asarray(start_level, np.int32), row[order], source[order], target[order], time[order])
+    return Moves(begin, row[order], source[order], target[order], time[order])

@@ -176,7 +176,7 @@ class Case(Table):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all keys with their values as plain data, including known defaults of the plugins in use."""
-        table = self.model_dump(mode="json", exclude_none=True)
+        table = self.model_dump(mode="json", exclude_none=True, by_alias=True)
         registry, model = self.registry, self.contact.model
         if model in registry.contact_models:
             table["contact"][model] = _filled(registry.contact_models[model], table["contact"].get(model, {}))

@@ -55,7 +55,7 @@ def _table(table: type[Table], path: str, title: str) -> str:
     fields = {name: field for name, field in table.model_fields.items() if table_of(field.annotation) is None}
     if table is GroupSettings:
         fields = {name: field for name, field in fields.items() if name not in PeopleSettings.model_fields}
-    rows = [_row(name, field) for name, field in fields.items()]
+    rows = [_row(field.alias or name, field) for name, field in fields.items()]
     if table is GroupSettings:
         rows.append("| `radius`, ... |  |  |  | every key of `[presets.NAME]` below |")
     if path == "contact":

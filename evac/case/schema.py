@@ -168,6 +168,41 @@ class PeopleSettings(Table):
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
 
 
+class ArrivalSettings(Table):
+    """`arrive` of a group: when its people come, at times or at a rate."""
+
+    times: tuple[Annotated[Real, Field(ge=0, le=LONGEST_RUN)], ...] | None = key(
+        "time at which each person comes; this or `rate`", "s", None, min_length=1, max_length=MOST_PEOPLE
+    )
+    rate: Annotated[Real, Field(gt=0)] | None = key(
+        "mean number of people per second: their number and their times are those of a Poisson process", "1/s", None
+    )
+    from_: Real | None = key("time from which people come at the rate", "s", None, ge=0, le=LONGEST_RUN, alias="from")
+    to: Real | None = key("time until which they do", "s", None, ge=0, le=LONGEST_RUN)
+    exit: str | None = key(
+        "name of the exit through which they come; this, or `area` or `level` of the group", "", None
+    )
+
+    @property
+    def mean(self) -> int:
+        """Mean number of people, rounded."""
+        if self.times is not None:
+            return len(self.times)
+        return round((self.rate or 0.0) * ((self.to or 0.0) - (self.from_ or 0.0)))
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.times is None) == (self.rate is None):
+            raise wrong("times", "give either the times, or rate, from and to")
+        if self.times is not None and (self.from_ is not None or self.to is not None):
+            raise wrong("from" if self.to is None else "to", "belongs to rate, not to times; remove it")
+        if self.rate is not None and (self.from_ is None or self.to is None or self.from_ >= self.to):
+            raise wrong("to", "give the times from and to of the rate, the earlier one first")
+        if self.mean > MOST_PEOPLE:
+            raise wrong("rate", f"{self.mean:,} people; at most {MOST_PEOPLE:,} are allowed")
+        return self
+
+
 class GroupSettings(PeopleSettings):
     """`[[people]]`: a group: properties, number and start positions of its people."""
 
@@ -187,6 +222,8 @@ class GroupSettings(PeopleSettings):
     velocity: tuple[Velocity, ...] | None = key(
         "initial velocity of each person, with `positions` only; if not given, zero", "m/s", None
     )
+    arrive: ArrivalSettings | None = key("when they come, if they are not there from the start", "", None)
+    leave: Switch = key("whether they leave; otherwise they stay where they are and are counted apart", "", True)
     z: Coordinate | None = key("height of the level of `positions`; this or `level`", "m", None)
     level: str | None = key(
         "name of the level of `positions`; without positions, name of the level on which they start at random places",
@@ -196,7 +233,9 @@ class GroupSettings(PeopleSettings):
 
     @property
     def count(self) -> int:
-        """Number of people in the group."""
+        """Number of people in the group; of those who come at a rate, the mean number."""
+        if self.arrive is not None:
+            return self.arrive.mean
         return len(self.positions) if self.positions is not None else self.number or 0
 
     @model_validator(mode="after")
@@ -207,6 +246,9 @@ class GroupSettings(PeopleSettings):
 
     @model_validator(mode="after")
     def _placed_one_way(self) -> Self:
+        if self.arrive is not None:
+            self._check_arrival()
+            return self
         if self.area is not None and self.positions is not None:
             raise wrong("area", "give either area or positions, not both; remove one")
         if self.area is None and self.positions is None and self.level is None:
@@ -221,6 +263,15 @@ class GroupSettings(PeopleSettings):
             if values.kind == "list" and len(values.numbers) != self.count:
                 raise wrong(quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person")
         return self
+
+    def _check_arrival(self) -> None:
+        assert self.arrive is not None
+        given = [name for name in ("area", "level") if getattr(self, name) is not None]
+        if len(given) + (self.arrive.exit is not None) != 1:
+            raise wrong("arrive", "give one place at which they come: area, level, or arrive.exit")
+        for other in ("number", "positions", "velocity", "z"):
+            if getattr(self, other) is not None:
+                raise wrong(other, "cannot be used with arrive, whose times or rate say how many come; remove it")
 
     def _check_place(self) -> None:
         place = "area" if self.area is not None else "level"

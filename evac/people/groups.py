@@ -125,6 +125,9 @@ def check_people(case: "Case", building: Building) -> None:
         for name in people.exits:
             if name not in exits:
                 problems.append(f"{key}.exits: unknown exit {name!r}; {did_you_mean(name, exits)}")
+        if people.arrive is not None and people.arrive.exit not in (None, *exits):
+            name = str(people.arrive.exit)
+            problems.append(f"{key}.arrive.exit: unknown exit {name!r}; {did_you_mean(name, exits)}")
         if people.exits and is_shut.issuperset(people.exits):
             which = " or ".join(map(repr, people.exits))
             problems.append(f"{key}.exits: leads only to {which}, which building.closed closes; add another exit")

@@ -12,10 +12,12 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, naming
+from evac.base.parameters import did_you_mean
 from evac.base.saved import FINITE, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.surface.places import HEIGHT_REACH
+from evac.people.arrivals import Source, times_of_arrival
 from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people, contact_radii, route_of
 from evac.people.placement import clearance, place
@@ -75,18 +77,42 @@ class Population:
     groups : tuple of Group
     n_portals : int
         Number of portals; links from this index on are exits.
+    staying : (k,) int32
+        People who do not leave.
+    sources : sequence of Source
+        Where people come in during the run.
     """
 
-    def __init__(self, crowd: Crowd, groups: tuple[Group, ...], n_portals: int) -> None:
+    def __init__(
+        self,
+        crowd: Crowd,
+        groups: tuple[Group, ...],
+        n_portals: int,
+        staying: IntArray | None = None,
+        sources: "Sequence[Source]" = (),
+    ) -> None:
         self.crowd = crowd
         self.groups = groups
+        self.sources = tuple(sources)
+        self.staying = np.zeros(0, np.int32) if staying is None else staying
         self._n_portals = n_portals
         self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
 
     @property
     def inside(self) -> int:
-        """Number of people still inside."""
+        """Number of people still inside, or still to come."""
         return int(np.count_nonzero(np.isnan(self.crowd.exit_time)))
+
+    @property
+    def next_arrival(self) -> float:
+        """Earliest time of those who have not come [s]; infinite if everybody has."""
+        late = [source.due[np.isnan(self.crowd.arrival_time[source.rows])] for source in self.sources]
+        return float(np.concatenate([[np.inf], *late]).min())
+
+    def arrive(self, building: Building, time: float) -> IntArray:
+        """Let the people come whose time has come, and return them; who finds no place waits outside."""
+        came = [source.let_in(building, self.crowd, time) for source in self.sources]
+        return np.concatenate([np.zeros(0, np.int32), *came])
 
     @property
     def crossings(self) -> tuple[IntArray, IntArray, FloatArray]:
@@ -98,6 +124,32 @@ class Population:
     def groups_for(self, behaviour: str) -> tuple[Group, ...]:
         """Return the groups with the settings for one behaviour only, as in its `BehaviourScene`."""
         return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
+
+    def rows_in(self, building: Building, name: str) -> IntArray:
+        """Return the people inside who are in an area or on a level, or belong to a group; an empty name means all.
+
+        Parameters
+        ----------
+        building : Building
+        name : str
+
+        Raises
+        ------
+        ScenarioError
+            There is nothing of this name.
+        """
+        crowd, area = self.crowd, building.area_named(name)
+        is_in = crowd.level >= 0
+        if area is not None:
+            is_in = crowd.level == area.level
+            is_in[is_in] = shapely.intersects_xy(area.polygon, *crowd.position[is_in].T)
+        elif name:
+            groups = [group.name for group in self.groups]
+            if name not in groups:
+                known = groups + [area.name for area in building.areas] + [level.name for level in building.levels]
+                raise ScenarioError(f"no area, level or group is named {name!r}; {did_you_mean(name, known)}")
+            is_in &= crowd.group == groups.index(name)
+        return np.flatnonzero(is_in).astype(np.int32)
 
     def settle(self, events: Events) -> IntArray:
         """Record the crossings of a tick: exit times, exits used, and the log of portal crossings.
@@ -145,11 +197,12 @@ class Population:
         """
         bounds = self._bounds(building, routes)
         values = {
-            name: taken(state, name, array.dtype, array.shape, *bounds[name], nan=name == "exit_time")
+            name: taken(state, name, array.dtype, array.shape, *bounds[name], nan=name in ("exit_time", "arrival_time"))
             for name, array in self._arrays.items()
         }
         is_out = values["level"] < 0
         marks = np.isfinite(values["exit_time"]), values["exit_used"] >= 0
+        is_out &= ~np.isnan(values["arrival_time"])
         if not all(np.array_equal(is_out, mark) for mark in marks):
             raise SavedError("level: is not -1 for exactly those who have an exit_time and an exit_used")
         rows = taken(state, "crossing_row", np.int32, (None,), 0, len(is_out) - 1)
@@ -160,7 +213,7 @@ class Population:
 
     @property
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of the crowd, without those that follow from its behaviours, which may change."""
+        """The arrays of the crowd, without those set by behaviours before a run, which a changed case may alter."""
         return {name: array for name, array in self.crowd.values().items() if name != "contact_radius"}
 
     def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, Any]]:
@@ -180,6 +233,7 @@ class Population:
             "exit_used": (-1, len(building.exits) - 1),
             "distance": (0.0, FINITE),
             "contact_force": (0.0, FINITE),
+            "arrival_time": (0.0, FINITE),
             "passing": (-1, building.n_links - 1),
             "ahead": (-1.0, 1.0),
         }
@@ -211,13 +265,14 @@ def build_population(
         An area, level or exit is unknown; a position is outside its level or in a wall; more people than fit.
     """
     check_people(case, building)
-    counts = [people.count for people in case.people]
+    due = {people.name: times_of_arrival(people, seed) for people in case.people if people.arrive is not None}
+    counts = [len(due[people.name]) if people.name in due else people.count for people in case.people]
     crowd = make_crowd(np.zeros((sum(counts), 2)), level=-1)
     ends = np.cumsum(counts)
     own = case.simulation.population_seed
     groups = tuple(
-        Group(people.name, np.arange(end - people.count, end, dtype=np.int32), people.behaviours)
-        for people, end in zip(case.people, ends, strict=True)
+        Group(people.name, np.arange(end - count, end, dtype=np.int32), people.behaviours)
+        for people, count, end in zip(case.people, counts, ends, strict=True)
     )
     for index, (people, group) in enumerate(zip(case.people, groups, strict=True)):
         crowd.group[group.rows] = index
@@ -230,9 +285,17 @@ def build_population(
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)
     for people, group in zip(case.people, groups, strict=True):
-        if people.positions is None:
+        if people.positions is None and people.arrive is None:
             _take_area(case, building, crowd, people, group.rows, seed)
-    return Population(crowd, groups, len(building.portals))
+    sources = []
+    for people, group in zip(case.people, groups, strict=True):
+        if people.arrive is not None:
+            crowd.arrival_time[group.rows] = np.nan
+            sources.append(Source(people, group.rows, due[people.name], seed))
+    stay = [group.rows for people, group in zip(case.people, groups, strict=True) if not people.leave]
+    staying = np.concatenate([np.zeros(0, np.int32), *stay])
+    crowd.start_time[staying] = np.inf
+    return Population(crowd, groups, len(building.portals), staying, sources)
 
 
 def _route_index(case: "Case", people: "GroupSettings", fields: "Fields") -> int:

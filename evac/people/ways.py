@@ -78,9 +78,12 @@ def check_ways(
         People cannot reach any permitted exit, or the criteria disagree; names the group, the place and what to
         change.
     """
-    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
+    here, time = np.flatnonzero(crowd.level >= 0), np.full(len(crowd.level), math.inf)
+    time[here] = fields.travel_time_at(
+        crowd.level[here], crowd.position[here], crowd.route[here], crowd.contact_radius[here]
+    )
     for group in groups:
-        rows = group.rows
+        rows = group.rows[(crowd.level[group.rows] >= 0) & np.isfinite(crowd.start_time[group.rows])]
         lost = rows[~np.isfinite(time[rows])]
         if lost.size:
             raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost))
@@ -116,8 +119,9 @@ def _check_walks(
     """Check one route by walks along its directions from all start positions; return where bodies are stopped."""
     column = columns_of(fields.packed, np.full(len(crowd.level), route), crowd.contact_radius)
     ends = np.full((len(crowd.level), 3), -1.0)
-    for one in np.unique(column):
-        rows = np.flatnonzero(column == one)
+    is_here = crowd.level >= 0
+    for one in np.unique(column[is_here]):
+        rows = np.flatnonzero(is_here & (column == one))
         # The widest first: where it arrives, the others of its class do.
         rows = rows[np.argsort(-crowd.contact_radius[rows], kind="stable")]
         ends[rows] = _walked(fields, world, crowd, rows, int(one), crowd.contact_radius[rows])

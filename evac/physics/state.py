@@ -58,6 +58,8 @@ class Crowd(Struct):
     distance : (n,) path length walked in plan, up to the exit [m]
     contact_force : (n,) sum of contact forces [N] in the last step of the previous tick if a behaviour reads it,
         otherwise at the last output
+    arrival_time : (n,) time at which a person came into the building [s], 0 for those who were there from the start,
+        NaN for those who have not come; written by the population
     passing : (n,) int32, link that lets a person through although it is closed, because the body is on its line; -1 for
         none. Written by the scene, and by the contact model for people who pass a link of one direction
     ahead : (n, 2) unit desired direction of people whom a link lets through, instead of that of their route, until they
@@ -82,6 +84,7 @@ class Crowd(Struct):
     exit_used: Ints
     distance: Floats
     contact_force: Floats
+    arrival_time: Floats
     passing: Ints
     ahead: Pairs
 
@@ -147,6 +150,7 @@ def make_crowd(
         exit_used=np.full(n, -1, np.int32),
         distance=np.zeros(n),
         contact_force=np.zeros(n),
+        arrival_time=np.zeros(n),
         passing=np.full(n, -1, np.int32),
         ahead=np.zeros((n, 2)),
     )

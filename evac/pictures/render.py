@@ -106,7 +106,7 @@ class Renderer:
         radius, height = view.scale * trajectory.radius[person], view.scale * trajectory.height[person]
         colours = self._colouring.of(frame)
         draw_people(image, places[shown], radius, height, colours[shown], view.elevation, view.nearness)
-        out = trajectory.number_of_people - len(frame["person"])
+        out = trajectory.out_at(k)
         picture = Image.fromarray(image)
         picture.paste(names, (0, 0), names)
         so_far = [change for change in trajectory.changes if change.time <= frame["time"]]

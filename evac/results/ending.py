@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.base.arrays import IntArray
 from evac.directions.fields import Fields
 from evac.physics.state import Crowd
 
@@ -51,11 +52,21 @@ class Ending:
     people, routes : int
     arrived : (people,) bool, optional
         Those who have arrived at a refuge, where they stay; nobody if not given.
+    staying : (k,) int32, optional
+        People who do not leave: for the end of a run, they do not count.
     """
 
     def __init__(
-        self, settings: "SimulationSettings", people: int, routes: int, arrived: NDArray[np.bool_] | None = None
+        self,
+        settings: "SimulationSettings",
+        people: int,
+        routes: int,
+        arrived: NDArray[np.bool_] | None = None,
+        staying: IntArray | None = None,
     ) -> None:
+        self._leaves = np.ones(people, np.bool_)
+        if staying is not None:
+            self._leaves[staying] = False
         self._settings = settings
         self._arrived = np.zeros(people, np.bool_) if arrived is None else arrived
         self._steps_per_check = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
@@ -95,8 +106,8 @@ class Ending:
 
     def over(self, step: int, crowd: Crowd) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
-        inside = crowd.level >= 0
-        if not (inside & ~self._arrived).any():
+        inside = (crowd.level >= 0) & self._leaves
+        if not (inside & ~self._arrived).any() and not np.isnan(crowd.arrival_time).any():
             return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
         return DURATION_OVER if step >= self._settings.last_step else ""
 
@@ -112,7 +123,7 @@ class Ending:
         crowd : Crowd
         """
         time = step * self._settings.step
-        standing = time - self._progress_at >= min(STANDING, self._settings.no_progress)
+        standing = time - np.fmax(self._progress_at, crowd.arrival_time) >= min(STANDING, self._settings.no_progress)
         standing &= (crowd.level >= 0) & ~self._arrived
         return np.flatnonzero(standing & (crowd.start_time <= time))
 
@@ -126,7 +137,9 @@ class Ending:
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
         """Return whether nobody has made progress or left for `no_progress`."""
-        inside = np.flatnonzero(crowd.level >= 0)
+        inside = np.flatnonzero((crowd.level >= 0) & self._leaves)
+        if not len(inside):
+            return False
         place = crowd.route[inside], inside
         remaining = fields.travel_time_at(
             crowd.level[inside], crowd.position[inside], crowd.route[inside], crowd.contact_radius[inside]

@@ -138,13 +138,18 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     for refuge in results.refuges:
         room = "" if refuge.capacity is None else f", which has room for {refuge.capacity}"
         lines.append(f"{_number(len(refuge.people))} at refuge {refuge.name!r}{room}")
-    if left := people - results.evacuated - results.at_refuges:
+    if left := people - results.evacuated - results.at_refuges - results.staying - results.not_arrived:
         others = np.delete(level, [row for refuge in results.refuges for row in refuge.people])
         number = Counter(others[others >= 0].tolist())
         where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))
         waiting = results.not_started
-        late = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
-        lines.append(f"{left} of {_number(people)} still inside ({results.ended}): {where}{late}")
+        wait = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
+        lines.append(f"{left} of {_number(people)} still inside ({results.ended}): {where}{wait}")
+    if late := results.not_arrived:
+        outside = f"; {results.waiting_outside} of them found no free place" if results.waiting_outside else ""
+        lines.append(f"{_number(late)} of {people} had not come at the end{outside}")
+    if results.staying:
+        lines.append(f"{_number(results.staying)} inside do not leave (leave = false)")
     if pushed := len(results.left_by_other_exits):
         lines.append(f"{_number(pushed)} left by an exit that is not on the route, for example pushed through it")
     if results.stuck:

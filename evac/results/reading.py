@@ -73,6 +73,9 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
     names = [group.name for group in summary.table.people]
     group = table.indices("group", names, optional=True)
     crowd = _crowd_of(table, levels, exits, summary.routes, group)
+    start_level = table.indices("start_level", levels, optional=True)
+    if (differs := (start_level < 0) != np.isnan(crowd.arrival_time)).any():
+        raise table.error("start_level", f"contradicts 'arrival_time' in row {int(np.argmax(differs)) + 2}")
     counts = table.length, int(np.isfinite(crowd.exit_time).sum())
     if counts != (summary.people, summary.evacuated):
         raise ResultError(
@@ -93,7 +96,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         ),
         routes=summary.routes,
         start_position=table.pairs("start_x", "start_y"),
-        start_level=table.indices("start_level", levels),
+        start_level=start_level,
         crossings=passages,
         time=summary.simulated_time,
         exits=_dumped(summary.exits),
@@ -113,6 +116,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         folder=place,
         plugin_files=tuple(summary.plugin_files),
         changes=tuple(summary.changes),
+        waiting_outside=summary.waiting_outside,
         resumed=summary.resumed,
         quickest=summary.quickest,
         source=summary.source,
@@ -219,7 +223,8 @@ def _crowd_of(
     n = table.length
     exit_used, exit_time = table.indices("exit", exits, optional=True), table.numbers("exit_time", 0.0, optional=True)
     level = table.indices("end_level", levels, optional=True)
-    for name, is_known in (("exit_time", np.isfinite(exit_time)), ("end_level", level < 0)):
+    arrival_time = table.numbers("arrival_time", 0.0, optional=True)
+    for name, is_known in (("exit_time", np.isfinite(exit_time)), ("end_level", (level < 0) & ~np.isnan(arrival_time))):
         if (differs := is_known != (exit_used >= 0)).any():
             raise table.error(name, f"contradicts the column 'exit' in row {int(np.argmax(differs)) + 2}")
     return make_crowd(
@@ -239,6 +244,7 @@ def _crowd_of(
         speed_factor=np.full(n, np.nan),
         extra_direction=np.full((n, 2), np.nan),
         exit_time=exit_time,
+        arrival_time=arrival_time,
         exit_used=exit_used,
         distance=table.numbers("distance", 0.0),
         contact_force=np.full(n, np.nan),

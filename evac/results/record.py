@@ -141,6 +141,7 @@ class Summary(Record):
     last_out: Amount | None
     ended: str
     refuges: tuple[Refuge, ...] = ()
+    waiting_outside: Count = 0
     stuck: list[StuckPlace]
     warnings: list[str]
     quality_warnings: list[str]

@@ -64,6 +64,7 @@ PEOPLE_COLUMNS = (
     "speed",
     "speed_up",
     "speed_down",
+    "arrival_time",
     "response_time",
     "route",
     "exit",
@@ -142,6 +143,8 @@ class Results:
         Files that plugins have written to the result folder.
     changes : sequence of Change
         Changes of the scene during the run, in order.
+    waiting_outside : int
+        Number of people who had not come at the end because there was no free place for them.
     resumed : sequence of mapping
         Checkpoints from which the run was resumed, in order.
     quickest : mapping of str to number, optional
@@ -183,6 +186,7 @@ class Results:
     folder: Path | None = None
     plugin_files: Sequence[str] = ()
     changes: Sequence[Change] = ()
+    waiting_outside: int = 0
     resumed: Sequence[Mapping[str, Any]] = ()
     quickest: Mapping[str, float] | None = None
     source: str = ""
@@ -271,8 +275,20 @@ class Results:
 
     @property
     def is_complete(self) -> bool:
-        """Whether everybody is out or at a refuge."""
-        return self.evacuated + self.at_refuges == self.number_of_people
+        """Whether everybody who leaves is out or at a refuge, and nobody is still to come."""
+        return self.evacuated + self.at_refuges + self.staying == self.number_of_people
+
+    @cached_property
+    def staying(self) -> int:
+        """Number of people inside at the end who do not leave."""
+        stay = {group["name"] for group in self.settings["people"] if not group.get("leave", True)}
+        rows = [group.rows for group in self.groups if group.name in stay]
+        return int((self.crowd.level[np.concatenate([np.zeros(0, np.int32), *rows])] >= 0).sum())
+
+    @property
+    def not_arrived(self) -> int:
+        """Number of people who have not come; `waiting_outside` of them would have, but found no free place."""
+        return int(np.isnan(self.crowd.arrival_time).sum())
 
     @property
     def last_out(self) -> float | None:
@@ -290,11 +306,11 @@ class Results:
     @property
     def not_started(self) -> int:
         """Number of people inside at the end whose response time was not over."""
-        return int(((self.crowd.level >= 0) & (self.crowd.start_time > self.time)).sum())
+        return int(((self.crowd.level >= 0) & (self.crowd.start_time > self.time)).sum()) - self.staying
 
     @property
     def exit_status(self) -> int:
-        """0 if everybody is out or at a refuge, 3 if others are left."""
+        """0 if everybody who leaves is out or at a refuge, 3 if others are left or have not come."""
         return 0 if self.is_complete else 3
 
     @property
@@ -305,7 +321,7 @@ class Results:
     @cached_property
     def moves(self) -> Moves:
         """All changes of level, in order of time."""
-        return moves_of(self.building, self.start_level, self.crossings, self.crowd.exit_time)
+        return moves_of(self.building, self.start_level, self.crossings, self.crowd.exit_time, self.crowd.arrival_time)
 
     def egress(self, rows: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the egress curve of all people, or of the people with indices `rows`.
@@ -336,6 +352,7 @@ class Results:
             crowd.mass.tolist(),
             crowd.tau.tolist(),
             *crowd.speed.T.tolist(),
+            [time if time == time else None for time in crowd.arrival_time.tolist()],  # NaN: not come
             crowd.start_time.tolist(),
             [routes[route] for route in crowd.route.tolist()],
             [exits[used] for used in crowd.exit_used.tolist()],
@@ -365,6 +382,9 @@ class Results:
             "refuges": [asdict(refuge) for refuge in self.refuges],
             "stuck": self._stuck_places(),
             "not_started": self.not_started,
+            "not_arrived": self.not_arrived,
+            "waiting_outside": self.waiting_outside,
+            "staying": self.staying,
             "warnings": self.warnings,
             "quality_warnings": self.quality_warnings,
             "simulated_time": self.time,
@@ -477,7 +497,7 @@ def results_of(
     **others
         Other attributes of `Results`.
     """
-    moves = moves_of(building, start_level, crossings, crowd.exit_time)
+    moves = moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
     exits = exit_table(building, crowd.exit_used, crowd.exit_time)
     names = [level.name for level in building.levels]
     models, behaviours = case.registry.contact_models, case.registry.behaviours

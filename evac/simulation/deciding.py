@@ -89,6 +89,7 @@ class Deciding:
         for behaviour, scene in self.used:
             with naming(self._case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare", behaviour, DECLARE):
                 behaviour.prepare(scene)
+            self._crowd.start_time[self._population.staying] = np.inf
             self._check(behaviour, scene, 0.0)
             self.acts[behaviour.name] = needed.acts_at_ticks(behaviour)
         self._scene.has_begun = True
@@ -111,6 +112,7 @@ class Deciding:
         for behaviour, scene in self.used if self._is_full else acting:
             with plugin_code(f"t = {time:.3f} s: behaviour {behaviour.name!r}", behaviour, DECLARE):
                 behaviour.act(scene.crowd, time)
+            self._crowd.start_time[self._population.staying] = np.inf
             self._check(behaviour, scene, time)
 
     def _check(self, behaviour: Behaviour, scene: BehaviourScene, time: float) -> None:

@@ -72,6 +72,8 @@ class Loop:
             self.operations.insert(5, after)
         if one.scene.quickest is not None:
             self.operations.insert(1, Operation("quickest", "directions", self._find_quickest, self._is_update))
+        if one.population.sources:
+            self.operations.insert(1, Operation("arrivals", "behaviours", one.let_in))
         if one.timetable.is_waiting:
             events = Operation("events", "behaviours", one.timetable.act, lambda: one.timetable.is_waiting)
             self.operations.insert(0, events)
@@ -149,6 +151,8 @@ class Loop:
     def _end_run(self) -> None:
         simulation, crowd = self._simulation, self._simulation.population.crowd
         can_change = simulation.scene.changes_before(self._settings.duration)
+        if simulation.to_come:
+            return
         simulation.ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, can_change)
         simulation.scene.has_ended = bool(simulation.ended)
 

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.errors import naming, noting, plugin_code
@@ -172,7 +173,8 @@ class Simulation:
         crowd, settings = self.population.crowd, self.case.simulation
         self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
         self.watch = Watch(crowd.radius, settings.tick, self.case.output.every)
-        self.ending = Ending(settings, len(crowd.level), len(self.fields.routes), self.refuges.arrived)
+        staying, routes = self.population.staying, len(self.fields.routes)
+        self.ending = Ending(settings, len(crowd.level), routes, self.refuges.arrived, staying)
 
     @property
     def building(self) -> Building:
@@ -255,6 +257,21 @@ class Simulation:
         """
         self.loop.advance()
 
+    def let_in(self) -> None:
+        """Let the people come in whose time has come, as far as there is room for them."""
+        came = self.population.arrive(self.building, self.time)
+        crowd = self.population.crowd
+        self.start_position[came], self.start_level[came] = crowd.position[came], crowd.level[came]
+        if len(came):
+            self.refuges.assign(self.fields)
+
+    @property
+    def to_come(self) -> bool:
+        """Whether somebody is still to come before the end of the longest run."""
+        step, settings = self.step, self.case.simulation
+        is_late = np.isnan(self.population.crowd.arrival_time)
+        return step < settings.last_step and bool(is_late.any()) and self.population.next_arrival < settings.duration
+
     def stop(self) -> None:
         """End the run with this tick, unless it has ended already."""
         self.ended = self.ended or INTERRUPTED
@@ -285,6 +302,7 @@ class Simulation:
             plugins=self._plugins(),
             folder=self.folder,
             changes=tuple(self.scene.changes),
+            waiting_outside=sum(len(one.waiting(self.population.crowd, self.time)) for one in self.population.sources),
             resumed=self.resumed,
             quickest=None if self.scene.quickest is None else self.scene.quickest.report(),
         )

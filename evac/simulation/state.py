@@ -84,7 +84,7 @@ def _restore_own(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) ->
     simulation.timetable.restore(taken(state, "events", np.float64, (None,), 0.0, np.inf))
     position, level = simulation.start_position, simulation.start_level
     simulation.start_position = taken(state, "start_position", np.float64, position.shape)
-    simulation.start_level = taken(state, "start_level", np.int32, level.shape, 0, len(simulation.building.levels) - 1)
+    simulation.start_level = taken(state, "start_level", np.int32, level.shape, -1, len(simulation.building.levels) - 1)
     displaced = simulation.displacement_velocity
     displaced[:] = taken(state, "displacement_velocity", np.float64, displaced.shape)
     ending.restore(taken(state, "ending", np.float64, ending.state().shape, 0.0, np.inf))

@@ -151,6 +151,20 @@ class Trajectory:
         return tuple(np.column_stack([r.person, r.level, r.motion]).astype(np.float32) for r in self.rows)
 
     @cached_property
+    def _first_seen(self) -> NDArray[np.int64]:
+        """Number of the first frame in which each person is inside, (n,); the number of frames for nobody seen."""
+        first = np.full(self.number_of_people, len(self), np.int64)
+        for k in reversed(range(len(self))):
+            first[self.rows[k].person] = k
+        return first
+
+    def out_at(self, k: int) -> int:
+        """Return the number of people who have left until frame `k`; of those who arrive, if a frame has them."""
+        arriving = [name in self.header.get("arriving", ()) for name in self.groups]
+        is_here = (self._first_seen <= k) | (self.group < 0) | ~np.array([*arriving, False])[self.group]
+        return int(is_here.sum()) - len(self.rows[k].person)
+
+    @cached_property
     def changes(self) -> tuple[Change, ...]:
         """Changes of the scene during the run, in order of time."""
         return tuple(change for rows in self.rows for change in rows.changes)
@@ -306,6 +320,8 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     header, schema, start = read_start(path, data)
     if header.get("fields") != list(FIELDS):
         raise damaged(path, f"the header's fields are {header.get('fields')!r:.200}; they must be {list(FIELDS)}")
+    if not isinstance(header.get("arriving", []), list):
+        raise damaged(path, f"the header's arriving is {header['arriving']!r:.200}; it must be a list of groups")
     try:
         building = building_from_json(header.get("building"))
         people, origin = people_from_json(header), origin_from_json(header)

@@ -148,6 +148,7 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
         "speed": "1.0",
         "speed_up": "0.6",
         "speed_down": "0.8",
+        "arrival_time": "0.0",
         "response_time": "1.5",
         "route": "shortest to door",
         "exit": "door",

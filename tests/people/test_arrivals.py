@@ -1,0 +1,141 @@
+"""People who come during a run, and people who do not leave: nobody is put upon others, results count them apart."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.base.errors import ScenarioError
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+FLOOR = [[0, 0], [14, 0], [14, 8], [0, 8]]
+TRAIN = {"name": "train", "arrive": {"times": [3.0] * 12 + [20.0]}, "area": "lift", "exits": ["main"]}
+GATE = {
+    "name": "gate",
+    "arrive": {"rate": 1.0, "from": 2.0, "to": 15.0, "exit": "gate"},
+    "exits": ["main"],
+    "radius": {"uniform": [0.2, 0.3]},
+}
+STAFF = {"name": "staff", "number": 2, "area": "desk", "leave": False}
+
+
+def hall(*groups, **changes):
+    """Return a hall with a main exit, a gate, a lift and a desk, and ten people in it."""
+    plan = {
+        "storeys": [{"name": "f", "polygons": [FLOOR]}],
+        "exits": [
+            {"name": "main", "storey": "f", "segment": [[0, 3], [0, 4.2]]},
+            {"name": "gate", "storey": "f", "segment": [[14, 3], [14, 4.2]]},
+        ],
+        "areas": [
+            {"name": "lift", "storey": "f", "polygon": [[12, 6], [13.8, 6], [13.8, 7.8], [12, 7.8]]},
+            {"name": "desk", "storey": "f", "polygon": [[6, 6], [8, 6], [8, 7.5], [6, 7.5]]},
+        ],
+    }
+    table = {
+        "building": {"plan": plan},
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 90.0, "no_progress": 10.0},
+        "people": [{"name": "a", "number": 10, "level": "f", "exits": ["main"]}, *groups],
+    }
+    return evac.load(table, changes)
+
+
+def rows_of(run, name):
+    return next(group.rows for group in run.groups if group.name == name)
+
+
+def test_people_come_at_their_times_and_leave_and_who_stays_is_counted_apart():
+    results = Simulation(hall(TRAIN, GATE, STAFF)).run()
+    came = results.crowd.arrival_time
+    assert results.ended == "everybody out"
+    assert (results.staying, results.not_arrived, results.exit_status) == (2, 0, 0)
+    assert results.evacuated == results.number_of_people - 2
+    assert (came[rows_of(results, "a")] == 0.0).all()
+    train = came[rows_of(results, "train")]
+    assert (train[:12] >= 3.0 - 1e-9).all()
+    assert train[12] == pytest.approx(20.0)
+    assert results.exits["gate"]["people"] == 0
+    assert results.crowd.level[rows_of(results, "staff")].tolist() == [0, 0]
+    assert results.summary()["staying"] == 2
+    assert any("do not leave" in line for line in results.remarks)
+
+
+def test_a_rate_is_a_poisson_process_of_the_group_alone():
+    numbers = []
+    for seed in range(40):
+        simulation = Simulation(hall(GATE, **{"simulation.seed": seed}), will_run=False)
+        (source,) = simulation.population.sources
+        assert ((source.due >= 2.0) & (source.due < 15.0)).all()
+        numbers.append(len(source.due))
+    assert np.mean(numbers) == pytest.approx(13.0, abs=3.0 * np.sqrt(13.0 / 40))
+    assert np.var(numbers) == pytest.approx(13.0, rel=0.7)
+    both = Simulation(hall(GATE, TRAIN), will_run=False).population.sources
+    alone = Simulation(hall(GATE), will_run=False).population.sources
+    assert both[0].due.tolist() == alone[0].due.tolist()
+
+
+@pytest.mark.parametrize("model", ["nsm1", "dem"])
+def test_nobody_is_put_upon_others_and_who_finds_no_place_waits_outside(model):
+    crowd = {**TRAIN, "arrive": {"times": [1.0] * 60}, "radius": 0.25, "speed": 0.3}
+    simulation = Simulation(hall(crowd, **{"contact.model": model, "simulation.duration": 6.0}))
+    people = simulation.population.crowd
+    while not simulation.ended:
+        before = np.isnan(people.arrival_time)
+        simulation.let_in()
+        new = np.flatnonzero(before & ~np.isnan(people.arrival_time))
+        inside = np.flatnonzero(people.level >= 0)
+        for row in new.tolist():
+            away = np.hypot(*(people.position[inside] - people.position[row]).T)
+            assert (away[inside != row] >= (people.radius[inside] + people.radius[row])[inside != row]).all()
+        simulation.advance_tick()
+    results = simulation.results()
+    assert results.ended == "duration over"
+    assert results.not_arrived == results.waiting_outside > 10
+    assert results.exit_status == 3
+    assert any(f"{results.waiting_outside} of them found no free place" in line for line in results.remarks)
+
+
+def test_a_resumed_run_lets_the_same_people_in_at_the_same_places():
+    one, other = (Simulation(hall(TRAIN, GATE, STAFF)) for _ in range(2))
+    run_ticks(one, 45)
+    assert np.isnan(one.population.crowd.arrival_time).any()
+    other.restore(one.state())
+    for simulation in (one, other):
+        simulation.run()
+    assert_same_bits(one, other)
+
+
+def test_a_closed_gate_lets_nobody_in_until_it_opens():
+    events = [{"kind": kind, "target": "gate", "time": time} for time, kind in ((0.0, "close"), (18.0, "open"))]
+    results = Simulation(hall(GATE, event=events)).run()
+    assert results.ended == "everybody out"
+    assert (results.crowd.arrival_time[rows_of(results, "gate")] >= 18.0 - 1e-9).all()
+
+
+def test_results_that_are_read_and_the_record_have_them(tmp_path):
+    results = evac.run(hall(TRAIN, STAFF, **{"simulation.duration": 15.0}), tmp_path / "r", progress=False)
+    again = evac.read_results(tmp_path / "r")
+    assert (again.staying, again.not_arrived, again.waiting_outside) == (2, 1, 0)
+    np.testing.assert_array_equal(again.crowd.arrival_time, results.crowd.arrival_time)
+    numbers = [len(frame["person"]) for frame in results.trajectory]
+    assert numbers[0] == 12
+    assert max(numbers) > 12
+    assert results.levels["f"]["people"] == again.levels["f"]["people"] == 24
+    assert results.trajectory.out_at(0) == 0
+    assert results.trajectory.out_at(len(numbers) - 1) == results.evacuated
+
+
+@pytest.mark.parametrize(
+    ("group", "words"),
+    [
+        ({**TRAIN, "number": 3}, r"people\.train\.number"),
+        ({**TRAIN, "area": None, "level": None}, r"people\.train\.arrive"),
+        ({**TRAIN, "arrive": {"times": [1.0], "rate": 1.0}}, r"arrive\.times"),
+        ({**TRAIN, "arrive": {"rate": 1.0, "from": 3.0, "to": 2.0}}, r"arrive\.to"),
+        ({**GATE, "arrive": {"times": [1.0], "exit": "gat"}}, r"arrive\.exit.*'gat'.*'gate'"),
+    ],
+)
+def test_arrivals_that_cannot_be_are_refused_with_their_key(group, words):
+    with pytest.raises(ScenarioError, match=words):
+        Simulation(hall({key: value for key, value in group.items() if value is not None}), will_run=False)
