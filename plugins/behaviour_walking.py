@@ -28,7 +28,13 @@ ON_LINE = 1e-6
 
 
 #: Least time gap of the preset `regulation` [s]: at most 1.33 people per second pass a door of 1 m (IMO 4).
-REGULATION_TIME_GAP = 2.5
+REGULATION_TIME_GAP = 1.4
+
+#: Multiple of the desired speed from which on the speed that a distance allows is no restriction.
+FREE = 2.2
+
+#: Least share of the way that people beside it take, if they count.
+LEAST_SHARE = 0.02
 
 #: Gap between bodies below which people do not push on those ahead [m].
 TOUCHING = 0.02
@@ -92,13 +98,14 @@ class Walking(Behaviour):
     `side_limit`, and the heading h turns towards e + S n, with n normal to e, within the reaction time. The speed
     becomes
 
-        min(v, max(V, (s - l + T_a max(0, u_j.h)) / T))
+        max(V, v (1 - exp(-x / v)) / (1 - exp(-2.2))) with x = (s - g l + T_a max(0, u_j.h)) / (g T), at most 2.2 v,
 
-    with the previous desired speed v, the least such speed for any person who is
+    with the previous desired speed v and the least such x for any person who is
 
-    - ahead of the heading, at most `width` beside it, and visible;
+    - ahead of the heading, less than `width` beside it, and visible: g falls from 1 on the line of the heading to 0 at
+      that distance from it, since people who walk on different sides of a way follow each other more closely;
     - farther ahead on the way: has a smaller remaining travel time on the same route, or, on another route, is ahead
-      along the sum of both desired directions. Oncoming people count with the parameters of their own;
+      along the sum of both desired directions. Oncoming people count with the parameters of their own, and g = 1;
 
     and the velocity u_j of that person. V is `creep`, so that nobody waits for ever; it is 0 for people whose body is
     at most 0.02 m behind the one ahead of them on the same route. Bodies that push on others at a narrow door would
@@ -115,10 +122,12 @@ class Walking(Behaviour):
 
     Notes
     -----
-    `length` is near the distance of people at the greatest density on the flat, 5.4 per square metre (Weidmann 1993).
-    The parameters of time gap, anticipation, side steps, `width` and `chest_depth` are fitted to measured flows through
-    doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre and in a corridor of two directions,
-    and the flow down a stair ([people](evidence/people/README.md)).
+    The form of the speed is that of Weidmann's fundamental diagram, and `length` that of the prototype of this model;
+    with `width`, the area of a person at rest is near that at the greatest density on the flat, 5.4 per square metre
+    (Weidmann 1993). The parameters of time gap, anticipation, side steps, `width` and `chest_depth` are fitted to
+    measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre and in a
+    corridor of two directions, and the flow down a stair ([people](evidence/people/README.md)). Above 2.5 per square
+    metre, people in a corridor are too fast, and queue more densely than measured, while the flows out of it agree.
 
     References
     ----------
@@ -150,27 +159,31 @@ class Walking(Behaviour):
 
     preset = Parameter(
         "measured",
-        "measured: as in experiments; regulation: time gaps of at least 2.5 s and no anticipation of those ahead, "
+        "measured: as in experiments; regulation: time gaps of at least 1.4 s and no anticipation of those ahead, "
         "for flows through doors that standard tests prescribe",
         choices=("measured", "regulation"),
     )
     chest_depth = Parameter(
         0.28, "depth of the chest, the diameter of bodies that touch", "m", minimum=0.02, maximum=2.0
     )
-    time_gap = Parameter(0.97, "time gap T to the person ahead", "s", above=0.0, maximum=60.0)
+    time_gap = Parameter(0.7, "time gap T to the person ahead", "s", above=0.0, maximum=60.0)
     length = Parameter(0.4, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
     anticipation = Parameter(
-        0.24, "time for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
+        0.14, "time for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
     )
-    width = Parameter(0.3, "greatest distance beside the heading of a person ahead", "m", minimum=0.0, maximum=2.0)
-    stair_time_gap = Parameter(1.3, "time gap on stairs", "s", above=0.0, maximum=60.0)
+    width = Parameter(
+        1.05, "distance beside the heading at which people are not ahead any more", "m", minimum=0.01, maximum=4.0
+    )
+    stair_time_gap = Parameter(0.75, "time gap on stairs", "s", above=0.0, maximum=60.0)
     stair_length = Parameter(0.55, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
     oncoming_time_gap = Parameter(0.5, "time gap to oncoming people", "s", above=0.0, maximum=60.0)
     oncoming_length = Parameter(0.25, "distance l to oncoming people", "m", minimum=0.0, maximum=2.0)
-    oncoming_width = Parameter(0.2, "`width` for oncoming people", "m", minimum=0.0, maximum=2.0)
+    oncoming_width = Parameter(
+        0.2, "greatest distance of oncoming people beside the heading", "m", minimum=0.0, maximum=2.0
+    )
     side_step = Parameter(3.0, "strength of side steps", minimum=0.0, maximum=100.0)
     side_range = Parameter(0.23, "range of side steps", "m", minimum=0.01, maximum=10.0)
-    side_time = Parameter(0.43, "time for which motion is anticipated in side steps", "s", minimum=0.0, maximum=10.0)
+    side_time = Parameter(0.5, "time for which motion is anticipated in side steps", "s", minimum=0.0, maximum=10.0)
     side_limit = Parameter(2.0, "greatest side step", minimum=0.0, maximum=100.0)
     right = Parameter(
         0.3, "how far oncoming people are taken to be on the left of where they are", "m", minimum=-5.0, maximum=5.0
@@ -267,7 +280,7 @@ def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[n
         climb = ex * world.uphill[sights.level[i], 0] + ey * world.uphill[sights.level[i], 1]
         if climb != 0.0:
             length, gap = rule.stair_length, rule.stair_time_gap
-    reach = length + gap * wanted
+    reach = length + FREE * gap * wanted
     list_near(world, sights, i, max(reach, rule.sight) if is_inside else reach)
     standing, free = 0, 0.0
     if is_inside:
@@ -290,7 +303,7 @@ def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[n
             gx, gy, norm = tx, ty, 1.0
         hx, hy = gx / norm, gy / norm
         motion.next[i, 0], motion.next[i, 1] = hx, hy
-    best, least = wanted, min(rule.creep, wanted)
+    best, least = FREE * wanted, min(rule.creep, wanted)
     for k in range(sights.number):
         j = sights.near[k]
         if sights.wanted[j] <= 0.0 or j == i:
@@ -301,9 +314,10 @@ def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[n
         if along <= 0.0:
             continue
         beside = abs(hx * dy - hy * dx)
-        if beside > rule.width:
+        if beside > (1.0 - LEAST_SHARE) * rule.width:
             continue
-        distance, within, leads_on = length, gap, crowd.route[i] == crowd.route[j]
+        share = 1.0 - beside / rule.width
+        distance, within, leads_on = share * length, share * gap, crowd.route[i] == crowd.route[j]
         if hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0:
             if beside > rule.oncoming_width or not is_inside:
                 continue
@@ -319,6 +333,10 @@ def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[n
             best = speed
             if leads_on and s < crowd.contact_radius[i] + crowd.contact_radius[j] + TOUCHING:
                 least = 0.0
+    if best < FREE * wanted:
+        best = wanted * (1.0 - math.exp(-max(best, 0.0) / wanted)) / (1.0 - math.exp(-FREE))
+    else:
+        best = wanted
     if standing:
         free = min(free, free_way(crowd, sights, motion, rule, standing, i, hx, hy, TOUCHING))
         if free < rule.sight:

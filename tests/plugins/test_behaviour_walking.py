@@ -13,7 +13,7 @@ from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
 from evac.simulation.scene import Scene, make_ground
 from evac.simulation.simulation import Simulation
-from evac_plugins.behaviour_walking import Walking
+from evac_plugins.behaviour_walking import FREE, Walking
 from tests.physics.scenes import make_building, uniform_fields
 from tests.runs import MODELS, assert_same_bits, run_ticks
 
@@ -47,7 +47,19 @@ def acted(position, velocity=0.0, ticks=1, fields=None, route=None, contact_radi
 def test_the_speed_anticipates_the_motion_of_the_person_ahead(distance, leader):
     velocity = [[0.3, 0.0], [leader, 0.0]]
     factor, _ = acted([[0.0, 0.0], [distance, 0.0]], velocity, time_gap=1.0, length=0.4, anticipation=0.25, **STRAIGHT)
-    assert factor == pytest.approx([(distance - 0.4 + 0.25 * max(leader, 0.0)) / 1.2, 1.0], rel=1e-12)
+    assert factor == pytest.approx([share_at(distance - 0.4 + 0.25 * max(leader, 0.0)), 1.0], rel=1e-12)
+
+
+def share_at(speed):
+    """Return the share of the desired speed of 1.2 m/s at which people walk if a distance allows a speed [m/s]."""
+    return -math.expm1(-min(speed / 1.2, FREE)) / -math.expm1(-FREE)
+
+
+@pytest.mark.parametrize(("distance", "is_free"), [(3.0, False), (3.05, True)])
+def test_the_speed_is_the_desired_one_from_a_distance_on(distance, is_free):
+    factor, _ = acted([[0.0, 0.0], [distance, 0.0]], time_gap=1.0, length=0.4, **STRAIGHT)
+    assert factor[0] == pytest.approx(1.0, abs=1e-2)
+    assert (factor[0] == 1.0) == is_free
 
 
 @pytest.mark.parametrize(("gap", "expected"), [(0.03, 0.1), (0.01, 0.0)])
@@ -56,10 +68,13 @@ def test_blocked_people_creep_but_do_not_push_on_those_ahead(gap, expected):
     assert factor == pytest.approx([expected / 1.2, 1.0])
 
 
-@pytest.mark.parametrize(("across", "is_ahead"), [(0.29, True), (0.31, False), (-0.29, True)])
-def test_people_within_the_width_are_ahead(across, is_ahead):
-    factor, _ = acted([[0.0, 0.0], [0.6, across]], width=0.3, **STRAIGHT)
-    assert (factor[0] < 1.0) == is_ahead
+@pytest.mark.parametrize("across", [0.0, 0.25, -0.25, 0.49])
+def test_people_beside_the_way_take_a_share_of_it(across):
+    parameters = {"width": 0.5, "time_gap": 1.0, "length": 0.4, "anticipation": 0.0, **STRAIGHT}
+    factor, _ = acted([[0.0, 0.0], [0.6, across]], **parameters)
+    share = 1.0 - abs(across) / 0.5
+    allowed = (math.hypot(0.6, across) - share * 0.4) / share if share > 0.02 else math.inf
+    assert factor[0] == pytest.approx(share_at(allowed), rel=1e-12)
 
 
 def oncoming(across, **parameters):

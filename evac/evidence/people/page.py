@@ -145,14 +145,14 @@ def _report_scenes(evidence: Evidence, found: Sequence[Row]) -> None:
         """Geometry, starting density and walking speeds are those of the experiments; bodies have the radii that
         case.toml has by default. The door of 0.5 m is the bottleneck 040_c_56_h- of PedPy's demonstration data: times
         count from the first passage, the flow is that from the first to the last person, neighbours and headings (per
-        0.2 s) are those of people within 2 m of the door, 20 s later. Other doors have the flows per metre of Seyfried,
-        Kretz and Duesseldorf, the last alone from 1.4 m on. The corridor of 1.8 m has entrances and exits of several
-        widths (PedPy's uo-ENTRANCE-180-EXIT); density and speed are taken over 2 m, at every moment of the steady part,
-        and moments of all eight are put together by density. The stair is that of ISO 20414, test 12, with 4.24 m
-        along the slope and speeds along it. The legs of the bend of 4 m are as long as the paper's model needs for the
-        39 s of its last of 90 people; its target, 1.3 times as long, and that of the two exits, where 200 people stand
-        near one of 1 m and one of 2 m is 12 m farther, are those of directions that avoid queues, which none of these
-        settings has. Last arrivals of IMO 8 stand beside those of FDS+Evac, another model. Exits are behind the place
+        0.2 s) are those of people within 2 m of the door, 20 s later. Other doors have the flows per metre of
+        Seyfried, Kretz and Duesseldorf, the last alone from 1.4 m on. The corridor of 1.8 m has entrances and exits of
+        several widths (PedPy's uo-ENTRANCE-180-EXIT); density and speed are taken over 2 m, at every moment of the
+        steady part, and moments of all eight are put together by density. The stair is that of ISO 20414, test 12,
+        with 4.24 m along the slope and speeds along it. The legs of the bend of 4 m are as long as the paper's model
+        needs for the 39 s of its last of 90 people; its target is 1.3 times as long. In front of the two exits, 200
+        people stand near one of 1 m, and one of 2 m is 12 m farther. In both scenes, people have the strategy
+        `quickest`. Last arrivals of IMO 8 stand beside those of FDS+Evac, another model. Exits are behind the place
         that is measured."""
     )
     evidence.text(

@@ -157,7 +157,7 @@ def bend_scene() -> Scene:
     plan = _one_storey(box(-15, -4, 4, 0), box(0, -4, 4, 18))
     plan.exit("end", "floor", [(0, 18), (4, 18)])
     plan.area("start", "floor", box(-14.5, -4, -3, 0))
-    return Scene(plan, [{"area": "start", "number": 90}], SPEED, measures.bend)
+    return Scene(plan, [{"area": "start", "number": 90, "strategy": "quickest"}], SPEED, measures.bend)
 
 
 def two_exits_scene() -> Scene:
@@ -168,7 +168,8 @@ def two_exits_scene() -> Scene:
     plan.exit("near", "floor", [(-3, 0), (-3, 10)])
     plan.exit("far", "floor", [(25, 0), (25, 10)])
     plan.area("start", "floor", box(0.5, 0, 9.5, 10))
-    return Scene(plan, [{"area": "start", "number": 200}], SPEED, partial(measures.last_out, people=200))
+    people = [{"area": "start", "number": 200, "strategy": "quickest"}]
+    return Scene(plan, people, SPEED, partial(measures.last_out, people=200))
 
 
 NARROW_DOOR, BEND, TWO_EXITS = "door 0.5 m", "bend 4 m", "two exits"
