@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
@@ -125,10 +126,27 @@ def _check_walks(
         # The widest first: where it arrives, the others of its class do.
         rows = rows[np.argsort(-crowd.contact_radius[rows], kind="stable")]
         ends[rows] = _walked(fields, world, crowd, rows, int(one), crowd.contact_radius[rows])
+        ends[rows] = _arrived(building, fields, route, ends[rows])
         stopped = rows[ends[rows, 2] >= 0.0]
         as_points = _walked(fields, world, crowd, stopped, int(one), np.zeros(len(stopped)))
+        as_points = _arrived(building, fields, route, as_points)
         _refuse_lost(source, building, fields, crowd, groups, route, stopped, as_points)
     return _Ends(np.flatnonzero(ends[:, 2] >= 0.0), ends)
+
+
+def _arrived(building: Building, fields: Fields, route: int, ends: FloatArray) -> FloatArray:
+    """Return the ends of walks, of which those within a cell of an exit of a route have arrived.
+
+    The cells of a long exit that is not parallel to the grid are partly behind it, where there are no directions.
+    """
+    ends = ends.copy()
+    names = fields.routes[route].exits
+    for way in building.exits:
+        if building.is_open(way) and (not names or way.name in names):
+            line = shapely.multilinestrings(way.segments.reshape(-1, 2, 2))
+            is_near = shapely.dwithin(shapely.points(ends[:, :2]), line, fields.packed.spacing)
+            ends[is_near & (ends[:, 2] == way.level), 2] = -1.0
+    return ends
 
 
 def walked_lengths(fields: Fields, world: World, crowd: Crowd) -> FloatArray:

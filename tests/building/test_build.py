@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
+import shapely
 
+from evac import Plan
 from evac.simulation.assembly import read_building
 
 
@@ -77,3 +79,18 @@ def test_a_tagged_obstacle_stands_on_the_floor_below_it_alone(mesh, tmp_path):
     building = read_building(mesh.write_vtu(tmp_path / "table.vtu"))
     assert [(level.name, level.polygon.area) for level in building.levels] == [("ground", 11.0), ("upper", 12.0)]
     assert np.bincount(building.wall_level).tolist() == [3 + 4, 4]
+
+
+def test_an_area_over_a_divided_floor_is_divided_too():
+    plan = Plan()
+    plan.storey("floor", [shapely.box(0, 0, 4, 5), shapely.box(5, 0, 11, 5)])
+    plan.area("room", "floor", shapely.box(2, 0, 9, 5))
+    plan.area("room (2)", "floor", shapely.box(0, 0, 1, 5))
+    building = plan.building(need_exit=False)
+    assert [(area.name, area.level, area.polygon.area) for area in building.areas] == [
+        ("room", 1, pytest.approx(20.0)),
+        ("room (3)", 0, pytest.approx(10.0)),
+        ("room (2)", 0, pytest.approx(5.0)),
+    ]
+    (note,) = [one for one in building.findings if one.kind == "assumed"]
+    assert "'room'" in note.text

@@ -214,10 +214,3 @@ def test_tagged_exit_on_two_levels_or_twice_is_refused(stair_mesh, tmp_path):
     stair_mesh.edge((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), "exit:other")
     with pytest.raises(BuildingError, match=r"'exit:other' .* 'exit:door'"):
         read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
-
-
-def test_tagged_area_on_two_levels_is_refused(mesh, tmp_path):
-    mesh.rectangle(0, 0, 4, 3, tag="area:a").rectangle(10, 0, 14, 3, tag="area:a")
-    mesh.edge((0, 0, 0), (0, 3, 0), "exit:out")
-    with pytest.raises(BuildingError, match=r"'area:a' .* 'floor z=0.00' and 'floor z=0.00 .2.'"):
-        read_building(mesh.write_vtu(tmp_path / "a.vtu"))

@@ -28,7 +28,6 @@ OPTIONS = {
 REFUSED = ("TallBuilding.ifc", "ios_411_walls.ifc")
 #: What is known to be wrong, and why.
 WRONG = {
-    "aknz_evac.wkt": "a walk that ends within a cell of its exit has not arrived",
     "bjnortier_floorplan.dxf": "walls are found only on layers that are named",
     "caserne.geojson": "OSM indoor is not read",
     "constructiq_house_plan.dxf": "walls are found only on layers that are named",

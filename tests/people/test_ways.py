@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from evac.base.errors import ScenarioError
+from evac.building.plan.plan import Plan
 from evac.case.loading import as_case
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
@@ -173,3 +174,22 @@ def test_walked_lengths_are_along_the_slope_by_use_and_infinite_for_who_is_stopp
         np.array([[7.0, 4.0 * np.sqrt(1.25), 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]]), abs=0.15
     )
     assert np.isinf(lengths[2]).all()
+
+
+def test_a_walk_that_ends_within_a_cell_of_its_exit_has_arrived():
+    """The exit is 87 m long and turned by a hundredth of a degree: the directions of some cells lead along it."""
+    outline = (
+        "POLYGON ((642.28 1716.64, 686.645425 1730, 692.897445 1730, 645.6 1715.76, 665.4 1711.38, 691.36 1711.47, "
+        "779.2 1711.43, 787.83151 1730, 793.387893 1730, 793.17 1729.61, 779.423369 1700, 773.9 1700, 778.38 1709.66, "
+        "691.37 1709.67, 665.21 1709.58, 642.34 1714.64, 642.47 1710.73, 640 1710.851787, 640 1720.402365, "
+        "642.16 1720.36, 642.28 1716.64))"
+    )
+    plan = Plan()
+    plan.storey("floor", outline)
+    plan.exit("long", "floor", [(691.37, 1709.67), (778.38, 1709.66)])
+    building = plan.building()
+    fields = build_fields(building, (Route(),))
+    assert check(building, fields, [[716.71, 1711.15]]) == ()
+    away = replace(building, exits=(replace(building.exits[0], name="other"),))
+    with pytest.raises(ScenarioError, match="they end at"):
+        check(away, replace(fields, routes=(Route(("long",)),)), [[716.71, 1711.15]])

@@ -1,5 +1,6 @@
 """Conversion of a surface mesh to a `Building`."""
 
+import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -83,17 +84,19 @@ def building_of(
     table = edge_table(source, surface.vertices, surface.triangles)
     level_set = find_levels(source, surface, table)
     tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)
+    areas, divided = _tagged_areas(source, surface, level_set)
+    notes = (*divided, *(Finding("missing", text) for text in options.missing))
     building = Building(
         source=source,
         vertices=surface.vertices,
         levels=level_set.levels,
         portals=find_portals(surface, table, level_set),
         exits=tagged_exits,
-        areas=_tagged_areas(source, surface, level_set),
+        areas=areas,
         walls=walls,
         wall_level=wall_level,
         stairs=level_set.stairs,
-        findings=(*surface.findings, *level_set.findings, *(Finding("missing", text) for text in options.missing)),
+        findings=(*surface.findings, *level_set.findings, *notes),
         doors=find_doors(surface, level_set.levels),
     )
     check_overlap(building)
@@ -123,18 +126,30 @@ def _given(key: str, name: str) -> Iterator[None]:
         raise BuildingError(f"{error} (given as building.{key}.{name})") from error
 
 
-def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[Area, ...]:
-    """Make the areas of the tags ``area:NAME``, in the order of their names."""
-    areas = []
-    for tag in sorted(name for name in surface.cell_tags if name.startswith("area:")):
-        cells = np.flatnonzero(surface.cell_tags[tag])
-        on = np.unique(level_set.level_of_cell[cells])
-        if len(on) != 1:
-            names = " and ".join(repr(level_set.levels[level].name) for level in on) or "no walkable level"
-            raise BuildingError(f"{source}: {tag!r} lies on {names}; put an area on exactly one walkable level")
-        plan = shapely.polygons(surface.vertices[surface.triangles[cells]][:, :, :2])
-        areas.append(Area(tag.removeprefix("area:"), int(on[0]), union(plan).normalize()))
-    return tuple(areas)
+def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[tuple[Area, ...], list[Finding]]:
+    """Make the areas of the tags ``area:NAME``, in the order of their names; one over several levels is divided."""
+    areas, notes = [], []
+    names = sorted(tag.removeprefix("area:") for tag in surface.cell_tags if tag.startswith("area:"))
+    taken = set(names)
+    for name in names:
+        cells = np.flatnonzero(surface.cell_tags[f"area:{name}"])
+        level_of = level_set.level_of_cell[cells]
+        parts = [
+            (union(shapely.polygons(surface.vertices[surface.triangles[cells[level_of == level]]][:, :, :2])), level)
+            for level in np.unique(level_of).tolist()
+        ]
+        if not parts:
+            raise BuildingError(f"{source}: area {name!r} lies on no walkable level; put it on a level")
+        parts.sort(key=lambda part: (-part[0].area, part[1]))
+        free = (own for own in (f"{name} ({number})" for number in itertools.count(2)) if own not in taken)
+        for (polygon, level), own in zip(parts, itertools.chain([name], free), strict=False):
+            taken.add(own)
+            areas.append(Area(own, level, polygon.normalize()))
+        if len(parts) > 1:
+            text = f"area {name!r} lies on {len(parts)} levels and has been divided into as many areas"
+            place = parts[0][0].representative_point().coords[0]
+            notes.append(Finding("assumed", text, level_set.levels[parts[0][1]].name, place))
+    return tuple(areas), notes
 
 
 def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str, Level, BaseGeometry]]:

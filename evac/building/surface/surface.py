@@ -68,7 +68,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     exit_edges |= _lower_edges(vertices, triangles, tags, walkable_angle, exit_edges)
     exit_edges = {name: edges[edges[:, 0] != edges[:, 1]] for name, edges in exit_edges.items()}
 
-    is_sliver = least_height(vertices[triangles]) <= weld
+    is_sliver = (least_height(vertices[triangles]) <= weld) & ~_is_fitted(vertices, triangles)
     if is_sliver.any():
         text = f"{_count(is_sliver)} dropped as degenerate (height below building.weld)"
         notes.append(Finding("warning", text, place=_first_place(vertices, triangles, is_sliver)))
@@ -111,6 +111,18 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
     return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors)
+
+
+def _is_fitted(vertices: FloatArray, triangles: IndexArray) -> BoolArray:
+    """Return the cells that are level and share each side with one other cell, as in a triangulation with constraints.
+
+    Such a cell may be narrow: it is needed, since its neighbours meet its sides and not each other.
+    """
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, row, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    is_shared = (uses[row.ravel()] == 2).reshape(-1, 3).all(axis=1)
+    is_level: BoolArray = (np.ptp(vertices[triangles][:, :, 2], axis=1) == 0.0) & is_shared
+    return is_level & (plan_area(vertices[triangles]) > 0.0)
 
 
 def slope_angle(corners: FloatArray) -> FloatArray:

@@ -94,24 +94,23 @@ def floors_of(
             findings.append(Finding("left out", text, name, height.spaces[0][0].place))
             continue
         if height.spaces:
-            made, rooms = _of_spaces(height, slabs, name, gap, findings), _rooms(height)
+            steps = _in_other_spaces(height, tops, heights)
+            made, rooms = united([_of_spaces(height, slabs, name, gap, findings), steps]), _rooms(height)
+            slabs = united([slabs, steps])
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
             continue
         else:
             made, rooms = slabs, []
             what = "the file has no spaces" if ground == "auto" else "as set"
             findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
-        if height.spaces:
-            steps = _in_other_spaces(height, tops, heights)
-            slabs, made = united([slabs, steps]), united([made, steps])
         made = _without_bodies(made, bodies, height, furniture)
         floors.append(Floor(name, height.z, made, slabs, rooms))
         levels = [z for _, _, z in height.spaces]
         if levels and max(levels) - min(levels) > 0.001:
             text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are merged at {height.z:z.3f} m (step)"
             findings.append(Finding("assumed", text, name))
-    for lower, floor in enumerate(floors):
-        over = [other for other in floors[lower + 1 :] if other.z < floor.z + HEADROOM]
+    for row, floor in enumerate(floors):
+        over = [other for other in floors[row + 1 :] if other.z < floor.z + HEADROOM]
         floor.ground = cut(floor.ground, united([one for other in over for one in (other.ground, other.slabs)]))
         _drop_slivers(floor, findings)
     return [floor for floor in floors if not floor.ground.is_empty]
