@@ -19,7 +19,7 @@ REMEDIES = {
     "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
     "bar": "no value, or false to lift it",
     "strategy": "the name of a strategy, or a list of exits",
-    "alarm": "a share of the response times of at least 0, or no value",
+    "alarm": "a share of the response times from 0 to 1, or no value",
 }
 
 
@@ -36,7 +36,7 @@ def is_legal(kind: str, value: Any) -> bool:
         case "strategy":
             return isinstance(value, str | tuple)
         case "alarm":
-            return value is None or (is_number and value >= 0.0)
+            return value is None or (is_number and 0.0 <= value <= 1.0)
     return value is None
 
 

@@ -211,7 +211,7 @@ def _fault(details: ErrorDetails, root: type[Table]) -> Fault:
 def _known_key(key: Key, root: type[Table]) -> str:
     """Return a hint for an unknown key: the closest key of the table, or another table with this key."""
     table = table_at(key[:-1], root)
-    known = list(table.model_fields) if table else []
+    known = [field.alias or name for name, field in table.model_fields.items()] if table else []
     word = str(key[-1])
     for name, field in root.model_fields.items():
         other = table_of(field.annotation)

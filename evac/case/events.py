@@ -7,13 +7,14 @@ from pydantic import Field, model_validator
 from evac.base.change import REMEDIES, is_legal
 from evac.base.keys import Fault, Name, Real, Switch, Table, Whole, key, wrong
 from evac.base.parameters import did_you_mean
+from evac.case.schema import LONGEST_RUN, MOST_PEOPLE
 from evac.directions.routes import STRATEGIES
 
 if TYPE_CHECKING:
     from evac.case.case import Case
 
-#: Latest time of an event [s], that of the longest run.
-LATEST = 1e7
+#: Greatest density [1/m2] that an event can wait for; people cannot stand closer.
+MOST_DENSITY = 20.0
 
 #: The conditions of which `when` has one.
 CONDITIONS = ("event", "out", "count", "at_most", "density")
@@ -26,12 +27,12 @@ class WhenSettings(Table):
     """`when` of an event: what makes it happen; exactly one of the keys before `area`."""
 
     event: str | None = key("name of another event, which has happened", "", None)
-    out: Whole | None = key("this many people have left the building", "", None, ge=1)
-    count: Whole | None = key("at least this many people are in `area`", "", None, ge=1)
-    at_most: Whole | None = key("at most this many people are in `area`", "", None, ge=0)
-    density: Annotated[Real, Field(gt=0)] | None = key("at least this density in `area`", "1/m2", None)
+    out: Whole | None = key("this many people have left the building", "", None, ge=1, le=MOST_PEOPLE)
+    count: Whole | None = key("at least this many people are in `area`", "", None, ge=1, le=MOST_PEOPLE)
+    at_most: Whole | None = key("at most this many people are in `area`", "", None, ge=0, le=MOST_PEOPLE)
+    density: Annotated[Real, Field(gt=0, le=MOST_DENSITY)] | None = key("at least this density in `area`", "1/m2", None)
     area: str | None = key("name of an area or level", "", None)
-    after: Real = key("time from then to the event", "s", 0.0, ge=0, le=LATEST)
+    after: Real = key("time from then to the event", "s", 0.0, ge=0, le=LONGEST_RUN)
 
     @model_validator(mode="after")
     def _one_condition(self) -> Self:
@@ -50,7 +51,7 @@ class EventSettings(Table):
     """`[[event]]`: a change during the run, at a time or when something happens."""
 
     name: Name | None = key("name by which other events refer to it", "", None)
-    time: Annotated[Real, Field(ge=0, le=LATEST)] | None = key("time of the event; this or `when`", "s", None)
+    time: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("time of the event; this or `when`", "s", None)
     when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
     kind: Literal["open", "close", "one_way", "slow", "bar", "strategy", "alarm"] = key(
         "`open` or `close` an exit, portal or stair; pass a portal or stair in `one_way` only; `slow` people in an "
@@ -65,8 +66,7 @@ class EventSettings(Table):
     value: Switch | Real | str | tuple[str, ...] | None = key(
         '`one_way`: "up", "down", the name of the level to which it leads, or false for both directions; `slow`: the '
         "share of the speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of "
-        "exits; "
-        "`alarm`: the share of the response times that people still take",
+        "exits; `alarm`: the share of the response times that people still take",
         "",
         None,
     )

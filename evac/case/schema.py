@@ -174,7 +174,7 @@ class ArrivalSettings(Table):
     times: tuple[Annotated[Real, Field(ge=0, le=LONGEST_RUN)], ...] | None = key(
         "time at which each person comes; this or `rate`", "s", None, min_length=1, max_length=MOST_PEOPLE
     )
-    rate: Annotated[Real, Field(gt=0)] | None = key(
+    rate: Annotated[Real, Field(gt=0, le=MOST_PEOPLE)] | None = key(
         "mean number of people per second: their number and their times are those of a Poisson process", "1/s", None
     )
     from_: Real | None = key("time from which people come at the rate", "s", None, ge=0, le=LONGEST_RUN, alias="from")

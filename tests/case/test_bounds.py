@@ -19,12 +19,15 @@ REGISTRY = Registry()
 
 def _numbers(table):
     """Yield the tables' keys that are numbers, with their bounds."""
+    from evac.base.change import REMEDIES, is_legal
     from evac.base.keys import table_of
 
     for name, field in table.model_fields.items():
         inner = table_of(field.annotation)
         if inner is not None:
             yield from _numbers(inner)
+        elif f"{table.__name__}.{name}" == "EventSettings.value":
+            assert not any(is_legal(kind, value) for kind in REMEDIES for value in (-1e9, 1e9))  # bounds of each kind
         elif "float" in str(field.annotation) or "int" in str(field.annotation):
             yield f"{table.__name__}.{name}", field
 

@@ -26,8 +26,11 @@ TABLE = {
     "directions": {"quickest": {}},
     "people": [
         {"name": "anywhere", "number": 3, "area": "room"},
+        {"name": "later", "area": "room", "arrive": {"times": [1.0, 2.0]}},
         {"name": "here", "positions": [[4.0, 0.5], [4.5, 1.5]], "z": 0.0, "preset": "slow"},
     ],
+    "place": [{"name": "landing", "kind": "refuge", "area": "room"}],
+    "event": [{"kind": "close", "target": "door", "when": {"out": 3}}],
     "presets": {"slow": {"speed": 0.8}},
     "contact": {"model": "nsm2"},
     "forces": {"social": {}},
@@ -47,6 +50,10 @@ TABLES = (
     ("directions",),
     ("directions", "quickest"),
     ("people", 0),
+    ("people", 1, "arrive"),
+    ("place", 0),
+    ("event", 0),
+    ("event", 0, "when"),
     ("presets", "slow"),
     ("contact",),
     ("simulation",),
@@ -74,8 +81,9 @@ def defaults():
     """Yield every key that has a default and that `TABLE` leaves out, with its default."""
     for path in TABLES:
         for name, field in table_at(path, Case).model_fields.items():
-            if not field.is_required() and name not in content_at(TABLE, path):
-                yield pytest.param(path, name, plain(field.default), id=".".join(map(str, (*path, name))))
+            word = field.alias or name
+            if not field.is_required() and word not in content_at(TABLE, path):
+                yield pytest.param(path, word, plain(field.default), id=".".join(map(str, (*path, word))))
 
 
 @pytest.fixture
