@@ -13,7 +13,7 @@ from evac.folder.files import REPLAY_NAME
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
-    from evac.replay.writer import ReplayWriter
+    from evac.replay.motion import MotionPacker
     from evac.results.results import Results
     from evac.simulation.simulation import Simulation
 
@@ -22,23 +22,23 @@ class ReplayRecorder(Recorder):
     """Writes ``replay.html`` to the result folder, if there is one, unless ``output.replay`` is false."""
 
     name = "replay"
-    writer: "ReplayWriter | None" = None
+    motion: "MotionPacker | None" = None
     _recorded = -1.0
 
     def start(self, simulation: "Simulation") -> None:
         """Prepare the page for the building and the people."""
         if simulation.folder is not None and simulation.case.output.replay:
-            from evac.replay.writer import ReplayWriter
+            from evac.replay.motion import MotionPacker
 
-            self.writer = ReplayWriter(len(simulation.population.crowd.radius), simulation.scene.ground.building)
+            self.motion = MotionPacker(len(simulation.population.crowd.radius), simulation.scene.ground.building)
         self._recorded = -1.0
 
     def record(self, simulation: "Simulation") -> None:
         """Record the present state."""
-        if self.writer is not None:
+        if self.motion is not None:
             crowd = simulation.population.crowd
             rows = np.flatnonzero(crowd.level >= 0).astype(np.int32)
-            self.writer.add(simulation.time, rows, crowd.level[rows], crowd.position[rows], crowd.contact_force[rows])
+            self.motion.add(simulation.time, rows, crowd.level[rows], crowd.position[rows], crowd.contact_force[rows])
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
@@ -48,7 +48,7 @@ class ReplayRecorder(Recorder):
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the compressed record so far."""
-        return {} if self.writer is None else {"recorded": np.array([self._recorded])} | self.writer.state()
+        return {} if self.motion is None else {"recorded": np.array([self._recorded])} | self.motion.state()
 
     def check_state(
         self, simulation: "Simulation", state: Mapping[str, NDArray[Any]], folder: Path, files: Mapping[str, int]
@@ -59,9 +59,9 @@ class ReplayRecorder(Recorder):
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the record of a resumed run."""
         self.start(simulation)
-        if self.writer is not None:
+        if self.motion is not None:
             self._recorded = float(taken(state, "recorded", np.float64, (1,), -1.0, simulation.time)[0])
-            self.writer.restore(state)
+            self.motion.restore(state)
 
 
 evac_interface = 3
@@ -73,8 +73,9 @@ def evac_finish(simulation: "Simulation", results: "Results | None", error: Base
     if error is not None and not isinstance(error, Exception):
         return
     for recorder in simulation.recorders:
-        if isinstance(recorder, ReplayRecorder) and recorder.writer is not None and simulation.folder is not None:
+        if isinstance(recorder, ReplayRecorder) and recorder.motion is not None and simulation.folder is not None:
             from evac.replay.account import account_of_run
+            from evac.replay.writer import write_page
 
             account = account_of_run(simulation.results() if results is None else results, error)
-            recorder.writer.write(simulation.folder / REPLAY_NAME, account, simulation.scene.changes)
+            write_page(simulation.folder / REPLAY_NAME, recorder.motion, account, simulation.scene.changes)

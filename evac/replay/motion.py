@@ -73,14 +73,20 @@ class MotionPacker:
     ----------
     people : int
     building : Building
+        Building as it is before all changes.
+
+    Attributes
+    ----------
+    frames : int
+        Number of frames so far.
     origin : (2,) float64 [m]
         Origin of positions in plan.
     """
 
-    def __init__(self, people: int, building: Building, origin: FloatArray) -> None:
-        self.frames = 0
-        self._origin = origin
-        self._building = building
+    def __init__(self, people: int, building: Building) -> None:
+        corners = building.vertices[:, :2]
+        self.frames, self.building = 0, building
+        self.origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         self._planes = [level_plane(building, level) for level in building.levels]
         self._uneven = np.array([not is_even(building, level) for level in building.levels])
         self._level = np.full(people, -1, np.int32)  # in the previous frame
@@ -108,7 +114,7 @@ class MotionPacker:
         self.frames += 1
         self._write("times", np.array([time], "<f8"))
         self._write("events", self._events(person, level))
-        at = np.rint((position - self._origin) / GRAIN).astype(np.int64)
+        at = np.rint((position - self.origin) / GRAIN).astype(np.int64)
         expected = np.where(self._seen[person, None] > 1, 2 * self._last[person] - self._before[person], 0)
         expected = np.where(self._seen[person, None] == 1, self._last[person], expected)
         self._numbers("steps", (at - expected).T.ravel())
@@ -175,7 +181,7 @@ class MotionPacker:
         """Return heights above the planes of the levels [cm]."""
         plane = np.array(self._planes)[level]
         height = plane[:, 0] + (plane[:, 1:] * position).sum(axis=1)
-        off: NDArray[np.int64] = np.rint((elevation(self._building, level, position) - height) / GRAIN).astype(np.int64)
+        off: NDArray[np.int64] = np.rint((elevation(self.building, level, position) - height) / GRAIN).astype(np.int64)
         return off
 
     def _numbers(self, name: str, values: NDArray[np.int64]) -> None:

@@ -4,18 +4,16 @@ import base64
 import html
 import json
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.defaults import MOST_HEIGHT
 from evac.base.errors import ResultError
-from evac.building.model.building import Building
 from evac.building.model.links import building_at
 from evac.folder.files import replacing
 from evac.pictures import palette
@@ -55,82 +53,49 @@ SCRIPTS = (
 )
 
 
-class ReplayWriter:
-    """Collects the states of a run, and writes the page at the end.
+def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequence[Change]) -> None:
+    """Write the page of a run.
 
     Parameters
     ----------
-    people : int
-    building : Building
-        Building as it is before all changes.
+    path : Path
+    motion : MotionPacker
+        With all states of the run.
+    account : Account
+    changes : sequence of Change
+        All changes of the scene during the run, in order.
+
+    Raises
+    ------
+    ResultError
+        No state was added, or the file cannot be written.
     """
-
-    def __init__(self, people: int, building: Building) -> None:
-        corners = building.vertices[:, :2]
-        self._building = building
-        self._origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
-        self._motion = MotionPacker(people, building, self._origin)
-
-    @property
-    def frames(self) -> int:
-        """Number of states so far."""
-        return self._motion.frames
-
-    def add(
-        self, time: float, person: IntArray, level: IntArray, position: FloatArray, contact_force: FloatArray
-    ) -> None:
-        """Add the state at one time, as `MotionPacker.add`."""
-        self._motion.add(time, person, level, position, contact_force)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all data needed to continue."""
-        return self._motion.state()
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned in a writer for the same people and building."""
-        self._motion.restore(state)
-
-    def write(self, path: Path, account: Account, changes: Sequence[Change]) -> None:
-        """Write the page.
-
-        Parameters
-        ----------
-        path : Path
-        account : Account
-        changes : sequence of Change
-            All changes of the scene during the run, in order.
-
-        Raises
-        ------
-        ResultError
-            No state was added, or the file cannot be written.
-        """
-        if not self.frames:
-            raise ResultError(f"{path}: nothing to replay; the run ended before its first output")
-        about = _about(account) | {
-            "building": building_for_page(self._building, self._origin),
-            "origin": self._origin.tolist(),
-            "closed": [
-                [time, sorted(building_at(self._building, changes, time).closed)]
-                for time in dict.fromkeys([0.0, *(change.time for change in changes)])
-            ],
-            "changes": [[change.time, str(change)] for change in changes],
-            "grain": GRAIN,
-            "tallest": MOST_HEIGHT,
-            "least_force": LEAST_FORCE,
-            "codes_per_octave": PER_OCTAVE,
-        }
-        text = json.dumps(about, separators=(",", ":"), allow_nan=False)
-        scripts = "\n".join(_read(name) for name in SCRIPTS)
-        streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
-        streams |= self._motion.streams()
-        head, tail = _template(account.title).split("<!--data-->")
-        with replacing(path, "the replay") as new, new.open("w", encoding="utf-8", errors="backslashreplace") as file:
-            file.write(head)
-            for name, data in streams.items():
-                text = base64.b64encode(data).decode("ascii")
-                file.write(f'<script type="text/plain" id="data-{name}">{text}</script>\n')
-            file.write(tail)
+    if not motion.frames:
+        raise ResultError(f"{path}: nothing to replay; the run ended before its first output")
+    about = _about(account) | {
+        "building": building_for_page(motion.building, motion.origin),
+        "origin": motion.origin.tolist(),
+        "closed": [
+            [time, sorted(building_at(motion.building, changes, time).closed)]
+            for time in dict.fromkeys([0.0, *(change.time for change in changes)])
+        ],
+        "changes": [[change.time, str(change)] for change in changes],
+        "grain": GRAIN,
+        "tallest": MOST_HEIGHT,
+        "least_force": LEAST_FORCE,
+        "codes_per_octave": PER_OCTAVE,
+    }
+    text = json.dumps(about, separators=(",", ":"), allow_nan=False)
+    scripts = "\n".join(_read(name) for name in SCRIPTS)
+    streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
+    streams |= motion.streams()
+    head, tail = _template(account.title).split("<!--data-->")
+    with replacing(path, "the replay") as new, new.open("w", encoding="utf-8", errors="backslashreplace") as file:
+        file.write(head)
+        for name, data in streams.items():
+            text = base64.b64encode(data).decode("ascii")
+            file.write(f'<script type="text/plain" id="data-{name}">{text}</script>\n')
+        file.write(tail)
 
 
 def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = None) -> int:
@@ -159,18 +124,18 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
         raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")
     if every is not None and not 0.0 < every < np.inf:
         raise ResultError(f"every: the time between two states must be greater than 0, got {every:g}")
-    writer = ReplayWriter(trajectory.number_of_people, trajectory.building)
+    motion = MotionPacker(trajectory.number_of_people, trajectory.building)
     for k in _chosen(trajectory.time, every):
         frame = trajectory[k]
-        writer.add(
+        motion.add(
             frame["time"],
             frame["person"],
             frame["level"],
             frame["position"],
             frame["contact_force"],
         )
-    writer.write(path, account_of_folder(trajectory), trajectory.changes)
-    return writer.frames
+    write_page(path, motion, account_of_folder(trajectory), trajectory.changes)
+    return motion.frames
 
 
 def _chosen(time: FloatArray, every: float | None) -> list[int]:

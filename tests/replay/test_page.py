@@ -14,8 +14,8 @@ from evac.analysis.maps import level_maps
 from evac.building.model.elevation import elevation
 from evac.pictures.palette import group_colours
 from evac.replay.account import account_of_run
-from evac.replay.motion import GRAIN, PER_OCTAVE
-from evac.replay.writer import ReplayWriter, replay_trajectory
+from evac.replay.motion import GRAIN, PER_OCTAVE, MotionPacker
+from evac.replay.writer import replay_trajectory, write_page
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -82,9 +82,9 @@ def test_heights_on_an_uneven_level_are_those_of_its_cells(browser, tmp_path, bu
     building = replace(building, vertices=vertices)
     person, level = np.arange(20, dtype=np.int32), np.full(20, 1, np.int32)
     position = np.column_stack([np.linspace(10.1, 13.9, 20), np.linspace(1.9, 0.1, 20)])
-    writer = ReplayWriter(20, building)
-    writer.add(0.0, person, level, position, np.zeros(20))
-    writer.write(tmp_path / "replay.html", replace(account_of_run(room[1]), exit_time=None, exit_used=None), ())
+    motion = MotionPacker(20, building)
+    motion.add(0.0, person, level, position, np.zeros(20))
+    write_page(tmp_path / "replay.html", motion, replace(account_of_run(room[1]), exit_time=None, exit_used=None), ())
     browser.open(tmp_path / "replay.html")
     z = browser.run("Array.from(replay.record.motion.z)")
     np.testing.assert_allclose(z, elevation(building, level, position), atol=0.01)
@@ -94,11 +94,11 @@ def test_heights_on_an_uneven_level_are_those_of_its_cells(browser, tmp_path, bu
 def test_people_are_drawn_as_tall_as_they_are(browser, tmp_path, room):
     results, height = room[1], np.full(20, 1.0)
     height[[0, 3]] = 1.9
-    writer = ReplayWriter(20, results.building)
+    motion = MotionPacker(20, results.building)
     corners = np.array([[0.5, 0.5], [4.5, 0.5], [0.5, 4.5], [4.5, 4.5]])  # so that nobody is behind another's head
-    writer.add(0.0, np.arange(4, dtype=np.int32), np.zeros(4, np.int32), corners, np.zeros(4))
+    motion.add(0.0, np.arange(4, dtype=np.int32), np.zeros(4, np.int32), corners, np.zeros(4))
     account = replace(account_of_run(results), height=height, exit_time=None, exit_used=None)
-    writer.write(tmp_path / "replay.html", account, ())
+    write_page(tmp_path / "replay.html", motion, account, ())
     browser.open(tmp_path / "replay.html")
     places = browser.run(
         """(() => {

@@ -29,7 +29,7 @@ def states(count):
 
 
 def test_packing_goes_on_from_its_state_to_the_same_bytes(building):
-    whole, first, second = (MotionPacker(PEOPLE, building, np.zeros(2)) for _ in range(3))
+    whole, first, second = (MotionPacker(PEOPLE, building) for _ in range(3))
     for k, state in enumerate(states(9)):
         whole.add(*state)
         if k < 4:
