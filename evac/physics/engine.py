@@ -58,43 +58,11 @@ _FAILURES = {
 class Engine(Protocol):
     """What a simulation requires of an engine, which moves people between two ticks.
 
-    `evac.simulation.assembly.ENGINE` is the class of all runs. An engine reads the `World`, in which the scene opens
-    and closes links between ticks, and writes the arrays of the `Crowd` that belong to the contact model
-    (docs/architecture.md). Results must not depend on anything but the crowd, the world and what `snapshot` returns.
-
-    Parameters
-    ----------
-    world : World
-    people : int
-        Number of people in the run.
-    forces : sequence of Force
-        Forces in use.
-    full : bool
-        Whether to include parts that the scene does not need (``evac run --full``).
-    levels : sequence of str
-        Names of the levels, for messages; otherwise messages show level indices.
-    solvers : mapping of str to type
-        Registered solvers by name, see `Registry.solvers`.
-    threads : int
-        Threads that share a step; their number does not change the results.
-    people_per_thread : int
-        People inside for each of the threads below which a step has one.
-    spare_waiting : bool
-        Whether forces between people do not act on those who have not reached their response time.
+    `evac.simulation.assembly.ENGINE` is the class of all runs, made with the parameters of `CompiledEngine`. It reads
+    the `World`, in which the scene opens and closes links between ticks, and writes the arrays of the `Crowd` that
+    belong to the contact model (docs/architecture.md). Results must not depend on anything but the crowd, the world and
+    what `snapshot` returns.
     """
-
-    def __init__(
-        self,
-        world: World,
-        people: int,
-        forces: Sequence[Force],
-        full: bool = False,
-        levels: Sequence[str] = (),
-        solvers: Mapping[str, type[Solver]] | None = None,
-        threads: int = 1,
-        people_per_thread: int = 0,
-        spare_waiting: bool = False,
-    ) -> None: ...
 
     @classmethod
     def kernels(
@@ -195,7 +163,27 @@ class Engine(Protocol):
 
 
 class CompiledEngine(Engine):
-    """The step loop of a run, with its state and compiled kernels; `Engine` has its parameters.
+    """The step loop of a run, with its state and compiled kernels.
+
+    Parameters
+    ----------
+    world : World
+    people : int
+        Number of people in the run.
+    forces : sequence of Force
+        Forces in use.
+    full : bool
+        Whether to include parts that the scene does not need (``evac run --full``).
+    levels : sequence of str
+        Names of the levels, for messages; otherwise messages show level indices.
+    solvers : mapping of str to type
+        Registered solvers by name, see `Registry.solvers`.
+    threads : int
+        Threads that share a step; their number does not change the results.
+    people_per_thread : int
+        People inside for each of the threads below which a step has one.
+    spare_waiting : bool
+        Whether forces between people do not act on those who have not reached their response time.
 
     Attributes
     ----------

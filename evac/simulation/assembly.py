@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 #: The engine of all runs; nothing else chooses one.
-ENGINE: type[Engine] = CompiledEngine
+ENGINE = CompiledEngine
 
 
 def make_building(case: "Case") -> "Building":
