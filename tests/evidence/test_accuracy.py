@@ -17,8 +17,8 @@ from evac.evidence.accuracy.plans import l_corner
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.solvers import TOLERANCES, measure
 from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
+from evac.evidence.evidence import Evidence
 from evac.evidence.models import plugins
-from evac.evidence.report import Evidence
 from evac.evidence.verdicts import MET
 
 SOLVERS = tuple(plugins().solvers)

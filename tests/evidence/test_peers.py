@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.scaling.halls import doors_along, make_hall
 from evac.evidence.scaling.page import STEP
 from evac.evidence.scaling.peers import comparison

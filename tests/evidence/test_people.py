@@ -5,12 +5,12 @@ import csv
 import numpy as np
 import pytest
 
+from evac.evidence.evidence import Evidence
 from evac.evidence.people import measures, page, runs
 from evac.evidence.people.measures import Line, Track
 from evac.evidence.people.runs import LEFT, Job, jobs, measure_runs, run_job
 from evac.evidence.people.scenes import IMO_8, SCENES
 from evac.evidence.people.values import VALUES, Value, by_seed, found_row
-from evac.evidence.report import Evidence
 from evac.evidence.verdicts import MET, MOST_ROWS, NOT_MET, REPORTED
 from evac.study.statistics import mean_interval
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evac.base.errors import SimulationError
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.scaling import headway, large, laws, walks
 from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, doors_along, hall_case, make_hall, nearest_door

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evac.evidence import scenes
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.crowds import restitution
 from evac.evidence.stability.dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from evac.case.loading import load_case
+from evac.evidence.evidence import Evidence
 from evac.evidence.models import MODELS, make_model, model_overrides
-from evac.evidence.report import Evidence
 from evac.evidence.square_room import GAP, SetTask, change, crowd_at, flow, run_set, start_positions, stopped
 from evac.evidence.table3 import classroom
 from evac.evidence.table3.classroom import ClassTask, median_last, report_classroom, run_class

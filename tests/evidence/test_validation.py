@@ -7,7 +7,7 @@ import pytest
 from shapely import box
 
 from evac.base.errors import ScenarioError, SimulationError
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.validation import plans, standard
 from evac.evidence.validation.crowds import weidmann
 from evac.evidence.validation.page import QUICK_SUBJECTS, check_rows, failed_tests, run, verdict_rows

@@ -16,7 +16,7 @@ from evac.directions.routes import Route
 from evac.evidence.accuracy.orders import order_of
 from evac.evidence.accuracy.plans import PLANS, Plan
 from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
-from evac.evidence.report import Evidence, new_figure
+from evac.evidence.evidence import Evidence, new_figure
 from evac.evidence.verdicts import reported
 
 SPACINGS = (0.2, 0.1, 0.05, 0.025)

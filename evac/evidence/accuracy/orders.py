@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from evac.case.schema import SimulationSettings
-from evac.evidence.report import MODEL_COLOURS, new_figure
+from evac.evidence.evidence import MODEL_COLOURS, new_figure
 
 Row = dict[str, Any]
 

@@ -12,8 +12,8 @@ import numpy as np
 from evac.base.errors import SimulationError
 from evac.evidence.accuracy.orders import colour_of
 from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
+from evac.evidence.evidence import Evidence, new_figure
 from evac.evidence.models import plugins
-from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.physics.contact.model import ContactModel
 

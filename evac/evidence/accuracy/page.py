@@ -1,7 +1,7 @@
 """Evidence of accuracy: work and precision, all alternatives in one run on the same problems."""
 
 from evac.evidence.accuracy import fields, overlap, peer, rows, solvers, targets, trajectories
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 
 #: The parts in the order of the page.
 PARTS = (solvers, targets, rows, peer, trajectories, overlap, fields)

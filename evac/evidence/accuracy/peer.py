@@ -9,7 +9,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.snapshots import STEP
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.verdicts import at_least
 
 #: cromosim projects in the Euclidean norm, which is that of inertia where all masses are equal, and of its own model.

@@ -5,8 +5,8 @@ from typing import Any
 from evac.evidence.accuracy.problems import LAWS, contact_problem, default_solver
 from evac.evidence.accuracy.snapshots import door_crowd
 from evac.evidence.accuracy.targets import CAP, seconds_to
+from evac.evidence.evidence import Evidence
 from evac.evidence.models import COARSE, plugins
-from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of
 
 #: Residuals, in the unit of the law.

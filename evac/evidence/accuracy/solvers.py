@@ -31,8 +31,8 @@ from evac.evidence.accuracy.problems import (
     velocity_error,
 )
 from evac.evidence.accuracy.reference import PRECISION
+from evac.evidence.evidence import Evidence, new_figure, reference_time
 from evac.evidence.models import plugins
-from evac.evidence.report import Evidence, new_figure, reference_time
 from evac.evidence.verdicts import all_of, reported
 
 #: Tolerances that solvers stop at, in the unit of the law: m for NSM1, m/s for NSM2.

@@ -7,7 +7,7 @@ import numpy as np
 
 from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, snapshots
 from evac.evidence.accuracy.solvers import affordable, median_solve
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.verdicts import MET, all_of, at_least, at_most
 
 PEOPLE = 4_000

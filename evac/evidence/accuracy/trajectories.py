@@ -11,8 +11,8 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
 from evac.evidence.accuracy.orders import CLOSE, DRIVES, EXACT, draw, drives_compared, order_rows, orders_off
+from evac.evidence.evidence import Evidence
 from evac.evidence.models import plugins
-from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene, one_direction, room
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact.model import ContactModel

@@ -10,7 +10,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
 from evac.evidence.certainty.coverage import Drawn, covered, truth
-from evac.evidence.report import WORKERS, Evidence, new_figure
+from evac.evidence.evidence import WORKERS, Evidence, new_figure
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation

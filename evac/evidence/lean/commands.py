@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from evac.case.loading import load_case
-from evac.evidence.report import Evidence, timed
+from evac.evidence.evidence import Evidence, timed
 from evac.evidence.verdicts import reported
 from evac.simulation.running import run as run_case
 

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from evac.case.loading import load_case
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.verdicts import reported
 from evac.jit.kernels import entries_of
 from evac.jit.processor import host

@@ -10,11 +10,11 @@ import numpy as np
 from evac.case.loading import load_case
 from evac.contract.registry import Registry
 from evac.directions.routes import STRATEGIES
+from evac.evidence.evidence import Evidence
 from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
 from evac.evidence.lean.kernels import KernelCase, report_kernels
 from evac.evidence.models import model_overrides
-from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of, reported
 from evac.physics.contact.overlaps import separate
 from evac.physics.engine import CompiledEngine

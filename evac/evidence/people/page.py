@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people import scenes
 from evac.evidence.people.runs import DEFAULT, KEY, LEFT, MODELS, NEVER_BLOCKED, TABLE, jobs, measure_runs
 from evac.evidence.people.values import (
@@ -14,7 +15,6 @@ from evac.evidence.people.values import (
     Value,
     found_row,
 )
-from evac.evidence.report import Evidence, Row
 from evac.evidence.verdicts import MET, REPORTED, Finding, all_of, at_most, reported
 from evac.study.statistics import CONFIDENCE, share_interval
 

@@ -15,10 +15,10 @@ import numpy as np
 import evac
 from evac.case.loading import load_case
 from evac.contract.builtin import BUILTIN_PLUGINS
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import model_overrides
 from evac.evidence.people.measures import MEASURES, Track
 from evac.evidence.people.scenes import NARROW_DOOR, SCENES, TWO_WAY_2, Scene, imo_8_name
-from evac.evidence.report import Evidence, Row
 from evac.folder.digests import digest_of_data, digest_of_file
 from evac.folder.files import replacing
 from evac.simulation.simulation import Simulation

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
+from evac.evidence.evidence import Row
 from evac.evidence.people import scenes
 from evac.evidence.people.measures import COUNTED, DENSITIES, frames_column, speed_column
 from evac.evidence.people.runs import LEFT, MODELS
-from evac.evidence.report import Row
 from evac.evidence.verdicts import MET, NOT_MET, REPORTED
 from evac.study.statistics import estimate
 

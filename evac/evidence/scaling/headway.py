@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.evac_walk import HeadwayWalk
 from evac.evidence.scaling.walks import TICK, Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal

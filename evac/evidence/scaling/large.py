@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from evac.case.loading import load_case
+from evac.evidence.evidence import Evidence
 from evac.evidence.models import model_overrides
-from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import DENSITY, hall_case
 from evac.evidence.scaling.walks import bytes_of, cpu_time, minimal_cost, start_minimal
 from evac.evidence.verdicts import at_most

@@ -8,8 +8,8 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
+from evac.evidence.evidence import Evidence
 from evac.evidence.models import make_model
-from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.evac_walk import MinimalWalk
 from evac.evidence.scaling.walks import TICK, Walk, cpu_time

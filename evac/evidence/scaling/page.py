@@ -13,9 +13,9 @@ import numpy as np
 
 from evac.base.errors import SimulationError
 from evac.case.loading import load_case
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure, timed
 from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
-from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure, timed
 from evac.evidence.scaling import headway, large, laws, phases, threads
 from evac.evidence.scaling.halls import RADIUS, STRETCH, Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from evac.evidence.evidence import Evidence
 from evac.evidence.models import plugins
-from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import make_hall
 from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
 from evac.evidence.verdicts import at_least, reported

@@ -9,8 +9,8 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
 from evac.evidence import scenes
+from evac.evidence.evidence import Evidence, new_figure
 from evac.evidence.models import plugins
-from evac.evidence.report import Evidence, new_figure
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, cell_rows
 from evac.evidence.stability.trial import (

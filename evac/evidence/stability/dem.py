@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from evac.evidence import scenes
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed

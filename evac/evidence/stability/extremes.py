@@ -10,7 +10,7 @@ import numpy as np
 
 from evac.base.errors import EvacError
 from evac.evidence import scenes
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.trial import (
     REFUSED,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.evidence.report import Evidence, new_figure
+from evac.evidence.evidence import Evidence, new_figure
 from evac.evidence.stability.trial import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
 
 #: Colours of the verdicts (Okabe-Ito, with grey and black).

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.stability.crowds import dissipation, reported_force, standing, static_overlap
 from evac.evidence.stability.dem import hardened_contacts, network_limits, stiffness_map
 from evac.evidence.stability.extremes import extreme_scenes

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.models import MODELS, model_overrides
-from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.results.ending import EVERYBODY_OUT
 from evac.simulation.simulation import Simulation

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.models import make_engine, make_model
-from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.scenes import one_direction, room
 from evac.evidence.verdicts import reported
 from evac.physics.state import make_crowd

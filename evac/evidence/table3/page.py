@@ -5,8 +5,8 @@ from functools import cache
 from typing import Any
 
 from evac.case.schema import SimulationSettings
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.models import MODELS
-from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.square_room import CONFIDENCE, GAP, RESAMPLES, Flow, SetTask, change, flow, run_set, stopped
 from evac.evidence.table3.classroom import report_classroom
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
-from evac.evidence.report import Evidence, new_figure
+from evac.evidence.evidence import Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.simulation.simulation import Simulation
 

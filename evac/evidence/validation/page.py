@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from evac.contract.builtin import DEFAULT_MOVEMENT
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.validation.standard import FAILED, STANDARDS, TESTS, Result, StandardTest, carry_out
 from evac.evidence.validation.trial import Trial
 from evac.evidence.verdicts import all_of, reported

@@ -10,7 +10,7 @@ from importlib.resources import files
 from markupsafe import Markup
 
 from evac.base.processes import cores
-from evac.evidence.report import commit, in_processes
+from evac.evidence.evidence import commit, in_processes
 from evac.evidence.validation.page import check_rows
 from evac.evidence.validation.standard import (
     FAILED,

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from evac.base.errors import SimulationError
-from evac.evidence.report import Evidence
+from evac.evidence.evidence import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk
 from evac.evidence.scaling.peers.evac_walk import EvacWalk, HeadwayWalk, MinimalWalk

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 
@@ -18,9 +19,9 @@ import pytest
 from evac.base.errors import ResultError, RunWarning, ScenarioError
 from evac.cli import evidence as command
 from evac.cli import main
-from evac.evidence import KINDS, report
+from evac.evidence import KINDS
 from evac.evidence.command import run_evidence, write_index
-from evac.evidence.report import Evidence, commit, machine, markdown_table, new_figure, timed
+from evac.evidence.evidence import OPTIONAL_PACKAGES, Evidence, commit, machine, markdown_table, new_figure, timed
 from evac.evidence.verdicts import MET, MOST_ROWS, NOT_MET, REPORTED, UNDECIDED, anchor, at_most, reported
 
 PAGES = Path(__file__).parents[2] / "docs" / "evidence"
@@ -229,24 +230,24 @@ def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path, capsys):
 
 
 def test_conditions_name_what_was_loaded_and_nothing_else(tmp_path, monkeypatch):
-    for package in report.OPTIONAL_PACKAGES:
+    for package in OPTIONAL_PACKAGES:
         monkeypatch.delitem(sys.modules, package, raising=False)
     evidence = Evidence("accuracy", tmp_path)
     assert "cromosim" not in evidence.conditions()["versions"]
     peer = ModuleType("cromosim")
     peer.__version__ = "2.1"
     monkeypatch.setitem(sys.modules, "cromosim", peer)
-    monkeypatch.setattr(report, "version", _not_installed(report.version, "cromosim"))
+    monkeypatch.setattr("evac.evidence.evidence.version", _not_installed("cromosim"))
     versions = evidence.conditions()["versions"]
     assert versions.endswith("cromosim 2.1")
     assert "clarabel" not in versions
 
 
-def _not_installed(version, package):
+def _not_installed(package):
     def found(name):
         if name == package:
-            raise report.PackageNotFoundError(name)
-        return version(name)
+            raise metadata.PackageNotFoundError(name)
+        return metadata.version(name)
 
     return found
 
