@@ -447,6 +447,28 @@ def test_a_changed_case_goes_on_in_a_folder_of_its_own(tmp_path, hall):
     assert (tmp_path / "r" / "trajectory.evac").read_bytes() == before
 
 
+def test_the_stair_to_an_empty_storey_closes(tmp_path):
+    """Of which the building warns that nobody can leave it."""
+    floor = [[0, 0], [6, 0], [6, 4], [0, 4]]
+    plan = {
+        "storeys": [{"name": "low", "polygons": [floor]}, {"name": "high", "z": 2.0, "polygons": [floor]}],
+        "exits": [{"name": "out", "storey": "low", "segment": [[6, 1], [6, 3]]}],
+        "stairs": [
+            {
+                **{"name": "stair", "lower": "low", "lower_edge": [[1, 1], [1, 2]], "upper": "high"},
+                **{"length": 3.0, "direction": [1, 0]},
+            }
+        ],
+    }
+    people = [{"name": "people", "number": 3, "level": "low", "speed": 0.2}]
+    model, simulation = {"model": "nsm2"}, {"duration": 2.0}
+    case = evac.load({"building": {"plan": plan}, "people": people, "contact": model, "simulation": simulation})
+    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    results = evac.resume(tmp_path / "r", {"building.closed": ["stair"]}, out=tmp_path / "other")
+    assert [change.what for change in results.changes] == ["stair"]
+    assert results.resumed[0]["differences"] == []
+
+
 def test_an_exit_that_was_closed_opens(tmp_path, hall):
     case = evac.load(hall, {"building.closed": ["front"]})
     evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
