@@ -1,0 +1,171 @@
+"""Together: families and groups that gather at a place first, and wait for each other on their way."""
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ScenarioError
+from evac.base.parameters import Parameter, did_you_mean
+from evac.base.saved import taken
+from evac.building.model.building import Area
+from evac.directions.routes import Route
+from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.physics.state import Crowd
+
+#: Speed below which a person who is in the place where its unit gathers has come to a stop [m/s].
+STANDS = 0.1
+
+#: Decrease of the remaining travel time of the last member below its minimum so far that counts as progress [s].
+PROGRESS = 0.5
+
+# What the members of a unit do.
+GATHERS, COUNTS, LEAVES = range(3)
+
+
+class Together(Behaviour):
+    """Families and other units keep together: those ahead wait for the last, and they may gather at a place first.
+
+    The groups with one of the keys take part. Each `size` people of a group are a unit, or all people of the groups
+    with the same `unit`. Positions are compared by the remaining travel time T. A member that is ahead of the last one
+    by dT = T_last - T, or by its own T if that is less, walks at the share 2 (1 - dT / lag) of its speed, limited to
+    [0, 1]; nobody waits any longer for a last member that has made no progress for `patience`.
+
+    A unit with the key `gather`, the name of an area in `places`, goes there first. When all members have arrived, or
+    `patience` after the last arrival, they are counted, which takes the time `count`, and leave. A class and its
+    teacher are such a unit, which the teacher counts.
+
+    Raises
+    ------
+    ScenarioError
+        The building has no area of the name ``gather``, or it is not in `places`.
+    """
+
+    name = "together"
+    reads = ("position", "level", "contact_radius", "route", "start_time")
+    writes = ("route", "speed_factor")
+    group_keys = ("size", "unit", "gather")
+
+    size = Parameter(0, "number of people of a unit; 0: all people of a group", minimum=0)
+    unit = Parameter("", "name of the unit, common to several groups; empty: a group has its own units")
+    gather = Parameter("", "area at which a unit gathers, one of `places`; empty: none")
+    places = Parameter([], "areas at which units gather")
+    lag = Parameter(3.0, "lead over the last member at which the others stop", unit="s", above=0.0)
+    count = Parameter(10.0, "time for which a unit stays when all have gathered", unit="s", minimum=0.0)
+    patience = Parameter(30.0, "time without progress after which nobody waits", unit="s", minimum=0.0, infinite=True)
+
+    def routes(self) -> tuple[Route, ...]:
+        """Return a route to each place."""
+        return tuple(Route(refuge=place) for place in self.places)
+
+    def prepare(self, scene: BehaviourScene) -> None:
+        """Divide the groups into units."""
+        self._scene = scene
+        rows: list[IntArray] = [np.zeros(0, np.int32)]
+        unit: list[IntArray] = [np.zeros(0, np.int32)]
+        places: list[str] = []
+        named: dict[str, int] = {}
+        for group in _taking_part(scene):
+            place, people = self._checked_place(group, scene), len(group.rows)
+            name = group.settings.get("unit", self.unit)
+            if name:
+                own = np.full(people, named.setdefault(name, len(places)))
+            else:
+                own = len(places) + np.arange(people) // (group.settings.get("size", self.size) or people)
+            places += [place] * (int(own[-1]) + 1 - len(places))
+            rows.append(group.rows)
+            unit.append(own.astype(np.int32))
+        self._rows, self._unit, self._place = np.concatenate(rows), np.concatenate(unit), places
+        routes = scene.scene.fields.routes
+        self._gathering = np.array([routes.index(Route(refuge=one)) if one else -1 for one in places], dtype=np.int32)
+        self._leaving = scene.crowd.route[self._rows].copy()
+        self._stage = np.where(self._gathering >= 0, GATHERS, LEAVES).astype(np.int32)
+        self._arrived = np.zeros(len(self._rows), dtype=np.uint8)
+        self._since = np.zeros(len(places))  # last progress, or the end of the count [s]
+        self._least = np.full(len(places), np.inf)  # least travel time of the last member [s]
+
+    def _checked_place(self, group: Any, scene: BehaviourScene) -> str:
+        """Return the place at which a group gathers; an empty text if it does not."""
+        place: str = group.settings.get("gather", self.gather)
+        key = f"people.{group.name}.behaviours.together.gather"
+        if place and place not in self.places:
+            hint = did_you_mean(place, list(self.places)) if self.places else "it is empty"
+            raise ScenarioError(f"{key}: {place!r} is not in behaviours.together.places; {hint}")
+        areas = [area.name for area in scene.scene.building.areas]
+        if place and place not in areas:
+            raise ScenarioError(f"{key}: no area is named {place!r}; {did_you_mean(place, areas)}")
+        return place
+
+    def act(self, crowd: Crowd, time: float) -> None:
+        """Lead the units to their places, count them, and let those ahead wait for the last."""
+        is_inside = crowd.level[self._rows] >= 0
+        self._gather(crowd, time, is_inside)
+        self._end_stages(time, is_inside)
+        stage = self._stage[self._unit]
+        routes = np.where(stage == LEAVES, self._leaving, self._gathering[self._unit])
+        crowd.route[self._rows[is_inside]] = routes[is_inside]
+        crowd.speed_factor[self._rows[(stage != LEAVES) & (self._arrived == 1)]] = 0.0
+        self._wait(crowd, time, is_inside & (stage == LEAVES))
+
+    def _gather(self, crowd: Crowd, time: float, is_inside: NDArray[np.bool_]) -> None:
+        """Note who has arrived at the place of its unit."""
+        speed = np.hypot(*self._scene.displacement_velocity[self._rows].T)
+        coming = is_inside & (self._arrived == 0) & (self._stage[self._unit] == GATHERS) & (speed < STANDS)
+        coming &= time > crowd.start_time[self._rows] + STANDS
+        for k in np.flatnonzero(coming).tolist():
+            area = self._area(self._place[self._unit[k]])
+            x, y = crowd.position[self._rows[k]]
+            if crowd.level[self._rows[k]] == area.level and shapely.intersects_xy(area.polygon, x, y):
+                self._arrived[k], self._since[self._unit[k]] = 1, time
+
+    def _area(self, name: str) -> Area:
+        return next(area for area in self._scene.scene.building.areas if area.name == name)
+
+    def _end_stages(self, time: float, is_inside: NDArray[np.bool_]) -> None:
+        """Let units count when all have arrived, and leave when they are counted."""
+        missing = np.bincount(self._unit[is_inside & (self._arrived == 0)], minlength=len(self._since))
+        arrived = np.bincount(self._unit[self._arrived == 1], minlength=len(self._since))
+        complete = (missing == 0) | ((arrived > 0) & (time - self._since > self.patience))
+        begins = (self._stage == GATHERS) & complete
+        ends = (self._stage == COUNTS) & (time >= self._since)
+        self._stage[begins], self._since[begins] = COUNTS, time + self.count
+        self._stage[ends], self._since[ends] = LEAVES, time
+
+    def _wait(self, crowd: Crowd, time: float, walks: NDArray[np.bool_]) -> None:
+        """Let those ahead of the last member of their unit wait."""
+        rows, unit = self._rows[walks], self._unit[walks]
+        remaining = self._scene.scene.fields.travel_time_at(
+            crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
+        )
+        last = np.full(len(self._since), -np.inf)
+        np.maximum.at(last, unit[np.isfinite(remaining)], remaining[np.isfinite(remaining)])
+        progresses = np.isfinite(last) & (last < self._least - PROGRESS)
+        self._least[progresses], self._since[progresses] = last[progresses], time
+        waits = np.isfinite(remaining) & (time - self._since[unit] <= self.patience)
+        lead: FloatArray = np.minimum(np.where(waits, last[unit] - remaining, 0.0), remaining)
+        crowd.speed_factor[rows[waits]] *= np.clip(2.0 * (1.0 - lead[waits] / self.lag), 0.0, 1.0)
+
+    def is_needed(self, scene: BehaviourScene) -> bool:
+        """Return False if no group has one of the keys."""
+        return bool(_taking_part(scene))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the stages of the units, who has arrived, and what the last members have reached."""
+        return {"stage": self._stage, "arrived": self._arrived, "since": self._since, "least": self._least}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned."""
+        self._stage = taken(state, "stage", np.int32, self._stage.shape, GATHERS, LEAVES)
+        self._arrived = taken(state, "arrived", np.uint8, self._arrived.shape, 0, 1)
+        self._since = taken(state, "since", np.float64, self._since.shape, 0.0)
+        self._least = taken(state, "least", np.float64, self._least.shape, 0.0, np.inf)
+
+
+def _taking_part(scene: BehaviourScene) -> list[Any]:
+    """Return the groups with one of the keys."""
+    return [group for group in scene.groups if group.settings.keys() & set(Together.group_keys)]
+
+
+evac_interface = 3
