@@ -239,12 +239,6 @@ class GroupSettings(PeopleSettings):
         return len(self.positions) if self.positions is not None else self.number or 0
 
     @model_validator(mode="after")
-    def _follows_no_crowd_where_barred(self) -> Self:
-        if self.steepest is not None and self.strategy == "quickest":
-            raise wrong("strategy", '"quickest" does not avoid slopes; use "fastest", or remove steepest')
-        return self
-
-    @model_validator(mode="after")
     def _placed_one_way(self) -> Self:
         if self.arrive is not None:
             self._check_arrival()

@@ -50,5 +50,7 @@ class Route:
 
 
 def changed_route(route: Route, value: str | Sequence[str]) -> Route:
-    """Return a route with another strategy, if the value is its name, or with other exits."""
+    """Return a route with another strategy, if the value is its name, or with other exits; those to refuges stay."""
+    if route.refuge:
+        return route
     return replace(route, strategy=value) if isinstance(value, str) else replace(route, exits=tuple(value))

@@ -74,10 +74,8 @@ class Refuges:
         areas = {area.name: area for area in building.areas}
         self._places, self._crowd = case.place, crowd
         self._areas: list[Area] = [areas[place.area] for place in case.place]
-        self._own: list[tuple[int, list[int]]] = [
-            (routes.index(route_of(people)), [routes.index(route) for route in routes_to_refuges(case, people)])
-            for people in case.people
-        ]
+        self._ways = [[routes.index(route) for route in routes_to_refuges(case, people)] for people in case.people]
+        self._before: IntArray = crowd.route.copy()  # route of each person until it was sent to a refuge
         self._meant: IntArray = np.full(len(crowd.level), -1, dtype=np.int32)
         self.arrived: NDArray[np.bool_] = np.zeros(len(crowd.level), dtype=np.bool_)
 
@@ -90,13 +88,15 @@ class Refuges:
             The present ones.
         """
         crowd = self._crowd
-        for group, (out, ways) in enumerate(self._own):
+        for group, ways in enumerate(self._ways):
             is_asked = (crowd.group == group) & (crowd.level >= 0) & ~self.arrived & bool(ways)
             for row in np.flatnonzero(is_asked).tolist():
-                times = self._times(fields, row, [out, *ways])
+                if self._meant[row] < 0:
+                    self._before[row] = crowd.route[row]
+                times = self._times(fields, row, [self._before[row], *ways])
                 room = [np.isfinite(times[1 + k]) and self._has_room(k, row) for k in range(len(ways))]
                 if np.isfinite(times[0]) or not any(room):
-                    self._meant[row], crowd.route[row] = -1, out
+                    self._meant[row], crowd.route[row] = -1, self._before[row]
                 elif self._meant[row] < 0 or not room[self._meant[row]]:
                     nearest = int(np.argmin(np.where(room, times[1:], np.inf)))
                     self._meant[row], crowd.route[row] = nearest, ways[nearest]
@@ -139,10 +139,11 @@ class Refuges:
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return where people are meant to go, and who has arrived."""
-        return {"meant": self._meant.copy(), "arrived": self.arrived.astype(np.uint8)}
+        """Return where people are meant to go, by which route they went before, and who has arrived."""
+        return {"meant": self._meant.copy(), "before": self._before.copy(), "arrived": self.arrived.astype(np.uint8)}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned."""
+    def restore(self, state: Mapping[str, NDArray[Any]], routes: int) -> None:
+        """Restore the arrays that `state` returned, of a run with a number of routes."""
+        self._before[:] = taken(state, "before", np.int32, self._before.shape, 0, routes - 1)
         self._meant[:] = taken(state, "meant", np.int32, self._meant.shape, -1, len(self._places) - 1)
         self.arrived[:] = taken(state, "arrived", np.uint8, self.arrived.shape, 0, 1)

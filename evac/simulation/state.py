@@ -56,7 +56,7 @@ def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -
     with part_of(state, "population.") as own:
         simulation.population.restore(own, building, len(simulation.fields.routes))
     with part_of(state, "refuges.") as own:
-        simulation.refuges.restore(own)
+        simulation.refuges.restore(own, len(simulation.fields.routes))
     simulation.scene.hold()
     if simulation.outside is not None and any(key.startswith("outside.") for key in state):  # not if a change adds it
         with part_of(state, "outside.") as own:

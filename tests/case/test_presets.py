@@ -83,8 +83,3 @@ def test_impaired_people_of_guidelines_are_slower_and_wheelchairs_wide():
     assert not shipped["wheelchair"]["turns"]
     assert shipped["imo_male_30_to_50"]["speed"] == {"uniform": [0.97, 1.62]}
     assert shipped["impaired"]["speed"] == {"uniform": [0.46, 0.76]}
-
-
-def test_the_strategy_that_follows_the_crowd_cannot_avoid_slopes(case_file, registry):
-    (line,) = lines_of(case_file, {"people.pupils.steepest": 0.1, "people.pupils.strategy": "quickest"}, registry)
-    assert says(line, case_file, 'people.pupils.strategy: "quickest" does not avoid slopes')

@@ -139,3 +139,25 @@ def test_who_does_not_fit_through_the_only_door_goes_to_a_refuge():
     results = evac.run(evac.load({**case.to_dict(), "place": [refuge]}))
     assert results.ended == "everybody out or at a refuge"
     assert (results.evacuated, results.at_refuges) == (3, 2)
+
+
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_an_event_changes_the_exits_of_those_only_who_are_not_on_their_way_to_a_refuge(strategy):
+    case = with_refuges(("lobby", None)).to_dict()
+    event = {"time": 1.0, "kind": "strategy", "target": "wheelchairs", "value": strategy}
+    other = {"time": 1.0, "kind": "strategy", "target": "walkers", "value": strategy}
+    simulation = Simulation(evac.load({**case, "event": [event, other]}))
+    run_ticks(simulation, 20)
+    crowd, routes = simulation.population.crowd, simulation.fields.routes
+    assert {routes[k].refuge for k in crowd.route[crowd.group == 1]} == {"lobby"}
+    assert {routes[k].strategy for k in crowd.route[crowd.group == 0]} == {strategy}
+
+
+def test_routes_that_follow_the_crowd_avoid_slopes_too():
+    simulation = Simulation(case_of(two_ways(), strategy="quickest"))
+    crowd = simulation.population.crowd
+    while not simulation.ended:
+        simulation.advance_tick()
+        steep = [level.index for level in simulation.building.levels if level.slope > 0.2]
+        assert not np.isin(crowd.level[crowd.group == 1], steep).any()
+    assert simulation.ended == "everybody out"
