@@ -313,7 +313,7 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
     def drawn(quantity: str, distribution: Distribution) -> FloatArray:
         values = distribution.draw(generator_for(seed, "people", people.name, quantity), len(rows))
         least, greatest = BOUNDS[quantity]
-        for value in (values.min(), values.max()):
+        for value in (values.min(), values.max()) if len(rows) else ():  # at a rate, nobody may come
             if not least <= value <= greatest:
                 raise ScenarioError(
                     f"people.{people.name}.{quantity}: the value {value:.3g} of one person is outside "

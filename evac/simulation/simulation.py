@@ -208,7 +208,8 @@ class Simulation:
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
-        start = crowd.replace(position=self.start_position, level=self.start_level)
+        from_start = np.where(crowd.arrival_time == 0.0, self.start_level, np.int32(-1))
+        start = crowd.replace(position=self.start_position, level=from_start)
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
         people += rivals(self.case.keeps_distance)
         unused = unused_threads(self._threads, len(crowd.level))

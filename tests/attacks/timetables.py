@@ -1,8 +1,9 @@
-"""Attacks by timetables: links of random buildings open and close at random times, and a run is killed and resumed.
+"""Attacks by timetables: random buildings change at random times, people arrive, and a run is killed and resumed.
 
-`run` raises AssertionError unless nobody passes a closed link but those who stood on its line, everything that is
-written names the same changes, and a run that was resumed, in its folder or in another one (``branched``), or that has
-all parts (``full``) or two threads (``threads``) gives the same bits.
+`run` raises AssertionError unless nobody passes a closed link but those who stood on its line, nor a portal against its
+direction; nobody is lost, or stands still at the end of a run without progress although a way is open; everything that
+is written names the same changes; and a run that was resumed, in its folder or in another one (``branched``), or that
+has all parts (``full``) or two threads (``threads``) gives the same bits.
 """
 
 import json
@@ -11,11 +12,15 @@ import random
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import shapely
+
 import evac
 from evac import Behaviour, Parameter
 from evac.base.errors import ScenarioError
 from evac.building.model.links import building_at
 from evac.contract.registry import Registry
+from evac.directions.build import build_fields
 from evac.folder.files import SUMMARY_NAME
 from tests.attacks.commands import MODELS
 from tests.attacks.seeded import in_turn
@@ -72,11 +77,45 @@ def check(results: Any) -> None:
             assert_open(results, start.link_of(start.exits[int(crowd.exit_used[person])]), time, person)
     for person, portal, time in zip(*results.crossings, strict=True):
         assert_open(results, int(portal), float(time), int(person))
+    check_directions(results)
+    check_people(results)
     for frame, after in zip(trajectory.rows, trajectory.rows[1:], strict=False):
         for change in after.changes:
             assert frame.time - 1e-9 <= change.time <= after.time, (frame.time, change)
     for time in trajectory.time.tolist():
         assert trajectory.building_at(time).closed == building_at(start, results.changes, time).closed
+
+
+def check_directions(results: Any) -> None:
+    """Check that nobody passes a portal against its direction, except who was pushed back on its line."""
+    last: dict[int, tuple[int, float]] = {}
+    level = {person: int(first) for person, first in enumerate(results.start_level)}
+    for person, portal, time in zip(*(array.tolist() for array in results.crossings), strict=True):
+        tick = max(0, math.ceil(time / TICK - 1e-6) - 1)
+        origins = dict(results.trajectory.building_at(tick * TICK + 1e-7).one_way)
+        before = last.get(person, (-1, -math.inf))
+        if portal in origins and level[person] != origins[portal]:
+            assert before[0] == portal, f"person {person} passed portal {portal} against its direction at {time} s"
+            assert time - before[1] < 5.0, f"person {person} returned through portal {portal} at {time} s"
+        last[person] = portal, time
+        level[person] = results.building.portals[portal].other(level[person])
+
+
+def check_people(results: Any) -> None:
+    """Check that the run ends for a reason, that nobody is lost, and that nobody stands still with an open way."""
+    crowd, building = results.crowd, results.building
+    assert results.ended in {"everybody out", "duration over", "no progress"}
+    has_come, is_out = ~np.isnan(crowd.arrival_time), np.isfinite(crowd.exit_time)
+    inside = np.flatnonzero(crowd.level >= 0)
+    assert ((crowd.level >= 0) == (has_come & ~is_out)).all()
+    for row in inside.tolist():
+        ground = building.levels[crowd.level[row]].polygon
+        assert shapely.dwithin(ground, shapely.Point(crowd.position[row]), 1e-6), f"person {row} is outside its level"
+    if results.ended == "no progress":
+        fields = build_fields(building, tuple(results.routes))
+        time = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
+        free = inside[np.isfinite(time) & (crowd.start_time[inside] <= results.time)]
+        assert not len(free), f"people {free.tolist()} stand still with an open way"
 
 
 def assert_open(results: Any, link: int, time: float, person: int) -> None:
@@ -113,6 +152,7 @@ def table_of(generator: random.Random) -> dict[str, Any]:
     ]
     if generator.random() < 0.2:
         rows += [[generator.choice([0.0, 1.0, 1.05]), "close", name] for name in names]
+    changes = [one for _ in range(generator.randrange(6)) for one in event_of(generator, names, len(names) - 1)]
     behaviours: dict[str, Any] = {"timetable": {"rows": json.dumps(rows)}}
     behaviours |= generator.choice([{"walking": {}}, {"headway": {}}, {}])
     behaviours |= {"route_choice": {"every": 0.5}} if generator.random() < 0.4 else {}
@@ -121,14 +161,53 @@ def table_of(generator: random.Random) -> dict[str, Any]:
     people = [
         {"name": level, "number": generator.randrange(1, 25), "level": level, **crowd} for level in ("ground", "first")
     ]
+    if generator.random() < 0.5:
+        people.append(group_that_comes(generator, names[:-1]) | crowd)
     return {
+        "event": changes,
         "building": {"plan": plan, "closed": generator.sample(names, generator.choice([0, 0, 1]))},
         "people": people,
         "contact": {"model": generator.choice(MODELS)},
         "behaviours": behaviours,
-        "simulation": {"duration": generator.choice([3.0, 4.03, 6.0]), "tick": TICK, "seed": generator.randrange(99)},
+        "simulation": {
+            "duration": generator.choice([3.0, 4.03, 6.0, 60.0]),
+            "no_progress": 10.0,
+            "tick": TICK,
+            "seed": generator.randrange(99),
+        },
         "output": {"picture": False, "animation": False, "every": generator.choice(EVERY)},
     }
+
+
+def event_of(generator: random.Random, names: list[str], exits: int) -> list[dict[str, Any]]:
+    """Return an event, and sometimes another one that follows it."""
+    kind = generator.choice(["open", "close", "one_way", "slow", "bar", "strategy"])
+    level, group = generator.choice(["ground", "first"]), generator.choice(["ground", "first"])
+    target, value = {
+        "one_way": ("stair", generator.choice(["up", "down", False])),
+        "slow": (level, generator.choice([0.2, 0.7, 1.0])),
+        "bar": (level, generator.choice([True, False])),
+        "strategy": (group, generator.choice(["shortest", "comfortable", [], [names[generator.randrange(exits)]]])),
+    }.get(kind, (generator.choice(names), None))
+    name = f"event {generator.randrange(10**9)}"
+    when: dict[str, Any] = generator.choice(
+        [{"out": 3}, {"area": level, "count": 5}, {"area": level, "at_most": 4}, {"area": level, "density": 0.2}]
+    )
+    one: dict[str, Any] = {"name": name, "kind": kind, "target": target}
+    one |= {"time": abs(time_of(generator)) % 50.0} if generator.random() < 0.6 else {"when": when}
+    one |= {} if value is None else {"value": value}
+    after = {"when": {"event": name, "after": generator.choice([0.0, 0.05, 2.0])}, "kind": "open", "target": "stair"}
+    return [one, after] if generator.random() < 0.2 else [one]
+
+
+def group_that_comes(generator: random.Random, exits: list[str]) -> dict[str, Any]:
+    """Return a group of people who come during the run."""
+    times = {"times": [generator.uniform(0.0, 20.0) for _ in range(generator.randrange(1, 12))]}
+    rate = {"rate": generator.uniform(0.2, 2.0), "from": 0.0, "to": generator.uniform(1.0, 15.0)}
+    arrive = generator.choice([times, rate])
+    if generator.random() < 0.4:
+        return {"name": "late", "arrive": arrive | {"exit": generator.choice(exits)}}
+    return {"name": "late", "arrive": arrive, "level": generator.choice(["ground", "first"])}
 
 
 def time_of(generator: random.Random) -> float:

@@ -75,6 +75,12 @@ def test_a_rate_is_a_poisson_process_of_the_group_alone():
     assert both[0].due.tolist() == alone[0].due.tolist()
 
 
+def test_at_a_low_rate_nobody_may_come():
+    rare = {**GATE, "arrive": {"rate": 1e-6, "from": 0.0, "to": 1.0, "exit": "gate"}}
+    results = Simulation(hall(rare)).run()
+    assert (results.ended, results.number_of_people) == ("everybody out", 10)
+
+
 @pytest.mark.parametrize("model", ["nsm1", "dem"])
 def test_nobody_is_put_upon_others_and_who_finds_no_place_waits_outside(model):
     crowd = {**TRAIN, "arrive": {"times": [1.0] * 60}, "radius": 0.25, "speed": 0.3}
