@@ -40,7 +40,7 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
     for group in groups:
         for name, unit, low, high in USUAL:
             values = getattr(crowd, name)[group.rows]
-            if values.min() < low or values.max() > high:
+            if ((values < low) | (values > high)).any():
                 notes.append(
                     f"people.{group.name}.{name} is {values.min():.3g} to {values.max():.3g} {unit}, which is "
                     f"unusual for people ({low:g} to {high:g} {unit}): is the unit right?"
