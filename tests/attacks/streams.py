@@ -127,6 +127,7 @@ COMMANDS = (
     ("plugins", 0),
     ("explain out.toml", 0),
     ("cache", 0),
+    ("verify", 0),
     ("--help", 0),
     ("run --help", 0),
     ("fly", 2),

@@ -1,6 +1,7 @@
 """The standard tests: names, buildings, runs and their folders, criteria, verdicts, and the page."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,6 +94,13 @@ def test_a_test_without_measure_says_why(tmp_path):
 
 def test_only_the_flow_through_a_door_fails_by_design():
     assert [test.names for test in TESTS if test.by_design] == [("IMO-4", "NIST-5.2", "ISO-11")]
+
+
+def test_the_flow_through_a_door_fails_by_default_and_passes_with_the_preset(tmp_path):
+    test = replace(find_tests(["IMO-4"])[0], runs=1)
+    regulation = Trial(tmp_path / "regulation", settings=("behaviours.walking.preset=regulation",))
+    assert carry_out(test, Trial(tmp_path), 1).verdict == FAILED
+    assert carry_out(test, regulation, 1).verdict == PASSED
 
 
 def test_a_test_runs_alone_and_leaves_its_folder(tmp_path):

@@ -145,7 +145,9 @@ def test_every_failed_verdict_is_shown(page):
     ("contact", "keepers", "subject"),
     [
         ({"model": "nsm2", "nsm2": {}}, [], "NSM2"),
-        ({"model": "nsm1", "nsm1": {"variant": "inertial"}}, ["headway"], "NSM1 inertial, headway"),
+        ({"model": "nsm1", "nsm1": {"variant": "inertial"}}, ["walking"], "NSM1 inertial, walking"),
+        ({"model": "nsm1", "nsm1": {"variant": "inertial"}}, ["headway"], None),
+        ({"model": "nsm2", "nsm2": {}}, ["headway"], "NSM2, headway"),
         ({"model": "nsm1", "nsm1": {"variant": "overdamped"}}, [], None),
         ({"model": "dem", "dem": {"stiffness": 1.0}}, [], "DEM"),
         ({"model": "dem", "dem": {}}, ["gaps"], None),
@@ -157,6 +159,16 @@ def test_a_model_is_shown_as_it_was_tested(contact, keepers, subject):
     case = CaseTable(building={}, directions={}, people=[], contact=contact, simulation={})
     subjects = [column for column in evidence()["tests"][0] if column not in ("test", "measured", "expected", "by")]
     assert subject_like(case, keepers, subjects) == subject
+
+
+@pytest.mark.parametrize(
+    ("preset", "subject"), [("measured", "NSM2, walking"), ("regulation", "NSM2, walking regulation")]
+)
+def test_a_preset_is_shown_as_it_was_tested(preset, subject):
+    behaviours = {"walking": {"preset": preset}}
+    contact = {"model": "nsm2"}
+    case = CaseTable(building={}, directions={}, people=[], contact=contact, behaviours=behaviours, simulation={})
+    assert subject_like(case, ["walking"], ["NSM2", "NSM2, walking", "NSM2, walking regulation"]) == subject
 
 
 def test_shares_of_people_who_are_not_all_out():
