@@ -235,13 +235,14 @@ def test_a_test_is_passed_if_all_its_checks_are():
     assert (row["test"], row["DEM"], row["NSM2"]) == ("RiMEA-2", "NO: 0.5", "yes")
 
 
-@pytest.mark.slow
-def test_quick_run_writes_verdicts_and_what_is_left_out(tmp_path):
+def test_quick_run_writes_verdicts_and_what_is_left_out(tmp_path, monkeypatch):
+    few = [test for test in TESTS if test.name in ("RiMEA-1", "RiMEA-2", "NIST-3.2")]
+    monkeypatch.setattr("evac.evidence.validation.page.TESTS", few)
     run(Evidence("validation", tmp_path, quick=True))
     with (tmp_path / "verdicts.csv").open() as file:
         verdicts = list(csv.DictReader(file))
     for name in QUICK_SUBJECTS:
-        assert {row[name] for row in verdicts} == {"yes"}
+        assert [row[name] for row in verdicts] == ["yes"] * 4
     with (tmp_path / "left_out.csv").open() as file:
         assert [row["test"] for row in csv.DictReader(file)] == ["NIST-3.2 ISO-15"]
     page = (tmp_path / "README.md").read_text()
