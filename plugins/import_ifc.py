@@ -1,9 +1,8 @@
 """Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
 
-import os
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +11,12 @@ import numpy as np
 from evac.base.parameters import Parameter
 from evac.building.importer import Importer, optional_library
 from evac.building.model.findings import Finding
+from evac.building.recover.products import LIBRARIES, read_products
 
 if TYPE_CHECKING:
     from evac.building.plan.plan import Plan
     from evac.building.recover.bodies import Body
+    from evac.building.recover.products import Products
 
 #: Classes of IFC 2x3, 4 and 4.3 whose shapes are used, and their kinds of bodies.
 CLASSES = {
@@ -51,6 +52,8 @@ AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\
 FILLS = re.compile(rb"=\s*IFCRELFILLSELEMENT\s*\([^;]*?#(\d+)\s*,\s*#(\d+)\s*\)\s*;")
 #: Longest name that is used unchanged.
 LONGEST = 30
+#: Largest size of a file in an archive.
+MOST_BYTES = 2e9
 #: Largest coordinate of an undamaged file [m].
 FARTHEST = 1e8
 
@@ -59,7 +62,7 @@ class IfcImporter(Importer):
     """IFC (.ifc), 2x3 and later: floors of spaces and slabs, doors, exits and stairs by their geometry."""
 
     name = "ifc"
-    suffixes = (".ifc",)
+    suffixes = (".ifc", ".ifczip")
 
     ground = Parameter("auto", "floors from spaces, or slabs if there are none", choices=("auto", "spaces", "slabs"))
     exits = Parameter("ground", "storeys on which doors to the outside are exits", choices=("ground", "all", "none"))
@@ -68,75 +71,55 @@ class IfcImporter(Importer):
     gap = Parameter(0.01, "gaps between spaces up to this width are closed", unit="m", minimum=0.0)
     furniture = Parameter(False, "whether furniture is an obstacle")
     cut_slabs = Parameter(False, "whether slabs that block a stair are cut")
+    library = Parameter("ifclite_geom", "library that computes the shapes", choices=tuple(LIBRARIES))
+    time = Parameter(60.0, "shapes that are not computed within this time are left out", unit="s", minimum=1.0)
+    product_time = Parameter(10.0, "a shape that takes longer than this is left out", unit="s", minimum=1.0)
 
     def read(self, path: Path) -> "Plan":
         """Read the bodies; raise ValueError if the file is not IFC."""
         from evac.building.recover.bodies import Rules, plan_of_bodies
 
         findings: list[Finding] = []
-        optional_library(path, "ifclite_geom", "ifc")
-        content = path.read_bytes()
-        elements, shapes = _read(content, findings)
+        library = str(self.library)
+        optional_library(path, library, LIBRARIES[library])
+        content = _content(path)
+        read = read_products(content, CLASSES, library, float(self.product_time), float(self.time))
+        if not read.entities:
+            raise ValueError("the file contains no building element")
+        findings += [Finding("warning", f"message of {library}: {line}") for line in read.said]
+        elements = read.entities
         storeys = {
             number: (_text(element["name"]) or f"storey {number}", float(element["placement"][14]))
             for number, element in elements.items()
             if element["ifc_type"] == "IfcBuildingStorey" and element.get("placement")
         }
         names = {part: storeys[whole][0] for part, whole in _parts(content).items() if whole in storeys}
-        bodies = _bodies(elements, shapes, names, _fillings(content), findings)
-        rules = Rules(**self.values())
+        bodies = _bodies(read, names, _fillings(content), findings)
+        own = {key: value for key, value in self.values().items() if key not in ("library", "time", "product_time")}
+        rules = Rules(**own)
         return plan_of_bodies(path, bodies, list(storeys.values()), rules, findings)
 
 
-def _read(content: bytes, findings: list[Finding]) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
-    """Return the entities and the shapes of a file, by number; messages of the library become warnings."""
-    import ifclite_geom
+def _content(path: Path) -> bytes:
+    """Return the text of a file, or of the one file in an archive.
 
+    Raises
+    ------
+    ValueError
+        It is not IFC in STEP format, or truncated.
+    """
+    content = path.read_bytes()
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            members = [one for one in archive.infolist() if one.filename.lower().endswith(".ifc")]
+            if len(members) != 1 or members[0].file_size > MOST_BYTES:
+                raise ValueError(f"the archive must hold one .ifc file of at most {MOST_BYTES:g} bytes")
+            content = archive.read(members[0])
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise ValueError("not an IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
     if b"END-ISO-10303-21" not in content[-1000:]:
         raise ValueError(f"truncated after {len(content)} bytes: END-ISO-10303-21 is missing; export the file again")
-    said: list[str] = []
-    try:
-        with _standard_error(said):
-            elements, shapes = _shapes(ifclite_geom, content)
-    except BaseException as error:
-        # A panic of the library is not a subclass of Exception.
-        if isinstance(error, KeyboardInterrupt | SystemExit | MemoryError):
-            raise
-        raise ValueError(f"the file is damaged or has unsupported content: {error}") from error
-    if not elements:
-        raise ValueError("the file contains no building element")
-    findings += [Finding("warning", f"message of ifclite-geom: {line}") for line in dict.fromkeys(said)]
-    return elements, shapes
-
-
-def _shapes(library: Any, content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
-    """Return the entities of a file, and the shapes of entities whose classes are used."""
-    elements = library.entity_data(content, placements=True, type_properties=False, attributes=True)["entities"]
-    wanted = {number for number, one in elements.items() if one["ifc_type"] in CLASSES}
-    return elements, library.geometry_data_buffers(content, ids=wanted)["elements"] if wanted else {}
-
-
-@contextmanager
-def _standard_error(said: list[str]) -> Iterator[None]:
-    """Collect the lines that compiled code writes to the standard error of the process."""
-    import tempfile
-
-    try:
-        kept = os.dup(2)
-    except OSError:  # it is closed
-        yield
-        return
-    with tempfile.TemporaryFile() as file:
-        os.dup2(file.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            file.seek(0)
-            said += [line.strip() for line in file.read().decode("utf-8", "replace").splitlines() if line.strip()]
+    return content
 
 
 def _fillings(content: bytes) -> dict[int, int]:
@@ -151,32 +134,28 @@ def _parts(content: bytes) -> dict[int, int]:
 
 
 def _bodies(
-    elements: Mapping[int, Any],
-    shapes: Mapping[int, Any],
-    storeys: Mapping[int, str],
-    fills: Mapping[int, int],
-    findings: list[Finding],
+    read: "Products", storeys: Mapping[int, str], fills: Mapping[int, int], findings: list[Finding]
 ) -> "list[Body]":
     """Return the bodies of a file, sorted by number; add a finding for each element without a shape or left out."""
     from evac.building.recover.bodies import Body
 
     bodies = []
     count: dict[str, int] = {}
-    for number in sorted(elements):
-        element = elements[number]
+    for number in sorted(read.entities):
+        element = read.entities[number]
         kind = _kind(element)
-        shape = shapes.get(number)
+        shape = read.shapes.get(number)
         if element["ifc_type"] in NOT_READ:
             count[element["ifc_type"]] = count.get(element["ifc_type"], 0) + 1
         if kind is None:
             continue
         if shape is None:
             if element["has_geometry"]:
-                text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape cannot be read"
-                findings.append(Finding("left out", text))
+                why = f": {read.late[number]}" if number in read.late else ""
+                text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape cannot be read{why}"
+                findings.append(Finding("missing" if number in read.late else "left out", text))
             continue
-        points = np.frombuffer(shape["vertices"], dtype=np.float64).reshape(-1, 3)
-        triangles = np.frombuffer(shape["faces"], dtype=np.uint32).reshape(-1, 3).astype(np.int64)
+        points, triangles = shape
         if not len(triangles) or not np.isfinite(points).all() or np.abs(points).max() > FARTHEST:
             text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape is empty or not finite"
             findings.append(Finding("left out", text))

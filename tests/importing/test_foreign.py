@@ -1,11 +1,14 @@
 """Buildings made by others (../shared/data/foreign) are imported as independent libraries read them (foreign.csv)."""
 
 import csv
+import time
 from collections import defaultdict
 
 import pytest
 
-from evac import import_building
+from evac import BuildingError, import_building
+from evac.building.recover.bodies import Body
+from evac.building.recover.products import LIBRARIES, read_products
 from tests.importing.independent import FOREIGN, TABLE, rows_of
 
 pytestmark = pytest.mark.skipif(not FOREIGN.is_dir(), reason="../shared/data/foreign is not there")
@@ -32,7 +35,6 @@ WRONG = {
     "caserne.geojson": "OSM indoor is not read",
     "constructiq_house_plan.dxf": "walls are found only on layers that are named",
     "imdf_unit.geojson": "level_id of IMDF is not read",
-    "ios_411_walls.ifc": "the shape of a product has no end",
     "nav_test.obj": "a game level, not a surface",
     "westport-1.geojson": "walls and outlines are floors",
     "wrld3d_cad.dxf": "walls are found only on layers that are named",
@@ -75,6 +77,33 @@ def test_storeys_without_a_stair_are_refused(tmp_path):
     assert not made.is_accepted
     assert made.missing[0].startswith("3 of 4 storeys have no way out")
     assert len(made.building.exits) == EXPECTED["TallBuilding.ifc"]["exits"]
+
+
+@pytest.mark.slow
+def test_a_product_whose_shape_has_no_end_is_named(tmp_path):
+    started = time.monotonic()
+    with pytest.raises(BuildingError, match=r"IfcWallStandardCase #218 .* takes more than 2 s"):
+        import_building([FOREIGN / "ios_411_walls.ifc"], tmp_path, options={"product_time": 2.0})
+    assert time.monotonic() - started < 60.0
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ISO-Test-1-IFC2x3.ifc",
+        *(pytest.param(f"{name}.ifc", marks=pytest.mark.slow) for name in ("Ifc2x3_Duplex_Architecture", "xbim_House")),
+    ],
+)
+def test_both_libraries_read_the_same_shapes(name):
+    pytest.importorskip("ifcopenshell")
+    content = (FOREIGN / name).read_bytes()
+    classes = ("IfcSpace", "IfcSlab", "IfcWallStandardCase", "IfcDoor", "IfcStairFlight", "IfcOpeningElement")
+    one, other = (read_products(content, classes, library, each=10.0, total=60.0).shapes for library in LIBRARIES)
+    assert one.keys() == other.keys()
+    areas = [
+        {number: Body("", "", *shape).shadow().area for number, shape in shapes.items()} for shapes in (one, other)
+    ]
+    assert areas[0] == {number: pytest.approx(area, rel=0.02, abs=0.01) for number, area in areas[1].items()}
 
 
 @pytest.mark.parametrize("name", [name for name in sorted(EXPECTED) if not name.endswith(".ifc")])

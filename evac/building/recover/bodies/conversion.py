@@ -72,8 +72,10 @@ def plan_of_bodies(
     )
     if not floors:
         kinds = sorted({body.kind for body in bodies})
+        lost = "".join(f"; {one.text}" for one in findings if one.kind == "missing")
         raise ValueError(
-            f"the file has no ground, neither a space nor a slab with a level top, only {', '.join(kinds) or 'nothing'}"
+            "the file has no ground, neither a space nor a slab with a level top, only "
+            f"{', '.join(kinds) or 'nothing'}{lost}"
         )
     ways = doorways_of(passages, floors, [body for body in bodies if body.kind == "wall"], findings)
     for floor in floors:

@@ -140,7 +140,7 @@ def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
     """Group plans whose heights differ by at most `step` [m] into floors, starting from the largest."""
     candidates: list[tuple[float, float, Body, BaseGeometry]] = []
     if ground != "slabs":
-        spaces = [(body, *face) for body in bodies if body.kind == "space" for face in body.bottoms()]
+        spaces = [(body, *face) for body in bodies if body.kind == "space" for face in _lowest(body)]
         candidates += [(plan.area, z, body, plan) for body, plan, z in spaces]
     slabs = [(plan.area, z, body, plan) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     heights: list[_Height] = []
@@ -155,6 +155,16 @@ def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
         else:
             _nearest(heights, z, step).slabs.append(plan)
     return sorted(heights, key=lambda height: height.z)
+
+
+def _lowest(space: Body) -> list[tuple[BaseGeometry, float]]:
+    """Return the level faces of a space that point downwards and have no other one of them below."""
+    faces: list[tuple[BaseGeometry, float]] = []
+    for plan, z in space.bottoms():
+        rest = cut(plan, united([lower for lower, _ in faces])) if faces else plan
+        if not rest.is_empty:
+            faces.append((rest, z))
+    return faces
 
 
 def _nearest(heights: list[_Height], z: float, step: float) -> _Height:

@@ -1,0 +1,216 @@
+"""Entities and shapes of the products of an IFC file, read by a library in a process of its own, within time limits.
+
+The only module that knows the libraries. A product whose shape takes too long or ends the process costs itself alone.
+"""
+
+import os
+import re
+import tempfile
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.base.processes import Pool
+
+#: The libraries, and the extras of evac that install them.
+LIBRARIES = {"ifclite_geom": "ifc", "ifcopenshell": "ifcopenshell"}
+#: Number of products that are tried together after all of them together have failed.
+BATCH = 64
+#: Lines of entities other than units, whose dimensions are derived.
+DERIVED = re.compile(r"(?m)^#(?!.*IFCSIUNIT).*$")
+
+#: Points (v, 3) [m] and triangles (t, 3).
+Shape = tuple[FloatArray, IndexArray]
+
+
+@dataclass
+class Products:
+    """Content of a file, by the number of the entity."""
+
+    # By number: a dictionary with ifc_type, name, object_type, has_geometry, placement and attributes
+    entities: dict[int, dict[str, Any]]
+    shapes: dict[int, Shape] = field(default_factory=dict)
+    late: dict[int, str] = field(default_factory=dict)  # why products have no shape that should have one
+    said: list[str] = field(default_factory=list)  # what the library wrote
+
+
+def read_products(content: bytes, classes: Collection[str], library: str, each: float, total: float) -> Products:
+    """Read a file.
+
+    Parameters
+    ----------
+    content : bytes
+    classes : collection of str
+        Classes whose shapes are read.
+    library : str
+        One of `LIBRARIES`.
+    each, total : float
+        Time limits for one product and for all of them [s].
+
+    Raises
+    ------
+    ValueError
+        The library cannot read the file, or not within the limit.
+    """
+    end = time.monotonic() + total
+    reader = _Reader(content, library)
+    try:
+        said: list[str] = []
+        entities = reader.ask(_entities, (library,), total, said)
+        if isinstance(entities, str):
+            raise ValueError(f"its entities cannot be read by {library}: {entities}")
+        found = Products(entities, said=said)
+        wanted = [number for number, one in entities.items() if one["ifc_type"] in classes and one["has_geometry"]]
+        todo = [wanted] if wanted else []
+        while todo:
+            group = todo.pop(0)
+            limit = min(each, end - time.monotonic())
+            made = reader.ask(_shapes, (library, group), limit, said) if limit > 0.0 else "no time was left"
+            if not isinstance(made, str):
+                found.shapes |= made
+            elif len(group) == 1 or limit <= 0.0:
+                found.late |= dict.fromkeys(group, made)
+            else:
+                size = BATCH if len(group) > BATCH else 1
+                todo = [group[k : k + size] for k in range(0, len(group), size)] + todo
+        return found
+    finally:
+        reader.close()
+
+
+class _Reader:
+    """A process that has the content of a file; another one takes its place after it has been ended."""
+
+    def __init__(self, content: bytes, library: str) -> None:
+        self._first = (_load, (content, library))
+        self._pool: Pool | None = None
+
+    def ask(
+        self, function: Callable[..., tuple[Any, list[str]]], arguments: tuple[Any, ...], limit: float, said: list[str]
+    ) -> Any:
+        """Return the result of a call, or why there is none; add what the library writes to `said`."""
+        self._pool = self._pool or Pool(1, self._first, is_quiet=True)
+        try:
+            result, lines = self._pool.submit(function, *arguments).result(timeout=limit)
+        except TimeoutError:
+            self.close()
+            return f"it takes more than {limit:.0f} s"
+        except BrokenExecutor:
+            self.close()
+            return "it ends the library"
+        said += [line for line in lines if line not in said]
+        return result
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._pool.close(at_once=True)
+        self._pool = None
+
+
+# Worker process
+
+_loaded: Any = None
+
+
+def _load(content: bytes, library: str) -> None:
+    """Keep the content of the file, as the library takes it."""
+    global _loaded
+    _loaded = content
+    if library == "ifcopenshell":
+        import ifcopenshell
+
+        # An asterisk stands for a derived value; ifcopenshell refuses it where no value is derived.
+        text = DERIVED.sub(lambda line: line[0].replace("*", "$"), content.decode("utf-8", "replace"))
+        _loaded = ifcopenshell.file.from_string(text)
+
+
+def _entities(library: str) -> tuple[dict[int, dict[str, Any]] | str, list[str]]:
+    """Return the entities of the file, and what the library wrote."""
+    with _written() as said:
+        try:
+            if library == "ifcopenshell":
+                return {one.id(): _entity(one) for one in _loaded.by_type("IfcObject")}, said
+            import ifclite_geom
+
+            read = ifclite_geom.entity_data(_loaded, placements=True, type_properties=False, attributes=True)
+            keys = ("ifc_type", "name", "object_type", "has_geometry", "placement", "attributes")
+            return {number: {key: one[key] for key in keys} for number, one in read["entities"].items()}, said
+        except BaseException as error:  # a panic of the library is not a subclass of Exception
+            return str(error), said
+
+
+def _entity(one: Any) -> dict[str, Any]:
+    """Return an entity of ifcopenshell as ifclite-geom does."""
+    from ifcopenshell.util.placement import get_local_placement
+    from ifcopenshell.util.unit import calculate_unit_scale
+
+    placement = None
+    if one.is_a("IfcBuildingStorey") and one.ObjectPlacement is not None:
+        matrix = np.array(get_local_placement(one.ObjectPlacement))
+        matrix[:3, 3] *= calculate_unit_scale(_loaded)
+        placement = matrix.T.ravel().tolist()
+    names = ("LongName", "PredefinedType", "Tag")
+    return {
+        "ifc_type": one.is_a(),
+        "name": one.Name,
+        "object_type": one.ObjectType,
+        "has_geometry": getattr(one, "Representation", None) is not None,
+        "placement": placement,
+        "attributes": [{"name": name, "value": getattr(one, name)} for name in names if getattr(one, name, None)],
+    }
+
+
+def _shapes(library: str, numbers: Sequence[int]) -> tuple[dict[int, Shape] | str, list[str]]:
+    """Return the shapes of some products, and what the library wrote."""
+    with _written() as said:
+        try:
+            if library == "ifcopenshell":
+                return {number: shape for number in numbers if (shape := _opened(number)) is not None}, said
+            import ifclite_geom
+
+            made: Mapping[int, Any] = ifclite_geom.geometry_data_buffers(_loaded, ids=set(numbers))["elements"]
+            return {
+                number: (
+                    np.frombuffer(one["vertices"], np.float64).reshape(-1, 3),
+                    np.frombuffer(one["faces"], np.uint32).reshape(-1, 3).astype(np.int64),
+                )
+                for number, one in made.items()
+            }, said
+        except BaseException as error:
+            return str(error), said
+
+
+def _opened(number: int) -> Shape | None:
+    """Return the shape of a product by ifcopenshell; None if it has none that can be read."""
+    import ifcopenshell.geom
+
+    settings = ifcopenshell.geom.settings()
+    settings.set("use-world-coords", True)
+    try:
+        geometry = ifcopenshell.geom.create_shape(settings, _loaded.by_id(number)).geometry
+    except RuntimeError:
+        return None
+    return np.reshape(geometry.verts, (-1, 3)), np.reshape(geometry.faces, (-1, 3)).astype(np.int64)
+
+
+@contextmanager
+def _written() -> Iterator[list[str]]:
+    """Collect the lines that compiled code writes to the standard error of the process."""
+    said: list[str] = []
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield said
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            file.seek(0)
+            said += [line.strip() for line in file.read().decode("utf-8", "replace").splitlines() if line.strip()]
