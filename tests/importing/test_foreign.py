@@ -79,6 +79,12 @@ def test_storeys_without_a_stair_are_refused(tmp_path):
     assert len(made.building.exits) == EXPECTED["TallBuilding.ifc"]["exits"]
 
 
+@pytest.mark.parametrize("options", [{}, {"up": "y"}])
+def test_a_game_level_is_refused_and_no_internal_error(tmp_path, options):
+    with pytest.raises(BuildingError, match="nav_test"):
+        import_building([FOREIGN / "nav_test.obj"], tmp_path / "case", options=options)
+
+
 @pytest.mark.slow
 def test_a_product_whose_shape_has_no_end_is_named(tmp_path):
     started = time.monotonic()

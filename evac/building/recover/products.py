@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -124,11 +125,9 @@ def _load(content: bytes, library: str) -> None:
     global _loaded
     _loaded = content
     if library == "ifcopenshell":
-        import ifcopenshell
-
         # An asterisk stands for a derived value; ifcopenshell refuses it where no value is derived.
         text = DERIVED.sub(lambda line: line[0].replace("*", "$"), content.decode("utf-8", "replace"))
-        _loaded = ifcopenshell.file.from_string(text)
+        _loaded = import_module("ifcopenshell").file.from_string(text)
 
 
 def _entities(library: str) -> tuple[dict[int, dict[str, Any]] | str, list[str]]:
@@ -137,9 +136,9 @@ def _entities(library: str) -> tuple[dict[int, dict[str, Any]] | str, list[str]]
         try:
             if library == "ifcopenshell":
                 return {one.id(): _entity(one) for one in _loaded.by_type("IfcObject")}, said
-            import ifclite_geom
-
-            read = ifclite_geom.entity_data(_loaded, placements=True, type_properties=False, attributes=True)
+            read = import_module("ifclite_geom").entity_data(
+                _loaded, placements=True, type_properties=False, attributes=True
+            )
             keys = ("ifc_type", "name", "object_type", "has_geometry", "placement", "attributes")
             return {number: {key: one[key] for key in keys} for number, one in read["entities"].items()}, said
         except BaseException as error:  # a panic of the library is not a subclass of Exception
@@ -148,13 +147,10 @@ def _entities(library: str) -> tuple[dict[int, dict[str, Any]] | str, list[str]]
 
 def _entity(one: Any) -> dict[str, Any]:
     """Return an entity of ifcopenshell as ifclite-geom does."""
-    from ifcopenshell.util.placement import get_local_placement
-    from ifcopenshell.util.unit import calculate_unit_scale
-
     placement = None
     if one.is_a("IfcBuildingStorey") and one.ObjectPlacement is not None:
-        matrix = np.array(get_local_placement(one.ObjectPlacement))
-        matrix[:3, 3] *= calculate_unit_scale(_loaded)
+        matrix = np.array(import_module("ifcopenshell.util.placement").get_local_placement(one.ObjectPlacement))
+        matrix[:3, 3] *= import_module("ifcopenshell.util.unit").calculate_unit_scale(_loaded)
         placement = matrix.T.ravel().tolist()
     names = ("LongName", "PredefinedType", "Tag")
     return {
@@ -173,9 +169,9 @@ def _shapes(library: str, numbers: Sequence[int]) -> tuple[dict[int, Shape] | st
         try:
             if library == "ifcopenshell":
                 return {number: shape for number in numbers if (shape := _opened(number)) is not None}, said
-            import ifclite_geom
-
-            made: Mapping[int, Any] = ifclite_geom.geometry_data_buffers(_loaded, ids=set(numbers))["elements"]
+            made: Mapping[int, Any] = import_module(library).geometry_data_buffers(_loaded, ids=set(numbers))[
+                "elements"
+            ]
             return {
                 number: (
                     np.frombuffer(one["vertices"], np.float64).reshape(-1, 3),
@@ -189,12 +185,11 @@ def _shapes(library: str, numbers: Sequence[int]) -> tuple[dict[int, Shape] | st
 
 def _opened(number: int) -> Shape | None:
     """Return the shape of a product by ifcopenshell; None if it has none that can be read."""
-    import ifcopenshell.geom
-
-    settings = ifcopenshell.geom.settings()
+    library: Any = import_module("ifcopenshell.geom")
+    settings = library.settings()
     settings.set("use-world-coords", True)
     try:
-        geometry = ifcopenshell.geom.create_shape(settings, _loaded.by_id(number)).geometry
+        geometry = library.create_shape(settings, _loaded.by_id(number)).geometry
     except RuntimeError:
         return None
     return np.reshape(geometry.verts, (-1, 3)), np.reshape(geometry.faces, (-1, 3)).astype(np.int64)

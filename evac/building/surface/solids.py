@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import IndexArray
-from evac.building.geometry.overlays import GRID, place_of
+from evac.building.geometry.overlays import GRID, flat_parts, place_of
 from evac.building.model.findings import Finding
 from evac.building.surface.patches import Patch
 from evac.building.surface.treads import APART, MOST_RISER
@@ -93,7 +93,7 @@ def _inside(own: list[Patch], k: int, beside: list[int]) -> BaseGeometry:
     for other in (own[j] for j in beside if own[j].body == own[k].body):
         above = other.over(own[k], TOUCHING, HIGHEST)
         if not above.is_empty:
-            inside = shapely.symmetric_difference(inside, above, grid_size=GRID)
+            inside = flat_parts(shapely.symmetric_difference(inside, above, grid_size=GRID))
     return inside
 
 
