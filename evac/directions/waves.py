@@ -1,4 +1,4 @@
-"""Kernels for times that are solved again during a run: density on the nodes, and one march through all levels."""
+"""Kernels for times that are solved again during a run: densities, speeds, and one march through all levels."""
 
 import math
 
@@ -10,6 +10,12 @@ FAR, QUEUED, FINAL, APART = 0, 1, 2, 3
 
 #: Half width of the kernel of densities, in standard deviations.
 CUT = 3.0
+
+#: Weidmann (1993): decline of the speed [1/m2], density at which people stand, and that of the greatest flow [1/m2].
+DECLINE, JAM, BUSIEST = 1.913, 5.4, 1.75
+
+#: Density below which people walk at their own speed; the law has 1 - 1e-16 there [1/m2].
+NOBODY = 0.05
 
 #: Relative difference below which a time is not lower than another.
 ROUNDING = 1e-9
@@ -33,11 +39,15 @@ class Waves(Struct):
     state: Bytes  # (nodes,) FAR, QUEUED, FINAL or APART
     time: Floats  # (nodes,) [s]
     exit: Ints  # (nodes,) exit that the way from a node ends at, -1 for none
+    gate_at: Ints  # (nodes,) gate whose line a node is on, -1 for none
+    gate: Ints  # (nodes,) next gate on the way from a node, -1 for none
+    walk: Floats  # (nodes,) time to this gate without other people [s]
     former: Ints  # (nodes,) that of the march before, -1 for none
     hesitation: float  # time that the way to another exit than before must be shorter [s]
     before: Longs  # (nodes,) next node on the way
     leans: ByteGrid  # (levels, levels) whether times of one level follow from those of another
     heap: Longs  # (nodes,) queue of nodes, the lowest time first
+    key: Floats  # (nodes,) their times
     place: Longs  # (nodes,) place of each node in the queue
 
 
@@ -82,43 +92,118 @@ def deposit(
 
 
 @inner
-def put(waves: Waves, k: int, node: int) -> None:
-    """Put a node at place k of the queue."""
-    waves.heap[k] = node
-    waves.place[node] = k
+def speed_at(density: float, floor: float) -> float:
+    """Return the relative speed at a density: that of Weidmann, and above the density of the greatest flow, that flow.
+
+    In a queue people advance as fast as it is served, however dense they stand.
+    """
+    if density < NOBODY:
+        return 1.0
+    speed = 1.0 - math.exp(-DECLINE * (1.0 / min(density, BUSIEST) - 1.0 / JAM))
+    return max(floor, speed * min(1.0, BUSIEST / density))
+
+
+@kernel
+def find_speeds(
+    first: int,
+    stop: int,
+    density: Floats,
+    floor: float,
+    waves: Waves,
+    queues: FloatGrid,
+    step: float,
+    former: Floats,
+    speed: Floats,
+) -> float:
+    """Find the relative speeds of the nodes of a level; return how much they differ from the former ones.
+
+    Parameters
+    ----------
+    first, stop : int
+        Range of its nodes.
+    density : (nodes,) float64 [1/m2]
+    floor : float
+        Least speed that follows from a density.
+    waves : Waves
+        With the next gate of each node, and the time to it.
+    queues : (gates, bins) float64
+        Relative speed before each gate, by the time to it.
+    step : float
+        Length of a bin [s].
+    former : (nodes,) float64
+    speed : (nodes,) float64
+        Output.
+
+    Returns
+    -------
+    float
+        Sum of the differences of the slowness over all nodes, over the sum of what it exceeds 1 by, and a square metre.
+    """
+    differences, delay = 0.0, 1.0 / (waves.spacing * waves.spacing)
+    for node in range(first, stop):
+        if waves.state[node] == APART:
+            continue
+        value = speed_at(density[node], floor)
+        gate = waves.gate[node]
+        if gate >= 0:
+            value = min(value, queues[gate, min(int(waves.walk[node] / step), queues.shape[1] - 1)])
+        speed[node] = value
+        differences += abs(1.0 / value - 1.0 / former[node])
+        delay += 1.0 / former[node] - 1.0
+    return differences / delay
+
+
+@kernel
+def find_queues(people: FloatGrid, capacity: Floats, step: float, queues: FloatGrid) -> None:
+    """Find the relative speeds before gates, each of which people pass one after another.
+
+    Parameters
+    ----------
+    people : (gates, bins) float64
+        Number of people on the way to each gate, by their time to it.
+    capacity : (gates,) float64
+        Number of people that pass each gate in a second [1/s].
+    step : float
+        Length of a bin [s].
+    queues : (gates, bins) float64
+        Output.
+    """
+    for gate in range(people.shape[0]):
+        end = 0.0  # of the time at which those before have passed
+        for k in range(people.shape[1]):
+            later = max((k + 1) * step, end + people[gate, k] / capacity[gate])
+            queues[gate, k] = min(1.0, step / (later - end)) if later > end else 1.0
+            end = later
 
 
 @inner
-def rise(waves: Waves, k: int) -> None:
-    """Move the entry at place k of the queue towards its front."""
-    node = waves.heap[k]
-    time = waves.time[node]
+def rise(waves: Waves, k: int, node: int, time: float) -> None:
+    """Put a node at place k of the queue, or nearer to its front."""
     while k > 0:
         above = (k - 1) // 2
-        other = waves.heap[above]
-        if waves.time[other] <= time:
+        if waves.key[above] <= time:
             break
-        put(waves, k, other)
+        waves.heap[k], waves.key[k] = waves.heap[above], waves.key[above]
+        waves.place[waves.heap[k]] = k
         k = above
-    put(waves, k, node)
+    waves.heap[k], waves.key[k], waves.place[node] = node, time, k
 
 
 @inner
-def sink(waves: Waves, size: int) -> None:
-    """Move the entry at the front of the queue to its place."""
-    node = waves.heap[0]
-    time = waves.time[node]
-    k = 0
-    while 2 * k + 1 < size:
-        below = 2 * k + 1
-        if below + 1 < size and waves.time[waves.heap[below + 1]] < waves.time[waves.heap[below]]:
+def take_first(waves: Waves, size: int) -> int:
+    """Take the node at the front of a queue, of which `size` are left; return it."""
+    first, node, time = waves.heap[0], waves.heap[size], waves.key[size]
+    k, below = 0, 1
+    while below < size:
+        if below + 1 < size and waves.key[below + 1] < waves.key[below]:
             below += 1
-        other = waves.heap[below]
-        if waves.time[other] >= time:
+        if waves.key[below] >= time:
             break
-        put(waves, k, other)
-        k = below
-    put(waves, k, node)
+        waves.heap[k], waves.key[k] = waves.heap[below], waves.key[below]
+        waves.place[waves.heap[k]] = k
+        k, below = below, 2 * below + 1
+    waves.heap[k], waves.key[k], waves.place[node] = node, time, k
+    return int(first)
 
 
 @inner
@@ -207,11 +292,12 @@ def offer(waves: Waves, node: int, time: float, near: int, size: int) -> int:
     if time < waves.time[node]:
         waves.time[node] = time
         waves.before[node] = near
+        place = waves.place[node]
         if waves.state[node] == FAR:
             waves.state[node] = QUEUED
-            put(waves, size, node)
+            place = size
             size += 1
-        rise(waves, waves.place[node])
+        rise(waves, place, node, time)
     return size
 
 
@@ -245,15 +331,18 @@ def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: 
         other = waves.twin[node]
         if other >= 0 and waves.state[other] == FINAL:
             size = offer(waves, node, waves.time[other], other, size)
-    while size > 0 and (missing > 0 or waves.time[waves.heap[0]] <= least):
-        node = waves.heap[0]
+    while size > 0 and (missing > 0 or waves.key[0] <= least):
         size -= 1
-        waves.heap[0] = waves.heap[size]
-        if size > 0:
-            sink(waves, size)
+        node = take_first(waves, size)
         waves.state[node] = FINAL
         near = waves.before[node]
         waves.exit[node] = waves.exit[near]
+        if waves.gate_at[node] >= 0:
+            waves.gate[node] = waves.gate_at[node]
+            waves.walk[node] = 0.0
+        else:
+            waves.gate[node] = waves.gate[near]
+            waves.walk[node] = waves.walk[near] + (waves.time[node] - waves.time[near]) / waves.factor[node]
         here = waves.level_of[node]
         missing -= needed[here]
         if waves.level_of[near] != here:

@@ -91,3 +91,27 @@ class Drawing:
 @pytest.fixture
 def drawing():
     return Drawing()
+
+
+@pytest.fixture
+def corridor(drawing):
+    drawing.exit("end", drawing.level((0.0, 0.0, 12.0, 2.0)), (12.0, 0.0), (12.0, 2.0))
+    return drawing.build()
+
+
+@pytest.fixture
+def hall(drawing):
+    level = drawing.level((0.0, 0.0, 16.0, 6.0))
+    drawing.exit("left", level, (2.0, 0.0), (3.0, 0.0))
+    drawing.exit("right", level, (13.0, 0.0), (14.0, 0.0))
+    return drawing.build()
+
+
+@pytest.fixture
+def row(drawing):
+    """Return three rooms one after another; the exit is in the last one."""
+    rooms = [drawing.level((8.0 * k, 0.0, 8.0 * (k + 1), 4.0)) for k in range(3)]
+    for first, second in ((0, 1), (1, 2)):
+        drawing.portal(rooms[first], rooms[second], (8.0 * second, 1.0), (8.0 * second, 3.0))
+    drawing.exit("out", rooms[2], (24.0, 1.0), (24.0, 3.0))
+    return drawing.build()

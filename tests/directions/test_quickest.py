@@ -1,13 +1,18 @@
 """Directions that follow the crowd: travel times at the speeds of its density, solved again where it has changed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 
+from evac.building.model.building import Door
 from evac.case.schema import QuickestSettings
 from evac.directions.build import build_fields
-from evac.directions.quickest import Quickest, relative_speed
+from evac.directions.gates import THROUGH_DOORS
+from evac.directions.quickest import Quickest
 from evac.directions.routes import Route
+from evac.directions.waves import speed_at
 
 QUICKEST = Route((), "quickest")
 
@@ -31,45 +36,52 @@ def crowd_in(x1, y1, x2, y2, step=0.35):
     return np.array([(x, y) for x in np.arange(x1, x2, step) for y in np.arange(y1, y2, step)])
 
 
-@pytest.fixture
-def corridor(drawing):
-    drawing.exit("end", drawing.level((0.0, 0.0, 12.0, 2.0)), (12.0, 0.0), (12.0, 2.0))
-    return drawing.build()
+def test_the_speed_falls_with_the_density_as_in_weidmann_and_keeps_the_greatest_flow():
+    found = [speed_at(rho, 0.05) for rho in (0.0, 1.0, 1.75, 3.5, 40.0)]
+    one, busiest = (1.0 - np.exp(-1.913 * (1.0 / rho - 1.0 / 5.4)) for rho in (1.0, 1.75))
+    assert found == pytest.approx([1.0, one, busiest, 0.5 * busiest, 0.05])
 
 
-@pytest.fixture
-def hall(drawing):
-    level = drawing.level((0.0, 0.0, 16.0, 6.0))
-    drawing.exit("left", level, (2.0, 0.0), (3.0, 0.0))
-    drawing.exit("right", level, (13.0, 0.0), (14.0, 0.0))
-    return drawing.build()
-
-
-@pytest.fixture
-def row(drawing):
-    """Return three rooms one after another; the exit is in the last one."""
-    rooms = [drawing.level((8.0 * k, 0.0, 8.0 * (k + 1), 4.0)) for k in range(3)]
-    for first, second in ((0, 1), (1, 2)):
-        drawing.portal(rooms[first], rooms[second], (8.0 * second, 1.0), (8.0 * second, 3.0))
-    drawing.exit("out", rooms[2], (24.0, 1.0), (24.0, 3.0))
-    return drawing.build()
-
-
-def test_the_speed_falls_with_the_density_as_in_weidmann():
-    found = relative_speed(np.array([0.0, 1.0, 2.0, 5.4, 9.0]), 0.05)
-    law = [1.0 - np.exp(-1.913 * (1.0 / rho - 1.0 / 5.4)) for rho in (1.0, 2.0)]
-    assert found == pytest.approx([1.0, *law, 0.05, 0.05])
-
-
-def test_a_uniform_density_at_half_the_speed_doubles_the_times(corridor):
-    places = np.column_stack([np.linspace(1.0, 7.0, 7), np.full(7, 0.9)])
-    quickest = quickest_in(corridor, floor=0.5)
+def test_a_uniform_density_prolongs_the_times_by_its_speed(corridor):
+    places = np.column_stack([np.linspace(4.0, 8.0, 5), np.full(5, 0.9)])
+    quickest = quickest_in(corridor, floor=0.6)
     update(quickest, [[6.0, 1.0]])
     empty = quickest.fields.travel_time_at(0, places, 0, 0.2)
     assert -np.diff(empty) == pytest.approx(np.diff(places[:, 0]), rel=1e-9)  # at 1 m/s
-    update(quickest, crowd_in(0.0, 0.0, 12.1, 2.1, 0.2))
+    update(quickest, crowd_in(0.0, 0.0, 12.1, 2.1, 0.8))
     full = quickest.fields.travel_time_at(0, places, 0, 0.2)
-    assert np.diff(full) == pytest.approx(2.0 * np.diff(empty), rel=1e-9)
+    assert np.diff(full) == pytest.approx(np.diff(empty) / 0.6, rel=1e-9)
+
+
+def test_a_queue_lasts_as_long_as_its_people_need_to_pass_the_exit(drawing):
+    drawing.exit("end", drawing.level((0.0, 0.0, 12.0, 4.0)), (12.0, 1.5), (12.0, 2.5))
+    quickest, crowd, places = quickest_in(drawing.build()), crowd_in(3.0, 0.1, 12.0, 4.0), [[2.0, 2.0], [1.0, 2.0]]
+    update(quickest, [*crowd, *places])
+    empty = quickest.fields.uncongested.travel_time_at(0, np.array(places), 0, 0.2)
+    tail, behind = quickest.fields.travel_time_at(0, np.array(places), 0, 0.2)
+    assert tail == pytest.approx(len(crowd) / THROUGH_DOORS, rel=0.1)
+    assert behind - tail == pytest.approx(empty[1] - empty[0], abs=0.5)
+
+
+def test_people_on_their_way_to_an_exit_count_before_they_arrive(hall):
+    quickest = quickest_in(hall, (Route(("left",), "quickest"),))
+    crowd, last = crowd_in(4.0, 0.5, 12.0, 6.0, 1.0), np.array([[12.0, 5.0]])
+    update(quickest, [*crowd, *last])
+    empty, found = (of.travel_time_at(0, last, 0, 0.2)[0] for of in (quickest.fields.uncongested, quickest.fields))
+    assert found > max(0.9 * len(crowd) / THROUGH_DOORS, empty + 10.0)
+
+
+def test_a_door_within_a_level_holds_the_queue_before_it(drawing):
+    wall = shapely.union_all([shapely.box(5.95, 0.0, 6.05, 1.5), shapely.box(5.95, 2.5, 6.05, 4.0)])
+    level = drawing.level(shapely.box(0.0, 0.0, 12.0, 4.0) - wall)
+    drawing.exit("end", level, (12.0, 0.0), (12.0, 4.0))
+    building, crowd = drawing.build(), crowd_in(3.0, 0.1, 5.9, 3.9, 0.3)
+    waits = []
+    for doors in ((), (Door("door", 0, np.array([6.0, 1.5, 6.0, 2.5]), 1.0),)):
+        quickest = quickest_in(replace(building, doors=doors), clearance=0.25, floor=0.5)
+        update(quickest, crowd)
+        waits.append(quickest.fields.travel_time_at(0, np.array([[3.0, 2.0]]), 0, 0.2)[0])
+    assert waits[1] > 0.8 * len(crowd) / THROUGH_DOORS > 2.0 * waits[0]
 
 
 def test_without_a_crowd_the_times_are_those_of_the_empty_building(row):
@@ -92,8 +104,7 @@ def test_without_a_crowd_the_posts_of_an_exit_are_given_the_same_clearance(hall)
 
 def test_only_levels_that_have_changed_and_those_behind_them_are_solved(row):
     quickest, far = quickest_in(row), [[1.0, 1.0]]
-    assert update(quickest, far) == 3
-    assert update(quickest, far) == 0
+    assert update(quickest, far) == 0  # as in the empty building
     first = [*far, *crowd_in(1.0, 1.0, 4.0, 3.0)]
     assert update(quickest, first, [0] * len(first)) == 1  # nothing leads through the first room
     middle = [*first, *crowd_in(11.0, 1.0, 13.0, 3.0)]
@@ -101,20 +112,8 @@ def test_only_levels_that_have_changed_and_those_behind_them_are_solved(row):
     assert update(quickest, middle, levels) == 2
     last = [*middle, *crowd_in(20.0, 1.0, 23.0, 3.0)]
     assert update(quickest, last, levels + [2] * (len(last) - len(middle))) == 3
+    update(quickest, last, levels + [2] * (len(last) - len(middle)))  # until the ways to the gates are those found
     assert update(quickest, last, levels + [2] * (len(last) - len(middle))) == 0
-
-
-def test_levels_that_are_solved_alone_agree_with_all_solved_together(row):
-    scenes = [crowd_in(17.0, 0.5, 20.0, 3.0), crowd_in(22.0, 1.0, 24.0, 3.0), crowd_in(2.0, 0.0, 5.0, 3.0)]
-    step_by_step = quickest_in(row, hesitation=0.0)
-    for scene in scenes:
-        levels = (scene[:, 0] // 8.0).astype(int)
-        update(step_by_step, [*scene, [1.0, 1.0]], [*levels, 0])
-    at_once = quickest_in(row, hesitation=0.0)
-    update(at_once, [*scenes[-1], [1.0, 1.0]], [*levels, 0])
-    found, wanted = step_by_step.fields.packed, at_once.fields.packed
-    known = np.isfinite(wanted.travel_time)
-    assert found.travel_time[known] == pytest.approx(wanted.travel_time[known], abs=1e-9)
 
 
 def test_what_nobody_needs_is_not_solved_until_somebody_does(row):

@@ -1,0 +1,366 @@
+"""The travel times and directions of a route, for a class of bodies, that follow the crowd."""
+
+import math
+from collections.abc import Mapping, Set
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.saved import taken
+from evac.building.model.building import Exit
+from evac.directions.descent import descend
+from evac.directions.fields import Fields
+from evac.directions.gates import STEP, Gates
+from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids
+from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
+from evac.directions.raster.masks import nearest_marked
+from evac.directions.raster.strips import chain
+from evac.directions.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
+
+#: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.
+NOTICED = 0.1
+
+#: Arrays of the waves that are saved.
+SAVED = ("time", "exit", "gate", "walk", "former", "leans")
+
+
+class Column:
+    """The travel times and directions of a route, for a class of bodies.
+
+    At first they are those of the empty building.
+
+    Parameters
+    ----------
+    fields : Fields
+        Directions of the empty building.
+    travel_time, direction : (nodes,) and (nodes, 2) float64
+        Those of all columns, which `write` changes.
+    number : int
+        Column of the fields: a route, for a class of bodies.
+    gates : Gates
+    hesitation : float, optional
+        Time that the way to another exit must be shorter [s].
+    lower : Column, optional
+        That of the class of narrower bodies.
+
+    Attributes
+    ----------
+    waves : Waves
+        Times, next gates and exits.
+    speed : (nodes,) float64
+        Relative speeds with which they are solved.
+    stale : set of int
+        Levels that were not solved to their end.
+    """
+
+    def __init__(
+        self,
+        fields: Fields,
+        travel_time: FloatArray,
+        direction: FloatArray,
+        number: int,
+        gates: Gates,
+        hesitation: float = 0.0,
+        lower: "Column | None" = None,
+    ) -> None:
+        packed, marched = fields.packed, fields.marched
+        assert marched is not None
+        of_class, index = divmod(number, len(fields.routes))
+        grids, self._factor = fields.grids[of_class].grids, fields.grids[of_class].factor
+        blocked = marched.classes[of_class].blocked
+        self.number, self._grids, self._lower, self._gates = number, grids, lower, gates
+        self._blocked = blocked[index] if blocked else np.zeros(0, np.int64)
+        self._places = {
+            grid.level: slice(first, first + grid.sheet.size)
+            for grid in grids.levels
+            if (field := packed.field_of[grid.level, number]) >= 0
+            for first in [int(packed.offset[field])]
+        }
+        self._travel_time, self._all_directions = travel_time, direction
+        base = np.full(grids.size, math.inf)
+        self._direction = np.zeros((grids.size, 2))
+        for level, place in self._places.items():
+            base[grids.levels[level].packed] = packed.travel_time[place]
+            self._direction[grids.levels[level].packed] = packed.direction[place]
+        ways = make_ways(grids, np.zeros(0))
+        slowness = marched.rates[index] / ways.cosine[:, None]
+        exits = exits_of_route(grids.building, routes_at_present(marched.building, fields.routes)[index])
+        is_own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
+        strips, starts = _strips_and_starts(grids, exits, base, slowness)
+        joins = (is_own | strips) & np.isfinite(base)
+        joins[self._blocked] = False
+        starts &= joins
+        self._solved = joins & ~starts
+        self._sizes = np.array([np.count_nonzero(self._solved[grid.packed]) for grid in grids.levels])
+        nodes = np.flatnonzero(self._solved)
+        is_border = ways.twin[nodes] >= 0
+        for step in (1, ways.stride[ways.level_of[nodes]].astype(np.int64)):
+            for beside in (ways.source[nodes - step], ways.source[nodes + step]):
+                is_border |= (beside >= 0) & (starts[beside] | (ways.level_of[beside] != ways.level_of[nodes]))
+        source, twin = _one_way(grids, ways.source, ways.twin)
+        nobody = np.full(grids.size, -1, np.int32)
+        self.waves = Waves(
+            level_of=ways.level_of,
+            border=nodes[is_border],
+            source=source,
+            beside=ways.source,
+            twin=twin,
+            stride=ways.stride,
+            uphill=ways.uphill,
+            slowness=slowness,
+            factor=self._factor.copy(),
+            spacing=grids.lattice.spacing,
+            state=np.where(joins, FINAL, APART).astype(np.uint8),
+            time=np.where(joins, base, math.inf),
+            exit=nobody,
+            gate_at=gates.at,
+            gate=nobody.copy(),
+            walk=np.zeros(grids.size),
+            former=nobody.copy(),
+            hesitation=float(hesitation),
+            before=np.full(grids.size, -1, np.int64),
+            leans=np.zeros((len(grids.levels), len(grids.levels)), np.uint8),
+            heap=np.zeros(grids.size, np.int64),
+            key=np.zeros(grids.size),
+            place=np.zeros(grids.size, np.int64),
+        )
+        for grid in grids.levels:
+            nodes = np.flatnonzero(starts[grid.packed])
+            ends = [exit_ for exit_ in exits if exit_.level == grid.level]
+            if len(nodes) and ends:
+                points = shapely.points(
+                    grid.window.places(np.stack(np.unravel_index(nodes, grid.window.shape), axis=1))
+                )
+                away = np.stack([shapely.distance(chain(exit_.segments), points) for exit_ in ends]).argmin(axis=0)
+                self.waves.exit[grid.offset + nodes] = np.array([exit_.index for exit_ in ends])[away]
+                links = [grids.building.link_of(exit_) for exit_ in ends]
+                self.waves.gate[grid.offset + nodes] = np.array(links)[away]
+        self.speed, self._wanted = np.ones(grids.size), np.ones(grids.size)
+        self.stale: set[int] = set()
+        self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
+        self._fills = [self._fill_of(level, joins, base) for level in range(len(grids.levels))]
+        self._march(set(self._places), set(self._places))
+
+    def _fill_of(self, level: int, joins: BoolArray, base: FloatArray) -> tuple[IndexArray, IndexArray]:
+        """Return the nodes of a level that are not marched, and for each the node whose direction it takes."""
+        grid = self._grids.levels[level]
+        sheet, source = grid.sheet.ravel(), grid.source.ravel()
+        known = joins[grid.packed] & (sheet == OWN)
+        is_halo = (sheet > OWN) & (sheet <= len(self._grids.building.portals))
+        halo = np.flatnonzero(is_halo & joins[np.maximum(source, 0)])
+        left_out, stand_in, _ = grid.stands_for
+        stands = joins[stand_in]
+        to, from_ = [grid.offset + halo, left_out[stands]], [source[halo], stand_in[stands]]
+        missing = sheet == NOTHING
+        missing[left_out[stands] - grid.offset] = False
+        missing[is_halo] = ~joins[source[is_halo]]
+        if known.any():
+            shape = grid.window.shape
+            nearest = nearest_marked(known.reshape(shape), missing.reshape(shape))
+            to.append(grid.offset + np.flatnonzero(missing))
+            from_.append(grid.offset + np.ravel_multi_index(nearest, shape))
+        return np.concatenate(to), np.concatenate(from_)
+
+    def values(self, packed: FloatArray) -> FloatArray:
+        """Return the values (n, ...) of this column among those of all fields, level by level."""
+        return np.concatenate([packed[:0], *(packed[place] for place in self._places.values())])
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays that are needed to continue with the same bits."""
+        waves = self.waves
+        return {
+            "travel_time": self.values(self._travel_time),
+            "direction": self.values(self._all_directions),
+            "stale": np.array(sorted(self.stale), np.int64),
+            "speed": self.speed.copy(),
+            **{name: getattr(waves, name).copy() for name in SAVED},
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        waves, levels, building = self.waves, len(self._grids.levels), self._grids.building
+        limits = {"exit": len(building.exits), "former": len(building.exits), "gate": len(self._gates.people)}
+        for name in SAVED:
+            values = getattr(waves, name)
+            least, most = (-1, limits[name] - 1) if name in limits else (0, 1) if name == "leans" else (-np.inf, np.inf)
+            values[:] = taken(state, name, values.dtype.type, values.shape, least, most)
+        speed = taken(state, "speed", np.float64, self.speed.shape, 1e-9, 1.0)
+        for level in self._places:
+            self._take_speeds(level, speed[self._grids.levels[level].packed])
+        self.stale = set(taken(state, "stale", np.int64, (None,), 0, levels - 1).tolist())
+        size = len(self.values(self._travel_time))
+        self.take(
+            taken(state, "travel_time", np.float64, (size,), -np.inf, np.inf),
+            taken(state, "direction", np.float64, (size, 2)),
+        )
+
+    def take(self, travel_time: FloatArray, direction: FloatArray) -> None:
+        """Write values that `values` returned to the fields."""
+        first = 0
+        for level, place in self._places.items():
+            some = slice(first, first + place.stop - place.start)
+            self._travel_time[place], self._all_directions[place] = travel_time[some], direction[some]
+            self._direction[self._grids.levels[level].packed] = direction[some]
+            first = some.stop
+
+    def slow_down(self, density: FloatArray, levels: Set[int], floor: float) -> set[int]:
+        """Take the speeds of some levels from the density (nodes,) and the queues; return those that have changed."""
+        waves, changed = self.waves, set()
+        for level in levels & set(self._places):
+            packed = self._grids.levels[level].packed
+            queues = self._gates.queues
+            differs = find_speeds(
+                packed.start, packed.stop, density, floor, waves, queues, STEP, self.speed, self._wanted
+            )
+            if differs > NOTICED:
+                self._take_speeds(level, self._wanted[packed])
+                changed.add(level)
+        return changed
+
+    def _take_speeds(self, level: int, speed: FloatArray) -> None:
+        """Take the relative speeds of the nodes of a level."""
+        packed = self._grids.levels[level].packed
+        self.speed[packed] = speed
+        np.divide(self._factor[packed], speed, out=self.waves.factor[packed])
+
+    def solve(self, changed: Set[int], occupied: Set[int], is_first: bool) -> int:
+        """Solve the levels again on which the speeds have changed, and those whose ways lead through them.
+
+        The march ends when the times on the levels that are `occupied` by people on this route are known: others would
+        be higher. Levels that are not solved to their end keep their directions, and are stale until they are. The
+        first time, nobody has chosen an exit yet.
+
+        Returns
+        -------
+        int
+            The number of levels that were solved.
+        """
+        waves, former = self.waves, self.waves.former
+        levels, solved = self._behind(changed | self.stale), self.stale
+        while levels:
+            for level in levels - solved if not is_first else ():
+                packed = self._grids.levels[level].packed
+                former[packed] = waves.exit[packed]
+            solved = levels
+            lowered = self._march(levels, levels & occupied, occupied - levels)
+            if not lowered:
+                self.write(levels - self.stale)
+                return len(levels - self.stale)
+            levels = self._behind(levels | lowered)
+        return 0
+
+    def _march(self, levels: Set[int], needed: Set[int], others: Set[int] = frozenset()) -> set[int]:
+        """March through some levels until the times on those of them that are needed, and on others, are known.
+
+        Returns
+        -------
+        set of int
+            Levels not among them on which times would decrease.
+        """
+        waves, grids = self.waves, self._grids
+        for level in levels:
+            packed = grids.levels[level].packed
+            nodes = self._solved[packed]
+            waves.state[packed][nodes], waves.time[packed][nodes] = FAR, math.inf
+            waves.exit[packed][nodes] = waves.gate[packed][nodes] = -1
+            waves.leans[level] = 0
+        chosen, ends, lowered = np.zeros((3, len(grids.levels)), np.uint8)
+        chosen[list(levels)] = 1
+        ends[list(needed)] = 1
+        known = [waves.time[grids.levels[level].packed] for level in others]
+        least = max((times[np.isfinite(times)].max(initial=-math.inf) for times in known), default=-math.inf)
+        march_waves(waves, chosen, ends, int(self._sizes[ends == 1].sum()), least, lowered)
+        self.stale = {level for level in levels if (waves.state[grids.levels[level].packed] < FINAL).any()}
+        return set(np.flatnonzero(lowered).tolist())
+
+    def _behind(self, levels: Set[int]) -> set[int]:
+        """Return some levels and all those whose ways lead through one of them."""
+        found = set(levels)
+        waiting = sorted(levels)
+        while waiting:
+            for level in np.flatnonzero(self.waves.leans[:, waiting.pop()]).tolist():
+                if level not in found:
+                    found.add(level)
+                    waiting.append(level)
+        return found
+
+    def write(self, levels: Set[int]) -> None:
+        """Write travel times and directions of levels that were solved, and of those beside them, to the fields."""
+        waves, grids = self.waves, self._grids
+        beside = {p.other(level) for level in levels for p in grids.portals_of(level)}
+        touched = sorted(({*levels, *beside} - self.stale) & set(self._places))
+        for level in touched:
+            grid = grids.levels[level]
+            shape = grid.window.shape
+            halo = self._halos[level]
+            source = grid.source.ravel()[halo]
+            is_known = waves.state[source] == FINAL
+            cost = waves.time[grid.packed]
+            cost[halo[is_known]] = waves.time[source[is_known]]
+            chosen = (self._solved[grid.packed] & np.isfinite(cost)).view(np.uint8).reshape(shape)
+            descend(cost.reshape(shape), chosen, waves.spacing, False, self._direction[grid.packed])
+        for level in touched:
+            grid, place = grids.levels[level], self._places[level]
+            to, from_ = self._fills[level]
+            self._direction[to], waves.exit[to] = self._direction[from_], waves.exit[from_]
+            known = waves.time[grid.packed].copy()
+            left_out, stand_in, next_one = grid.stands_for
+            with np.errstate(invalid="ignore"):  # infinite times
+                more = waves.time[stand_in] - waves.time[next_one]
+            known[left_out - grid.offset] = waves.time[stand_in] + np.where(np.isfinite(more), more, 0.0)
+            self._travel_time[place] = known
+            self._all_directions[place] = self._direction[grid.packed]
+        if self._lower is not None and len(self._blocked):
+            self._take_lower(self._lower)
+
+    def _take_lower(self, lower: "Column") -> None:
+        """Take what the class below has where no way is wide enough for the bodies of this one."""
+        for level, place in self._places.items():
+            packed = self._grids.levels[level].packed
+            nodes = self._blocked[(self._blocked >= packed.start) & (self._blocked < packed.stop)] - packed.start
+            there = lower._places[level].start
+            self._travel_time[place.start + nodes] = self._travel_time[there + nodes]
+            self._all_directions[place.start + nodes] = self._all_directions[there + nodes]
+
+
+def _strips_and_starts(
+    grids: BuildingGrids, exits: list[Exit], base: FloatArray, slowness: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return masks (nodes,) of the strips behind exits, and of the nodes whose times are known.
+
+    A march starts with the last rows of the strips, as that of the empty building, so that it keeps its clearance from
+    the posts of an exit; without a strip, within a cell of the exit.
+    """
+    strips, starts = np.zeros(grids.size, np.bool_), np.zeros(grids.size, np.bool_)
+    for exit_ in exits:
+        grid = grids.levels[exit_.level]
+        strip = grid.offset + strips_of(grids, grid)[exit_.index]
+        strips[strip] = True
+        cell = grids.lattice.spacing * slowness[exit_.level].min()
+        if rows := grid.strip_rows[exit_.index]:
+            starts[strip] = base[strip] <= (1.5 - rows) * cell
+        else:
+            starts[grid.packed] |= base[grid.packed] <= cell
+    return strips, starts
+
+
+def _one_way(grids: BuildingGrids, source: IndexArray, twin: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Return sources and twins (nodes,) without those that would lead through portals against their direction."""
+    if grids.building.one_way:
+        source, twin = source.copy(), twin.copy()
+    for grid in grids.levels if grids.building.one_way else ():
+        for portal in grids.portals_of(grid.level):
+            if not grids.building.leads_from(portal, grid.level):
+                source[grid.packed][(grid.sheet == 1 + portal.index).ravel()] = -1
+                _, there = grid.seams[portal.index]
+                twin[there] = -1
+    return source, twin

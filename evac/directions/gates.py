@@ -1,0 +1,74 @@
+"""The queues before exits, portals and doors, whose width limits how many people pass in a second.
+
+A law of the density alone takes the crowd before a door for too fast, since people stand wherever there is room but
+leave through the door one after another. The crowd on the way to each of these gates is therefore counted by its
+walking time to it, and advances no faster than the gate is passed. Those who are still on their way are in the count,
+so that people do not turn to an exit that others will have reached before them.
+"""
+
+import numpy as np
+import shapely
+
+from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.directions.raster.grids import BuildingGrids, LevelGrid
+from evac.directions.waves import find_queues
+
+#: Flow through a metre of a door: mean of the doors of 0.8 to 2.5 m measured by Seyfried et al. (2009), Kretz et al.
+#: (2006) and in Duesseldorf (2006), see `evac evidence people`; and of a stair, where it is 0.88 to 1.16 [1/s/m].
+THROUGH_DOORS, ON_STAIRS = 1.85, 1.0
+
+#: Length [s] and number of the bins of walking times; people farther away do not queue yet.
+STEP, BINS = 1.0, 300
+
+
+class Gates:
+    """Gates of a building: its portals and exits by link index, then its doors.
+
+    Parameters
+    ----------
+    grids : BuildingGrids
+
+    Attributes
+    ----------
+    at : (nodes,) int32
+        Gate whose line a node is on, -1 for none.
+    people : (gates, BINS) float64
+        Number of people on the way to each gate, by their walking time to it, averaged over time.
+    queues : (gates, BINS) float64
+        Relative speeds that follow.
+    """
+
+    def __init__(self, grids: BuildingGrids) -> None:
+        building = grids.building
+        self.at = np.full(grids.size, -1, np.int32)
+        rows = building.portals, building.exits, building.doors
+        width = np.array([one.width for row in rows for one in row])
+        flow = np.full(len(width), THROUGH_DOORS)
+        for portal in building.portals:
+            if any(building.levels[level].slope > 0.0 for level in portal.levels):
+                flow[portal.index] = ON_STAIRS
+        self._capacity = width * flow
+        for grid in grids.levels:
+            for number, door in enumerate(building.doors, building.n_links):
+                if door.level == grid.level:
+                    self.at[_nodes_on(grids, grid, door.segment)] = number
+            for index, (ours, _) in grid.seams.items():
+                self.at[ours] = index
+        self.people, self.queues = np.zeros((len(width), BINS)), np.ones((len(width), BINS))
+
+    def count(self, gate: IntArray, walk: FloatArray, gain: float) -> None:
+        """Count people (n,) on the way to gates (-1: none), `walk` [s] away, with a weight beside those before."""
+        step = (walk / STEP).astype(np.int64)
+        queueing = (gate >= 0) & (step < BINS)
+        now = np.bincount(gate[queueing] * BINS + step[queueing], minlength=self.people.size)
+        self.people += gain * (now.reshape(self.people.shape) - self.people)
+        find_queues(self.people, self._capacity, STEP, self.queues)
+
+
+def _nodes_on(grids: BuildingGrids, grid: LevelGrid, segment: FloatArray) -> IndexArray:
+    """Return the packed indices of the nodes of a level within half a cell of a segment, which no path avoids."""
+    line = shapely.linestrings(segment.reshape(2, 2))
+    near = np.argwhere(grid.window.around(np.array([line]), grids.lattice.spacing))
+    near = near[shapely.dwithin(line, shapely.points(grid.window.places(near)), 0.501 * grids.lattice.spacing)]
+    nodes: IndexArray = grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape)
+    return nodes
