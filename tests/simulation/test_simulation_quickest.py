@@ -66,11 +66,21 @@ def test_more_people_take_the_wider_exit_although_it_is_farther(tmp_path):
 RARE = {"people.b.strategy": "fastest", "directions.quickest.period": 0.5, "directions.quickest.memory": 0.0}
 
 
-@pytest.mark.parametrize(("ticks", "changes"), [(0, {}), (13, {}), (40, {}), (1, RARE)])
-def test_a_run_goes_on_with_the_same_bits(ticks, changes):
-    whole = run_ticks(Simulation(case_of(**changes)), ticks)
+@pytest.mark.parametrize(
+    ("ticks", "changes", "closing"),
+    [
+        *((0, {}, None), (13, {}, None), (1, RARE, None), (27, {"people.b.strategy": "shortest"}, None)),
+        *((27, {}, 3.3), (40, {}, 3.3)),  # before and after the exit closes
+    ],
+)
+def test_a_run_goes_on_with_the_same_bits(ticks, changes, closing):
+    case = case_of(**changes)
+    whole = Simulation(case)
+    if closing is not None:
+        whole.scene.apply(evac.Change(closing, "close", "far"))
+    run_ticks(whole, ticks)
     state = {key: value.copy() for key, value in whole.state().items()}
-    resumed = Simulation(case_of(**changes))
+    resumed = Simulation(case)
     resumed.restore(state)
     run_ticks(whole, 60)
     run_ticks(resumed, 60)
@@ -80,6 +90,31 @@ def test_a_run_goes_on_with_the_same_bits(ticks, changes):
     np.testing.assert_array_equal(one.fields.packed.travel_time, other.fields.packed.travel_time)
     counts = [{**found.report(), "cpu_seconds": 0.0} for found in (one, other)]
     assert counts[0] == counts[1]
+
+
+def test_people_of_other_strategies_queue_at_the_gates_that_they_walk_to():
+    """Whoever follows the crowd leaves the near exit to those who do not."""
+    shares = []
+    for number in (1, 40):
+        case = case_of(**{"people.b.strategy": "fastest", "people.b.area": "floor", "people.b.number": number})
+        results = Simulation(case).run()
+        near = results.crowd.exit_used == [exit_.name for exit_ in results.building.exits].index("near")
+        shares.append(near[results.crowd.group == 0].mean())
+    assert shares[1] < shares[0]
+
+
+def test_a_change_between_two_updates_is_followed_at_once():
+    simulation = Simulation(case_of())
+    simulation.scene.apply(evac.Change(3.3, "close", "far"))
+    run_ticks(simulation, 33)
+    quickest, updates = simulation.scene.quickest, simulation.scene.quickest.report()["updates"]
+    run_ticks(simulation, 1)
+    assert simulation.scene.quickest is not quickest
+    assert simulation.scene.quickest.report()["updates"] == updates + 1
+    inside = simulation.population.crowd.level == 0
+    place, level = simulation.population.crowd.position[inside], np.zeros(inside.sum(), np.int32)
+    before, now = (of.fields.travel_time_at(level, place, 0, 0.15) for of in (quickest, simulation.scene.quickest))
+    assert (now > before + 1.0).any()
 
 
 def test_threads_change_no_bit(monkeypatch):
