@@ -73,13 +73,17 @@ class QuickestSettings(Table):
         ge=0.1,
         le=5,
     )
-    memory: Real = key("time over which densities are averaged", "s", 4.0, ge=0, le=60)
+    memory: Real = key("time over which densities and queues are averaged", "s", 4.0, ge=0, le=60)
     hesitation: Real = key(
-        "time that the way to another exit must save before people change to it", "s", 2.0, ge=0, le=600
+        "time that the way to another exit must save before people change to it, at least 5 % of what remains",
+        "s",
+        2.0,
+        ge=0,
+        le=600,
     )
     floor: Real = key(
-        "least relative speed; above it, the speed falls with the density as in Weidmann, Transporttechnik der "
-        "Fussgaenger (1993)",
+        "least relative speed that follows from a density; above it, the speed falls as in Weidmann, "
+        "Transporttechnik der Fussgaenger (1993), up to 1.75 people per m2, and then keeps their flow",
         "",
         0.05,
         ge=LEAST_FLOOR,

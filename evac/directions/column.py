@@ -14,8 +14,8 @@ from evac.building.model.building import Exit
 from evac.directions.descent import descend
 from evac.directions.fields import Fields
 from evac.directions.gates import STEP, Gates
-from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids
 from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
+from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids
 from evac.directions.raster.masks import nearest_marked
 from evac.directions.raster.strips import chain
 from evac.directions.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves

@@ -17,6 +17,9 @@ DECLINE, JAM, BUSIEST = 1.913, 5.4, 1.75
 #: Density below which people walk at their own speed; the law has 1 - 1e-16 there [1/m2].
 NOBODY = 0.05
 
+#: Share of the remaining time below which people do not notice that another way is shorter.
+UNNOTICED = 0.05
+
 #: Relative difference below which a time is not lower than another.
 ROUNDING = 1e-9
 
@@ -43,7 +46,7 @@ class Waves(Struct):
     gate: Ints  # (nodes,) next gate on the way from a node, -1 for none
     walk: Floats  # (nodes,) time to this gate without other people [s]
     former: Ints  # (nodes,) that of the march before, -1 for none
-    hesitation: float  # time that the way to another exit than before must be shorter [s]
+    hesitation: float  # least time that the way to another exit than before must be shorter [s]
     before: Longs  # (nodes,) next node on the way
     leans: ByteGrid  # (levels, levels) whether times of one level follow from those of another
     heap: Longs  # (nodes,) queue of nodes, the lowest time first
@@ -212,7 +215,7 @@ def time_from(waves: Waves, node: int, other: int) -> float:
     here, there = waves.former[node], waves.exit[other]
     time: float = waves.time[other]
     if here >= 0 and there != here and waves.former[other] == there:
-        time += waves.hesitation
+        time += max(waves.hesitation, UNNOTICED * time)
     return time
 
 

@@ -7,6 +7,7 @@ from evac.directions.build import build_fields
 from evac.directions.column import Column
 from evac.directions.gates import Gates
 from evac.directions.routes import Route
+from evac.directions.waves import time_from
 
 LEVELS = {0, 1, 2}
 
@@ -59,3 +60,13 @@ def test_the_next_gate_of_each_room_and_the_time_to_it(make_column, row):
         assert waves.walk[own].max() == pytest.approx(np.hypot(8.0, 1.0), abs=0.5)  # at 1 m/s
     portals = [{portal.index} for portal in sorted(row.portals, key=lambda portal: min(portal.levels))]
     assert [middle[0], middle[1], middle[2]] == [*portals, {row.link_of(row.exits[0])}]
+
+
+def test_another_exit_must_save_the_hesitation_and_a_twentieth_of_what_remains(make_column):
+    waves = make_column().waves.replace(hesitation=2.0)
+    waves.former[:2], waves.exit[1] = (0, 1), 1
+    found = []
+    for remaining in (10.0, 100.0):
+        waves.time[1] = remaining
+        found.append(time_from(waves, 0, 1))
+    assert found == pytest.approx([12.0, 105.0])
