@@ -127,13 +127,12 @@ def random_crowd(number, low, high, seed=1, gap=0.0, **settings):
     """People of various sizes at random places of a rectangle, at least `gap` apart; settings as `make_crowd`."""
     random = np.random.default_rng(seed)
     radius = random.uniform(0.18, 0.25, number)
-    places = []
-    while len(places) < number:
-        place = random.uniform(np.array(low) + radius[len(places)], np.array(high) - radius[len(places)])
-        if all(
-            np.hypot(*(place - other)) > radius[len(places)] + r + gap for other, r in zip(places, radius, strict=False)
-        ):
-            places.append(place)
+    places, placed = np.zeros((number, 2)), 0
+    while placed < number:
+        own = radius[placed]
+        place = random.uniform(np.array(low) + own, np.array(high) - own)
+        if (np.hypot(*(place - places[:placed]).T) > own + radius[:placed] + gap).all():
+            places[placed], placed = place, placed + 1
     given = {
         "radius": radius,
         "mass": random.uniform(50.0, 100.0, number),
