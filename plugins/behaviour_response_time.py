@@ -1,6 +1,6 @@
 """Response time: the delay between the alarm and the start of walking."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -9,11 +9,18 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import IntArray
 from evac.base.distributions import Distribution, parse
-from evac.base.errors import naming
-from evac.base.parameters import Parameter
+from evac.base.errors import PluginError, ScenarioError, naming
+from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
+from evac.building.model.cells import LevelField
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
+
+#: What response times count from.
+BEGIN = ("start", "cue")
+
+#: Speed from which people are seen to walk [m/s].
+WALKS = 0.3
 
 
 class ResponseTime(Behaviour):
@@ -22,6 +29,11 @@ class ResponseTime(Behaviour):
     Times are drawn before the first step. The response time t_r of the paper (Tables 2, 4 and 5)
     is ``time`` with ``per = "person"``. Occupants of one room often react together (``"place"``), and
     so do families and classes (``"group"``).
+
+    With ``begin = "cue"``, the response time counts from the first cue that a person gets: an alarm in its place (a
+    change of the scene of kind "alarm"), people who walk within ``sees`` on the same level and are not hidden by walls,
+    or a field of a behaviour that has reached its threshold at the person, such as smoke. A group may have its own
+    ``begin``.
 
     Raises
     ------
@@ -39,7 +51,7 @@ class ResponseTime(Behaviour):
     name = "response_time"
     reads = ("position", "level", "group")
     writes = ("start_time",)
-    group_keys = ("time",)
+    group_keys = ("time", "begin")
     hears_alarms = True
 
     time: Any = Parameter(
@@ -56,6 +68,16 @@ class ResponseTime(Behaviour):
         choices=("person", "group", "place"),
     )
 
+    begin: Any = Parameter("start", "what response times count from: the start of the run, or a cue", choices=BEGIN)
+    sees: Any = Parameter(0.0, "distance within which people who walk are a cue; 0: they are none", "m", 0.0)
+    fields: Any = Parameter({}, "fields of behaviours that are a cue from a value on, such as { smoke = 0.1 }")
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        is_table = isinstance(self.fields, Mapping) and all(isinstance(v, int | float) for v in self.fields.values())
+        if not is_table:
+            raise PluginError(f"response_time.fields: {self.fields!r:.100} is not a table of fields and values")
+
     def prepare(self, scene: BehaviourScene) -> None:
         """Draw the start times."""
         for key, distribution, rows in self._draws(scene):
@@ -65,15 +87,47 @@ class ResponseTime(Behaviour):
             scene.crowd.start_time[rows] = times[unit]
         self._scene, self._heard = scene, 0
         self._response = scene.crowd.start_time.copy()
+        for group in scene.groups:
+            if self._begin_of(group) == "cue":
+                scene.crowd.start_time[group.rows] = np.inf
 
     def act(self, crowd: Crowd, time: float) -> None:
-        """Let people who are alarmed start earlier; called at the tick after a change of the scene."""
+        """Let people who get a cue start after their response time, and those who are alarmed earlier."""
         for change in self._scene.scene.changes[self._heard :]:
             if change.kind == "alarm":
-                rows = self._scene.people_in(change.what)
-                share = change.values.get("value", 1.0)
-                crowd.start_time[rows] = np.minimum(crowd.start_time[rows], time + share * self._response[rows])
+                self._start(crowd, self._scene.people_in(change.what), time, change.values.get("value", 1.0))
         self._heard = len(self._scene.scene.changes)
+        waits = np.isinf(crowd.start_time) & (crowd.level >= 0)
+        if not waits.any():
+            return
+        for name, threshold in self.fields.items():
+            field = self._field(name)
+            rows = np.flatnonzero(waits)
+            self._start(crowd, rows[field.at(crowd.level[rows], crowd.position[rows]) >= threshold], time)
+        if self.sees > 0.0:
+            from evac.people.sights import notice  # its kernel is compiled only for cases that need it
+
+            speed = np.hypot(*self._scene.displacement_velocity.T)
+            walks = (speed > WALKS) & (crowd.start_time <= time) & (crowd.level >= 0)
+            notices = np.zeros(len(waits), np.uint8)
+            place = np.ascontiguousarray(crowd.position), np.ascontiguousarray(crowd.level)
+            notice(self._scene.world, *place, waits.view(np.uint8), walks.view(np.uint8), float(self.sees), notices)
+            self._start(crowd, np.flatnonzero(notices), time)
+
+    def _start(self, crowd: Crowd, rows: NDArray[Any], time: float, share: float = 1.0) -> None:
+        """Let people start after a share of their response times."""
+        crowd.start_time[rows] = np.minimum(crowd.start_time[rows], time + share * self._response[rows])
+
+    def _field(self, name: str) -> LevelField:
+        known = self._scene.scene.fields_of_behaviours
+        if name not in known:
+            hint = did_you_mean(name, list(known)) if known else "no behaviour of the case has a field"
+            raise ScenarioError(f"behaviours.response_time.fields: there is no field {name!r}; {hint}")
+        return known[name]
+
+    def _begin_of(self, group: Any) -> str:
+        found: str = group.settings.get("begin", self.begin)
+        return found
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the response times, and the number of changes of the scene that were looked at."""
@@ -86,11 +140,12 @@ class ResponseTime(Behaviour):
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if everybody starts immediately."""
-        return any(distribution.support() != (0.0, 0.0) for _, distribution, _ in self._draws(scene))
+        has_cues = any(self._begin_of(group) == "cue" for group in scene.groups)
+        return has_cues or any(distribution.support() != (0.0, 0.0) for _, distribution, _ in self._draws(scene))
 
     def acts_at_ticks(self) -> bool:
-        """Return False, since all work is done in `prepare`."""
-        return False
+        """Return False if response times count from the start: `prepare` does all the work, but for alarms."""
+        return any(self._begin_of(group) == "cue" for group in self._scene.groups)
 
     def _draws(self, scene: BehaviourScene) -> Iterator[tuple[str, Distribution, IntArray]]:
         """Yield the key, the distribution and the people of the common distribution and of those of groups."""

@@ -6,12 +6,13 @@ import numpy as np
 
 from evac.building.model.building import FLAT
 from evac.directions.sampling import column_of, sample_travel_time
-from evac.jit import Floats, Ints, Pairs, Struct, inner
+from evac.jit import Bytes, Floats, Ints, Pairs, Struct, inner, kernel
 from evac.physics.contact.cells import Cells, line_at, make_cells, sort_by_level
 from evac.physics.contact.neighbours import levels_in_reach
 from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.seams import SEAM, reaches, way_out
 from evac.physics.sight import passes_through, walls_near
+from evac.physics.state import World
 
 #: Size of the cells of the neighbour search [m].
 CELL = 1.0
@@ -193,3 +194,23 @@ def is_hidden(world, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
                 if not world.wall_open[w] and passes_through(world.wall, w, ax, ay, bx, by):
                     return True
     return False
+
+
+@kernel
+def notice(
+    world: World, position: Pairs, level: Ints, waits: Bytes, walks: Bytes, reach: float, notices: Bytes
+) -> None:
+    """Mark the people who wait and see somebody who walks within a distance [m], on their level."""
+    for i in range(level.shape[0]):
+        if not waits[i]:
+            continue
+        x, y = position[i, 0], position[i, 1]
+        for j in range(level.shape[0]):
+            if not walks[j] or level[j] != level[i]:
+                continue
+            dx, dy = position[j, 0] - x, position[j, 1] - y
+            if dx * dx + dy * dy > reach * reach:
+                continue
+            if not is_hidden(world, level[i], x, y, level[j], position[j, 0], position[j, 1]):
+                notices[i] = 1
+                break
