@@ -23,6 +23,8 @@ from evac.base.processes import Pool
 LIBRARIES = {"ifclite_geom": "ifc", "ifcopenshell": "ifcopenshell"}
 #: Number of products that are tried together after all of them together have failed.
 BATCH = 64
+#: Time for the start of a process, which has the file to read [s].
+START = 60.0
 #: Lines of entities other than units, whose dimensions are derived.
 DERIVED = re.compile(r"(?m)^#(?!.*IFCSIUNIT).*$")
 
@@ -96,8 +98,10 @@ class _Reader:
         self, function: Callable[..., tuple[Any, list[str]]], arguments: tuple[Any, ...], limit: float, said: list[str]
     ) -> Any:
         """Return the result of a call, or why there is none; add what the library writes to `said`."""
-        self._pool = self._pool or Pool(1, self._first, is_quiet=True)
         try:
+            if self._pool is None:
+                self._pool = Pool(1, self._first, is_quiet=True)
+                self._pool.submit(_ready).result(timeout=START)  # is not counted
             result, lines = self._pool.submit(function, *arguments).result(timeout=limit)
         except TimeoutError:
             self.close()
@@ -128,6 +132,10 @@ def _load(content: bytes, library: str) -> None:
         # An asterisk stands for a derived value; ifcopenshell refuses it where no value is derived.
         text = DERIVED.sub(lambda line: line[0].replace("*", "$"), content.decode("utf-8", "replace"))
         _loaded = import_module("ifcopenshell").file.from_string(text)
+
+
+def _ready() -> None:
+    """Answer as soon as the process has the content."""
 
 
 def _entities(library: str) -> tuple[dict[int, dict[str, Any]] | str, list[str]]:
