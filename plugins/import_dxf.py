@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import text_of
+from evac.base.errors import BuildingError, text_of
 from evac.base.parameters import Parameter
 from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer, optional_library
@@ -66,7 +66,7 @@ class DxfImporter(Importer):
     deviation = Parameter(0.002, "largest distance of a polygon from its curve", unit="m", above=0.0)
 
     def read(self, path: Path) -> Plan:
-        """Read the drawing; raise ValueError if it is damaged or the layers of the floor are empty."""
+        """Read the drawing; raise ValueError if it is damaged, BuildingError if the layers of the floor are empty."""
         optional_library(path, "ezdxf", "dxf")
         document, faults = _opened(path, self.repair)
         plan = Plan(path)
@@ -77,7 +77,7 @@ class DxfImporter(Importer):
         except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # damaged entities
             raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
         if not any(self._use_of(shape.layer) in ("floor", "walls") for shape in shapes):
-            raise ValueError(_no_floor(document))
+            raise BuildingError(f"{path}: {_no_floor(document)}")
         unit = self._metres(plan, document, shapes)
         drawn: dict[str, list[Drawn]] = {}
         for shape in shapes:

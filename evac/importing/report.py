@@ -44,8 +44,9 @@ def report_text(made: "Imported", case: Path) -> str:
     exits = [(way.name, building.levels[way.level].name, f"{way.width:.2f}") for way in building.exits]
     text += ["## Exits", "", *(table(("exit", "level", "width [m]"), exits) if exits else ["None.", ""])]
     openings = [opening_row(made, k) for k in range(len(made.openings))]
-    if openings and not exits:
-        text += ["## Openings that may be exits", "", "Choose exits by number with `--exit 1,2`.", ""]
+    if openings:
+        more = "further exits" if exits else "exits"
+        text += [f"## Openings that may be {more}", "", f"Choose {more} by number with `--exit 1,2`.", ""]
         text += table(("number", "level", "width [m]", "from", "to", "z [m]"), openings)
     text += ["## People", ""]
     rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]

@@ -121,6 +121,17 @@ def test_a_partial_import_is_a_quality_warning_of_every_run(house, tmp_path):
     assert made.missing[0] in (tmp_path / "result" / "summary.json").read_text(encoding="utf-8")
 
 
+def test_openings_of_a_file_with_exits_are_numbered_too(house, tmp_path):
+    made = import_building([house], tmp_path / "case", partial=True)
+    row = next(line for line in text_of(made, "report.md").splitlines() if line.startswith("| 2 | "))
+    again = import_building([house], tmp_path / "case", exits=[2], partial=True)
+    assert [way.name for way in again.building.exits] == ["door", "exit 2"]
+    added = again.building.exits[1]
+    assert again.building.levels[added.level].name in row
+    assert f"{added.width:.2f}" in row
+    assert row in text_of(again, "report.md")
+
+
 def test_a_closet_without_a_door_leaves_the_building_whole(tmp_path):
     plan = evac.Plan()
     plan.storey("ground", [shapely.box(0, 0, 20, 10), shapely.box(20.1, 0, 21.5, 2)])

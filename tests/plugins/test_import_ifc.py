@@ -66,6 +66,15 @@ def test_rooms_doors_and_exits(tmp_path, spaces, unit):
     assert sorted(area.name for area in building.areas) == (["001", "002"] if spaces else [])
 
 
+def test_a_file_without_ground_is_told_once_with_what_it_has(tmp_path):
+    ifc = IfcFile()
+    ifc.box("IFCWALL", "W", (0, 0, 0), (4, 0.2, 3))
+    path = ifc.write(tmp_path / "a.ifc")
+    with pytest.raises(BuildingError, match=r"no ground.* only wall$") as caught:
+        read_building(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
 def test_an_archive_of_one_file(tmp_path):
     path = house(IfcFile()).write(tmp_path / "a.ifc")
     with zipfile.ZipFile(tmp_path / "b.ifczip", "w") as archive:

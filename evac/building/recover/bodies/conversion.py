@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.base.errors import BuildingError
 from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan.plan import Plan
@@ -56,7 +57,7 @@ def plan_of_bodies(
 
     Raises
     ------
-    ValueError
+    BuildingError
         The file contains no ground.
     """
     passages, openings = passages_of(bodies)
@@ -73,8 +74,8 @@ def plan_of_bodies(
     if not floors:
         kinds = sorted({body.kind for body in bodies})
         lost = "".join(f"; {one.text}" for one in findings if one.kind == "missing")
-        raise ValueError(
-            "the file has no ground, neither a space nor a slab with a level top, only "
+        raise BuildingError(
+            f"{source}: the file has no ground, neither a space nor a slab with a level top, only "
             f"{', '.join(kinds) or 'nothing'}{lost}"
         )
     ways = doorways_of(passages, floors, [body for body in bodies if body.kind == "wall"], findings)
