@@ -240,7 +240,9 @@ def walk(
     turn = 1.0
     if rule.reaction_time > 0.0:
         turn = 1.0 - math.exp(-tick / rule.reaction_time)
+    someone_stands = False
     for i in range(n):
+        someone_stands = someone_stands or (0 <= sights.level[i] < sights.levels and sights.wanted[i] <= 0.0)
         motion.next[i, 0], motion.next[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
         if sights.level[i] >= sights.levels:
             motion.velocity[i, 0], motion.velocity[i, 1] = outside.velocity[i, 0], outside.velocity[i, 1]
@@ -249,7 +251,7 @@ def walk(
     for i in range(n):
         motion.factor[i] = 1.0
         if sights.wanted[i] > 0.0:
-            decide(world, crowd, sights, motion, rule, turn, time, i)
+            decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i)
     for i in range(n):
         motion.heading[i, 0], motion.heading[i, 1] = motion.next[i, 0], motion.next[i, 1]
         if sights.wanted[i] <= 0.0:
@@ -267,7 +269,7 @@ def walk(
 
 
 @inner
-def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[no-untyped-def]
+def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  # type: ignore[no-untyped-def]
     """Set heading and speed of person i."""
     wanted = sights.wanted[i]
     is_inside = sights.level[i] < sights.levels
@@ -284,7 +286,8 @@ def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[n
     list_near(world, sights, i, max(reach, rule.sight) if is_inside else reach)
     standing, free = 0, 0.0
     if is_inside:
-        standing = list_standing(world, sights, rule, i)
+        if someone_stands:
+            standing = list_standing(world, sights, rule, i)
         if rule.side_step > 0.0:
             side = side_step(world, crowd, sights, motion, rule, standing, i)
             tx, ty = ex - side * ey, ey + side * ex
@@ -310,13 +313,15 @@ def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[n
             continue
         dx = sights.position[j, 0] - sights.position[i, 0]
         dy = sights.position[j, 1] - sights.position[i, 1]
-        along = hx * dx + hy * dy
-        if along <= 0.0:
-            continue
+        square = dx * dx + dy * dy
         beside = abs(hx * dy - hy * dx)
-        if beside > (1.0 - LEAST_SHARE) * rule.width:
-            continue
         share = 1.0 - beside / rule.width
+        nearest = share * (length + gap * best)
+        if beside <= rule.oncoming_width:
+            nearest = max(nearest, rule.oncoming_length + rule.oncoming_time_gap * best)
+        # In one branch, which is rarely taken: is this person ahead, and near enough to restrict the speed even more?
+        if not ((hx * dx + hy * dy > 0.0) & (share >= LEAST_SHARE) & (square < nearest * nearest)):
+            continue
         distance, within, leads_on = share * length, share * gap, crowd.route[i] == crowd.route[j]
         if hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0:
             if beside > rule.oncoming_width or not is_inside:
@@ -324,7 +329,7 @@ def decide(world, crowd, sights, motion, rule, turn, time, i):  # type: ignore[n
             distance, within, leads_on = rule.oncoming_length, rule.oncoming_time_gap, False
         elif not is_ahead(crowd, sights, motion, i, j, dx, dy):
             continue
-        s = math.sqrt(dx * dx + dy * dy)
+        s = math.sqrt(square)
         leads = motion.velocity[j, 0] * hx + motion.velocity[j, 1] * hy
         speed = (s - distance + rule.anticipation * max(leads, 0.0)) / within
         if speed >= best:
@@ -444,15 +449,12 @@ def side_step(world, crowd, sights, motion, rule, standing, i):  # type: ignore[
         dx = sights.position[j, 0] - sights.position[i, 0]
         dy = sights.position[j, 1] - sights.position[i, 1]
         square = dx * dx + dy * dy
-        if square > rule.sight * rule.sight or square == 0.0:
-            continue
-        if ex * dx + ey * dy < 0.0 and hx * dx + hy * dy < 0.0:
-            continue
         s = math.sqrt(square)
         wx, wy = motion.velocity[j, 0], motion.velocity[j, 1]
-        closing = ((vx - wx) * dx + (vy - wy) * dy) / s
+        closing = ((vx - wx) * dx + (vy - wy) * dy) / max(s, ON_LINE)
         gap = s - crowd.contact_radius[i] - crowd.contact_radius[j] - closing * rule.side_time
-        if gap > farthest:
+        is_ahead = (ex * dx + ey * dy >= 0.0) | (hx * dx + hy * dy >= 0.0)
+        if not (is_ahead & (gap <= farthest) & (s <= rule.sight) & (square > 0.0)):
             continue
         cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
         weight = rule.side_step * (1.0 + 0.5 * (1.0 - cosine)) * math.exp(-max(gap, 0.0) / rule.side_range)
