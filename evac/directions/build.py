@@ -31,12 +31,12 @@ from evac.directions.lengths import (
     strips_of,
     take_halos,
 )
-from evac.directions.marching import Metric
+from evac.directions.march.marching import Metric
+from evac.directions.march.workers import March, march_all, number_of_workers
 from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes
 from evac.directions.raster.masks import nearest_marked
 from evac.directions.raster.strips import outward_directions
 from evac.directions.routes import QUICKEST, STRATEGIES, Route
-from evac.directions.workers import March, march_all, number_of_workers
 
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from evac.base import processes
-from evac.directions import build, workers
+from evac.directions import build
 from evac.directions.build import build_fields
+from evac.directions.march import workers
+from evac.directions.march.workers import WORKER_BYTES, March, march_all, number_of_workers
 from evac.directions.raster.grids import build_grids
 from evac.directions.routes import Route
-from evac.directions.workers import WORKER_BYTES, March, march_all, number_of_workers
 
 ROUTES = (Route(), Route(("A",)), Route(("B",), "comfortable"))
 

@@ -15,7 +15,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.processes import Pool, cores
 from evac.building.model.building import Area, Exit
-from evac.directions.marching import Metric, march
+from evac.directions.march.marching import Metric, march
 from evac.directions.raster.grids import BuildingGrids
 
 #: A worker pays from so many nodes on, counted once for each march: it takes a quarter of a second to start.
