@@ -55,6 +55,7 @@ SOON = 0.5
 class Rule(Struct):
     """The parameters of `Walking`."""
 
+    chest_depth: float
     time_gap: float
     length: float
     anticipation: float
@@ -117,8 +118,9 @@ class Walking(Behaviour):
     have not started, and creeps on if those who stand never start or wait for others. Before they start, people stand
     firm: forces between people do not act on them.
 
-    Bodies that touch have half the depth of the chest as radius, because shoulders turn. People who have left count
-    until they are 2 m behind their exit, and wait for each other likewise, without side steps.
+    Bodies that touch have half the depth of the chest as radius, because shoulders turn. If two have wider bodies, such
+    as wheelchairs, the distances at which they stop and the widths are greater by what they are wider together. People
+    who have left count until they are 2 m behind their exit, and wait for each other likewise, without side steps.
 
     Notes
     -----
@@ -315,18 +317,19 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         dy = sights.position[j, 1] - sights.position[i, 1]
         square = dx * dx + dy * dy
         beside = abs(hx * dy - hy * dx)
-        share = 1.0 - beside / rule.width
-        nearest = share * (length + gap * best)
-        if beside <= rule.oncoming_width:
-            nearest = max(nearest, rule.oncoming_length + rule.oncoming_time_gap * best)
+        wide = max(crowd.contact_radius[i] + crowd.contact_radius[j] - rule.chest_depth, 0.0)
+        share = 1.0 - max(beside - wide, 0.0) / rule.width
+        nearest = share * (length + gap * best) + wide
+        if beside <= rule.oncoming_width + wide:
+            nearest = max(nearest, rule.oncoming_length + wide + rule.oncoming_time_gap * best)
         # In one branch, which is rarely taken: is this person ahead, and near enough to restrict the speed even more?
         if not ((hx * dx + hy * dy > 0.0) & (share >= LEAST_SHARE) & (square < nearest * nearest)):
             continue
-        distance, within, leads_on = share * length, share * gap, crowd.route[i] == crowd.route[j]
+        distance, within, leads_on = share * length + wide, share * gap, crowd.route[i] == crowd.route[j]
         if hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0:
-            if beside > rule.oncoming_width or not is_inside:
+            if beside > rule.oncoming_width + wide or not is_inside:
                 continue
-            distance, within, leads_on = rule.oncoming_length, rule.oncoming_time_gap, False
+            distance, within, leads_on = rule.oncoming_length + wide, rule.oncoming_time_gap, False
         elif not is_ahead(crowd, sights, motion, i, j, dx, dy):
             continue
         s = math.sqrt(square)

@@ -257,3 +257,14 @@ def test_people_wait_behind_a_row_of_people_who_close_a_corridor():
     assert crowd.position[~stands, 0].max() < 6.0
     run_ticks(simulation, round(40.0 / tick))
     assert simulation.ended == "everybody out"
+
+
+@pytest.mark.parametrize("distance", [0.5, 0.8])
+def test_people_with_wide_bodies_stop_farther_apart_by_what_they_are_wider(distance):
+    """Two bodies of 0.8 m instead of 0.28 m: 0.52 m farther, ahead or beside."""
+    one, _ = acted([[0.0, 0.0], [distance, 0.0]], **STRAIGHT)
+    other, _ = acted([[0.0, 0.0], [distance + 0.52, 0.0]], contact_radius=0.4, **STRAIGHT)
+    assert other[0] == pytest.approx(one[0], rel=1e-9)
+    ahead, _ = acted([[0.0, 0.0], [distance + 0.52, 0.6]], contact_radius=0.4, width=0.3, **STRAIGHT)
+    beside, _ = acted([[0.0, 0.0], [distance + 0.52, 0.83]], contact_radius=0.4, width=0.3, **STRAIGHT)
+    assert ahead[0] < beside[0] == 1.0
