@@ -49,9 +49,9 @@ class Change:
     time : float
         Time [s] at which it takes effect: the beginning of a tick.
     kind : str
-        ``open`` or ``close`` for exits, portals and stairs, ``one_way`` for portals and stairs, ``slow`` or ``bar``
-        for areas and levels, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an empty name,
-        everybody.
+        ``open`` or ``close`` for exits, portals, stairs and doors, ``one_way`` for portals and stairs, ``slow`` or
+        ``bar`` for areas and levels, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an empty
+        name, everybody.
     what : str
         Name of what changes.
     values : mapping of str to number, str, bool or tuple of these

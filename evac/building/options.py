@@ -83,4 +83,6 @@ class BuildingOptions(SurfaceOptions):
     areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     missing: tuple[str, ...] = key("what an incomplete import lacks; every run reports it as a quality warning", "", ())
-    closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
+    closed: tuple[str, ...] = key(
+        "exits, portals, stairs and doors, by name, that are closed for the whole run", "", ()
+    )

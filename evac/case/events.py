@@ -54,12 +54,12 @@ class EventSettings(Table):
     time: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("time of the event; this or `when`", "s", None)
     when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
     kind: Literal["open", "close", "one_way", "slow", "bar", "strategy", "alarm"] = key(
-        "`open` or `close` an exit, portal or stair; pass a portal or stair in `one_way` only; `slow` people in an "
-        "area or on a level; `bar` it; change the `strategy` of a group; sound an `alarm`"
+        "`open` or `close` an exit, portal, stair or door; pass a portal or stair in `one_way` only; `slow` people in "
+        "an area or on a level; `bar` it; change the `strategy` of a group; sound an `alarm`"
     )
     target: str = key(
-        "name of what changes: exit, portal, stair, area, level or group; of an alarm, an area, a level or a group, or "
-        "everybody if not given",
+        "name of what changes: exit, portal, stair, door, area, level or group; of an alarm, an area, a level or a "
+        "group, or everybody if not given",
         "",
         "",
     )

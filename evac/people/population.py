@@ -234,7 +234,7 @@ class Population:
             "distance": (0.0, FINITE),
             "contact_force": (0.0, FINITE),
             "arrival_time": (0.0, FINITE),
-            "passing": (-1, building.n_links - 1),
+            "passing": (-1, building.n_closable - 1),
             "ahead": (-1.0, 1.0),
         }
 

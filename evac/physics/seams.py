@@ -64,7 +64,9 @@ def is_absent(world, bodies, w, i):
     """Return whether wall w does not act on body i, because its link is open for it."""
     if world.wall_open[w] < 2:
         return world.wall_open[w] == 1
-    return lets_through(world, bodies, world.link_id[w - world.wall.shape[0] + world.link_id.shape[0]], i)
+    slot = w - world.wall.shape[0] + world.link_id.shape[0]  # of a door: negative
+    link = world.link_id[slot] if slot >= 0 else world.link_open.shape[0] + slot
+    return lets_through(world, bodies, link, i)
 
 
 @kernel

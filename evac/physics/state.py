@@ -183,8 +183,10 @@ class World(Struct):
     link_start: Ints  # (levels + 1,) first segment of a level
     link_to: Ints  # (s,) level behind it, -1 outside
     link_id: Ints  # (s,)
-    link_open: Bytes  # (portals + exits,) 0: closed, acts as a wall, 1: open, 2: open for those whom it lets through
-    link_from: Ints  # (portals + exits,) level from which a link in state 2 lets everybody through, -1 for none
+    doors: int  # number of doors between rooms; they are walls before those of links, and numbered after the links
+    # (portals + exits + doors,) 0: closed, acts as a wall, 1: open, 2: open for those whom it lets through
+    link_open: Bytes
+    link_from: Ints  # (portals + exits + doors,) level from which a link in state 2 lets everybody through, -1 for none
     uphill: Pairs  # (levels, 2) unit plan vector, zero on the flat
     cosine: Floats  # (levels,) cosine of the slope
     backed: Bytes  # (levels,) 1: the level has walls right behind one of its exits

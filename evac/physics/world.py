@@ -34,16 +34,20 @@ def make_world(building: Building, fields: Fields) -> World:
     segment, start, to, link = _links(building)
     # Every link is also a wall, which is absent while the link is open: closed doors are walls.
     link_level = np.repeat(np.arange(count), np.diff(start))
-    walls = np.concatenate([building.walls.reshape(-1, 4), segment])
-    link_open = np.ones(building.n_links, np.uint8)
+    doors = np.array([door.segment for door in building.doors], dtype=np.float64).reshape(-1, 4)
+    door_level = np.array([door.level for door in building.doors], dtype=np.int32)
+    walls = np.concatenate([building.walls.reshape(-1, 4), doors, segment])
+    link_open = np.ones(building.n_closable, np.uint8)
     link_open[list(building.closed)] = 0
-    wall_level = np.concatenate([building.wall_level, link_level]).astype(np.int32)
+    wall_level = np.concatenate([building.wall_level, door_level, link_level]).astype(np.int32)
     bucket_wall, bucket_start, shape, frame = _buckets(walls, wall_level)
     linked = _linked(building)
     return World(
         wall=np.ascontiguousarray(walls, dtype=np.float64),
         wall_level=wall_level,
-        wall_open=np.concatenate([np.zeros(len(building.walls), np.uint8), link_open[link]]),
+        wall_open=np.concatenate(
+            [np.zeros(len(building.walls), np.uint8), link_open[building.n_links :], link_open[link]]
+        ),
         bucket_wall=bucket_wall,
         bucket_start=bucket_start,
         buckets_x=int(shape[0]),
@@ -57,7 +61,8 @@ def make_world(building: Building, fields: Fields) -> World:
         link_to=to,
         link_id=link,
         link_open=link_open,
-        link_from=np.full(building.n_links, -1, np.int32),
+        link_from=np.full(building.n_closable, -1, np.int32),
+        doors=len(doors),
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
         backed=walls_behind_exits(building),
@@ -70,19 +75,22 @@ def make_world(building: Building, fields: Fields) -> World:
 
 
 def set_open(world: World, link: int, state: int) -> None:
-    """Open or close a portal or exit: a closed one is a wall on both sides.
+    """Open or close a portal, an exit or a door: a closed one is a wall on both sides.
 
     Parameters
     ----------
     world : World
         Its open flags are changed.
     link : int
-        Index of a portal, or ``Building.link_of`` an exit.
+        Index of a portal, ``Building.link_of`` an exit, or number of a door as in ``Building.closed``.
     state : {0, 1, 2}
         Closed, open, or open for those people whom it lets through (``Crowd.passing``, `World.link_from`).
     """
     world.link_open[link] = state
-    walls = len(world.wall) - len(world.link_segment) + np.flatnonzero(world.link_id == link)
+    first, links = len(world.wall) - len(world.link_segment), len(world.link_open) - world.doors
+    walls = first + np.flatnonzero(world.link_id == link)
+    if link >= links:
+        walls = np.array([first - world.doors + link - links])
     world.wall_open[walls] = state
 
 

@@ -138,6 +138,10 @@ def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fil
             axes.add_collection(LineCollection(_ends(portal.segments), linestyles=dashes, zorder=3, **style))
             if has_widths:
                 beside(axes, portal.segments, f"{portal.width:.2f} m", palette.EDGE, size=6.5)
+    for number, door in enumerate(building.doors, start=building.n_links):
+        if number in building.closed and door.level in rows:
+            shut = LineCollection(_ends(door.segment), colors=palette.CLOSED, linewidths=2.5, zorder=4)
+            axes.add_collection(shut)
     for exit_ in building.exits:
         if exit_.level in rows:
             _draw_exit(axes, exit_, building.is_open(exit_), has_widths)

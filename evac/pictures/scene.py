@@ -181,6 +181,10 @@ class _Scene:
             if shown and not building.is_open(portal):
                 self._add_link(portal.segments, shown[0], palette.CLOSED)
 
+        for number, door in enumerate(building.doors, start=building.n_links):
+            if number in building.closed and door.level in self.rows:
+                self._add_link(door.segment.reshape(1, 4), door.level, palette.CLOSED)
+
     def _colour_of(self, exit_: Exit) -> str:
         return palette.EXIT if self.building.is_open(exit_) else palette.CLOSED
 

@@ -52,6 +52,10 @@ def building_for_page(building: Building, origin: FloatArray) -> dict[str, Any]:
             }
             for exit_ in building.exits
         ],
+        "doors": [
+            {"level": door.level, "segments": _segments(building, door.segment.reshape(1, 4), door.level, origin)}
+            for door in building.doors
+        ],
         "stairs": [{"name": name, "levels": list(levels)} for name, levels in building.stairs.items()],
     }
 

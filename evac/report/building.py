@@ -38,7 +38,10 @@ def building_section(run: Results | None) -> Section:
         portals=[
             (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index]) for p in building.portals
         ],
-        doors=[(door.name, levels[door.level].name, fixed(door.width, 2)) for door in building.doors],
+        doors=[
+            (door.name, levels[door.level].name, fixed(door.width, 2), states[building.n_links + k])
+            for k, door in enumerate(building.doors)
+        ],
         areas=[(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas],
         closed=run.record.table.building.closed,
         changes=[(fixed(change.time, 1), str(change)) for change in run.trajectory.changes],

@@ -46,6 +46,8 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
             for place in (crowd.position[rows], nearest)
         )
         is_first = crowd.level[rows] == levels[0]
+        if link >= building.n_links:  # a door between rooms of one level: the side is that of the position
+            is_first = np.einsum("ij,ij->i", crowd.position[rows] - nearest, outward) < 0.0
         sense = np.where(is_first == (on_line < here), 1.0, -1.0)
         crowd.passing[rows] = link
         crowd.ahead[rows] = sense[:, None] * outward
@@ -102,6 +104,9 @@ def line_of(building: Building, link: int) -> tuple[tuple[int, ...], FloatArray]
     """Return the levels of a link and its segments (s, 4) [m], with the inside of the first level on their left."""
     if link < len(building.portals):
         return building.portals[link].levels, building.portals[link].segments
+    if link >= building.n_links:
+        door = building.doors[link - building.n_links]
+        return (door.level,), door.segment.reshape(1, 4)
     way_out = building.exits[link - len(building.portals)]
     return (way_out.level,), way_out.segments
 

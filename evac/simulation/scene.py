@@ -204,7 +204,7 @@ class Scene:
         SavedError
             An array is not what `state` returns.
         """
-        closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_links - 1)
+        closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_closable - 1)
         self.time = time
         self.changes, before, waiting = (_changes_in(state, name) for name in ("changes", "planned", "waiting"))
         if before != self._planned:

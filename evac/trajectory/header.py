@@ -89,7 +89,8 @@ def building_from_json(data: Any) -> Building:
     if len(wall_level) != len(walls):
         raise HeaderError(f"building.wall_level has {len(wall_level)} numbers for {len(walls)} walls")
     stairs = _get(data, "building", "stairs", dict)
-    closed = _rows(data, "building", "closed", len(portals) + len(exits))
+    doors = tuple(_door(index, d, n) for index, d in enumerate(_list(data, "building", "doors")))
+    closed = _rows(data, "building", "closed", len(portals) + len(exits) + len(doors))
     return Building(
         source=Path(_get(data, "building", "source", str)),
         vertices=vertices,
@@ -102,7 +103,7 @@ def building_from_json(data: Any) -> Building:
         stairs={name: tuple(_rows(stairs, "building.stairs", name, n).tolist()) for name in stairs},
         findings=as_findings(_words(data, "building", "warnings")),
         closed=frozenset(int(link) for link in closed),
-        doors=tuple(_door(index, d, n) for index, d in enumerate(_list(data, "building", "doors"))),
+        doors=doors,
     )
 
 

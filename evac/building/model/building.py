@@ -175,7 +175,7 @@ class Building:
     findings : tuple of Finding
         Warnings and other facts that do not prevent a run, with their places.
     closed : frozenset of int
-        Indices of links that are closed and act as walls.
+        Indices of links that are closed and act as walls, and of closed doors: `n_links` plus their place in `doors`.
     one_way : frozenset of (int, int)
         Portals that are passed in one direction only, each with the level from which they are passed.
     slowed : frozenset of (str, float)
@@ -241,6 +241,11 @@ class Building:
     def n_links(self) -> int:
         """Number of portals and exits."""
         return len(self.portals) + len(self.exits)
+
+    @property
+    def n_closable(self) -> int:
+        """Number of portals, exits and doors between rooms, which can be closed; doors are numbered after the links."""
+        return self.n_links + len(self.doors)
 
     def link_of(self, exit_: Exit) -> int:
         """Return the link index of an exit. The link index of a portal is its `index`."""

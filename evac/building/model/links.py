@@ -24,11 +24,13 @@ def links_named(building: Building, name: str) -> frozenset[int]:
     """
     links = {building.link_of(way) for way in building.exits if way.name == name}
     links |= {portal.index for portal in building.portals if portal.name == name}
+    links |= {building.n_links + index for index, door in enumerate(building.doors) if door.name == name}
     links |= {portal.index for level in building.stairs.get(name, ()) for portal in building.portals_of(level)}
     if not links:
         known = [way.name for way in building.exits] + [way.name for way in building.portals] + [*building.stairs]
+        known += [door.name for door in building.doors]
         raise BuildingError(
-            f"{building.source}: no exit, portal or stair is named {name!r}; {did_you_mean(name, known)}"
+            f"{building.source}: no exit, portal, stair or door is named {name!r}; {did_you_mean(name, known)}"
         )
     return frozenset(links)
 
@@ -152,7 +154,7 @@ def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[
         For each link, portals first: whether it is open at the start, with time 0, and each time [s] at which that
         changes.
     """
-    states = [[(0.0, link not in building.closed)] for link in range(building.n_links)]
+    states = [[(0.0, link not in building.closed)] for link in range(building.n_closable)]
     for change in changes:
         after = building_at(building, [change], change.time)
         for link in after.closed ^ building.closed:

@@ -182,6 +182,8 @@ def _walls_of(building: Building, level: Level, barred: float) -> FloatArray:
     parts = [building.walls[building.wall_level == level.index].reshape(-1, 4)]
     parts += [portal.segments for portal in building.portals_of(level.index) if not building.is_open(portal)]
     parts += [exit_.segments for exit_ in building.exits_of(level.index) if not building.is_open(exit_)]
+    closed = [door for k, door in enumerate(building.doors) if building.n_links + k in building.closed]
+    parts += [door.segment.reshape(1, 4) for door in closed if door.level == level.index]
     parts.append(gaps_below(level.polygon))
     if barred > 0.0:
         parts.append(gaps_between_walls(building, level, barred))

@@ -80,6 +80,10 @@ function glowMesh(layout, closed, colours) {
     if (!closed.includes(index)) return;
     for (const level of portal.levels) if (layout.visible[level]) curtain(level, portal.segments, colours.closed);
   });
+  building.doors.forEach((door, index) => {
+    const isClosed = closed.includes(building.portals.length + building.exits.length + index);
+    if (isClosed && layout.visible[door.level]) curtain(door.level, door.segments, colours.closed);
+  });
   return values;
 }
 

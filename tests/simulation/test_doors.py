@@ -1,0 +1,95 @@
+"""Doors between rooms of one level close and open during a run, as exits and stairs do."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.physics.world import make_world
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+
+def flat(*events, **changes):
+    """Return a case of two rooms with two doors between them, and the exit in the western one."""
+    rooms = [[[0, 0], [6, 0], [6, 6], [0, 6]], [[6.2, 0], [12, 0], [12, 6], [6.2, 6]]]
+    plan = {
+        "storeys": [{"name": "f", "polygons": rooms}],
+        "doors": [
+            {"name": "near", "storey": "f", "segment": [[6.1, 1], [6.1, 2.2]]},
+            {"name": "far", "storey": "f", "segment": [[6.1, 4.5], [6.1, 5.7]]},
+        ],
+        "exits": [{"name": "out", "storey": "f", "segment": [[0, 1], [0, 2.2]]}],
+        "areas": [{"name": "east", "storey": "f", "polygon": [[6.5, 0.3], [11.7, 0.3], [11.7, 5.7], [6.5, 5.7]]}],
+    }
+    table = {
+        "building": {"plan": plan},
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 60.0, "no_progress": 8.0},
+        "people": [{"name": "p", "number": 24, "area": "east"}],
+        "event": [{"kind": kind, "target": what, "time": time} for time, kind, what in events],
+    }
+    return evac.load(table, changes)
+
+
+def passages(simulation, at=6.1):
+    """Run to the end; return who passes the line between the rooms: person, time and y of each passage."""
+    crowd, found = simulation.population.crowd, []
+    while not simulation.ended:
+        before = crowd.position.copy()
+        simulation.advance_tick()
+        rows = np.flatnonzero((before[:, 0] > at) != (crowd.position[:, 0] > at))
+        found += [(int(row), simulation.time, float(crowd.position[row, 1])) for row in rows]
+    return found
+
+
+def test_nobody_passes_a_closed_door_but_who_stood_in_it():
+    simulation = Simulation(flat((3.0, "close", "near")))
+    found = passages(simulation)
+    let_through = simulation.scene.changes[0].values["let_through"]
+    late = {row for row, time, y in found if time > 3.1 and y < 3.0}
+    assert len(let_through) > 0
+    assert late == set(let_through) - {row for row, time, y in found if time <= 3.1}
+    assert {row for row, *_ in found} == set(range(24))
+    assert simulation.ended == "everybody out"
+    assert simulation.results().report["greatest_overlap"] < 1e-4
+
+
+def test_rooms_whose_doors_are_closed_are_left_when_one_opens():
+    changes = (0.0, "close", "near"), (0.0, "close", "far"), (4.0, "open", "far")
+    simulation = Simulation(flat(*changes))
+    found = passages(simulation)
+    assert simulation.ended == "everybody out"
+    assert min(time for _, time, _ in found) > 4.0
+    assert all(y > 3.0 for *_, y in found)
+
+
+def test_directions_and_world_are_those_of_a_building_with_the_door_closed():
+    simulation = Simulation(flat())
+    simulation.scene.set_open("near", False)
+    closed = Simulation(flat(**{"building.closed": ["near"]}))
+    assert np.array_equal(simulation.fields.packed.direction, closed.fields.packed.direction)
+    assert np.array_equal(simulation.scene.world.wall_open, make_world(closed.building, closed.fields).wall_open)
+    near, far = (simulation.fields.travel_time_at(0, np.array([[6.6, y]]), 0)[0] for y in (1.6, 5.1))
+    assert near > far + 2.0
+
+
+def test_a_resumed_run_and_what_is_written_have_the_closed_door(tmp_path):
+    case = flat((3.0, "close", "near"), (8.0, "open", "near"))
+    one, other = Simulation(case), Simulation(case)
+    run_ticks(one, 31)
+    other.restore(one.state())
+    for simulation in (one, other):
+        simulation.run()
+    assert_same_bits(one, other)
+    results = evac.run(case, tmp_path / "r", progress=False)
+    closed = frozenset({results.building.n_links})
+    assert results.trajectory.building_at(5.0).closed == closed
+    assert results.trajectory.building_at(9.0).closed == frozenset()
+    assert list(evac.read_results(tmp_path / "r").changes) == list(results.changes)
+
+
+@pytest.mark.parametrize("model", ["nsm2", "dem"])
+def test_other_models_stop_at_a_closed_door(model):
+    changes = (0.0, "close", "near"), (0.0, "close", "far")
+    simulation = Simulation(flat(*changes, **{"contact.model": model, "simulation.duration": 10.0}))
+    assert passages(simulation) == []
