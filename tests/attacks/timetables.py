@@ -170,7 +170,7 @@ def table_of(generator: random.Random) -> dict[str, Any]:
         "contact": {"model": generator.choice(MODELS)},
         "behaviours": behaviours,
         "simulation": {
-            "duration": generator.choice([3.0, 4.03, 6.0, 60.0]),
+            "duration": generator.choice([3.0, 4.03, 6.0, 4.03, 6.0, 60.0]),
             "no_progress": 10.0,
             "tick": TICK,
             "seed": generator.randrange(99),
