@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer
@@ -19,6 +20,8 @@ from evac.building.plan.shapes import geometries
 
 #: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
+#: Properties by which indoor maps are known, in which polygons are not the ground of a storey.
+INDOOR_MAPS = {"level_id": "IMDF", "indoor": "OpenStreetMap", "roomnumber": "wrld3d"}
 #: Largest extent of a building with coordinates in degrees [degrees].
 MOST_DEGREES = 0.05
 #: Semi-axes of the WGS 84 ellipsoid [m].
@@ -47,6 +50,14 @@ class GeojsonImporter(Importer):
             data = json.loads(path.read_text(encoding="utf-8-sig"))
         except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(f"invalid JSON: {error}") from error
+        names = {name for item in _objects(data) for name in _properties(item)}
+        foreign = names & INDOOR_MAPS.keys()
+        if foreign and "kind" not in names:
+            maps = " and ".join(f"{key!r} of {INDOOR_MAPS[key]}" for key in sorted(foreign))
+            raise BuildingError(
+                f"{path}: indoor maps are not read: features have the property {maps}, and none has a kind; give "
+                f"every feature a kind ({', '.join(KINDS)}) and a storey"
+            )
         features = [_feature(number, item) for number, item in enumerate(_objects(data), start=1)]
         if not features:
             raise ValueError("the file contains no feature with a geometry")
@@ -126,6 +137,12 @@ def _objects(data: Any) -> list[Mapping[str, Any]]:
             raise ValueError("invalid GeoJSON: the collection has no list of features")
         return [item for item in features if not isinstance(item, dict) or item.get("geometry") is not None]
     return [data if data["type"] == "Feature" else {"type": "Feature", "geometry": data, "properties": {}}]
+
+
+def _properties(item: object) -> Mapping[str, Any]:
+    """Return the properties of a feature; empty for anything else."""
+    found = item.get("properties") if isinstance(item, Mapping) else None
+    return found if isinstance(found, Mapping) else {}
 
 
 def _feature(number: int, given: Any) -> Feature:

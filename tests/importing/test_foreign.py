@@ -34,9 +34,9 @@ WRONG = {
     "bjnortier_floorplan.dxf": "walls are found only on layers that are named",
     "caserne.geojson": "OSM indoor is not read",
     "constructiq_house_plan.dxf": "walls are found only on layers that are named",
-    "imdf_unit.geojson": "level_id of IMDF is not read",
+    "imdf_unit.geojson": "IMDF is not read",
     "nav_test.obj": "a game level, not a surface",
-    "westport-1.geojson": "walls and outlines are floors",
+    "westport-1.geojson": "the maps of wrld3d are not read",
     "wrld3d_cad.dxf": "walls are found only on layers that are named",
     "xbim_House.ifc": "winding stairs are not read",
 }
