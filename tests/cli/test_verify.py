@@ -2,6 +2,8 @@
 
 import csv
 
+import pytest
+
 from evac.cli.main import main
 from evac.evidence.validation.standard import TESTS
 from tests.evidence.test_validation import HALF
@@ -42,3 +44,26 @@ def test_unknown_tests_and_keys_are_refused_before_anything_runs(tmp_path, capsy
     assert main(["verify", "RiMEA-1", "--set", "contact.modle=dem", "--out", str(out)]) == 2
     assert "modle" in capsys.readouterr().err
     assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["verification.html", "verification.csv"])
+def test_files_of_others_with_the_names_of_page_and_table_stay(tmp_path, capsys, name):
+    (tmp_path / name).write_text("my own")
+    words = ["verify", "NIST-2.7", "--out", str(tmp_path)]
+    assert main(words) == 2
+    assert str(tmp_path / name) in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "my own"
+    (tmp_path / name).unlink()
+    assert main(words) == main(words) == 0  # an earlier verification is replaced
+
+
+@pytest.mark.parametrize("name", ["verification.html", "RiMEA-1", "RiMEA-1/run-1"])
+def test_links_in_the_folder_of_tests_are_refused(tmp_path, capsys, name):
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (out / name).parent.mkdir(parents=True)
+    (out / name).symlink_to(elsewhere)
+    assert main(["verify", "RiMEA-1", "--out", str(out)]) == 2
+    assert str(out / name) in capsys.readouterr().err
+    assert not [*elsewhere.iterdir()]

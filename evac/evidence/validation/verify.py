@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 
 from markupsafe import Markup
 
+from evac.base.errors import ResultError, usable_path
 from evac.base.processes import cores
 from evac.evidence.evidence import commit, in_processes
 from evac.evidence.validation.page import check_rows
@@ -23,7 +25,8 @@ from evac.evidence.validation.standard import (
     carry_out,
 )
 from evac.evidence.validation.trial import Trial
-from evac.folder.files import replacing
+from evac.folder.files import replacing, writing
+from evac.folder.manifest import COMPLETE, mark, read_manifest
 from evac.report.pages import write_page
 from evac.report.templates import Cell, templates
 
@@ -36,7 +39,14 @@ SHOWN = ("test", "measured", "expected", "found", "runs", "blocked", "met", "by"
 
 
 def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callable[[Result], None]) -> list[Result]:
-    """Carry out tests, in processes if there are several, tell each result in order, and write page and table."""
+    """Carry out tests, in processes if there are several, tell each result in order, and write page and table.
+
+    Raises
+    ------
+    ResultError
+        The folder has files of others in their places, or links, or cannot be written.
+    """
+    _prepare(trial.folder, tests)
     results = []
     for result in _carried_out(tests, trial, seed):
         tell(result)
@@ -49,6 +59,24 @@ def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callabl
             writer.writeheader()
             writer.writerows(rows)
     return results
+
+
+def _prepare(folder: Path, tests: Sequence[StandardTest]) -> None:
+    """Create the folder with a manifest, and refuse files that earlier verifications have not written, and links."""
+    usable_path(folder, ResultError)
+    with writing("the verification", folder):
+        own = read_manifest(folder).files
+        for path in (folder / PAGE_NAME, folder / TABLE_NAME):
+            if path.is_symlink() or (path.exists() and path.name not in own):
+                raise ResultError(f"{path}: not written by evac verify; move it away, or choose another folder (--out)")
+        for place in (folder / test.name for test in tests):
+            for path in (place, *place.glob("*")):
+                if path.is_symlink():
+                    raise ResultError(
+                        f"{path}: a link, which results are not written through; remove it, or choose another --out"
+                    )
+        folder.mkdir(parents=True, exist_ok=True)
+        mark(folder, COMPLETE, folder.name)
 
 
 def _carried_out(tests: Sequence[StandardTest], trial: Trial, seed: int) -> Iterable[Result]:
