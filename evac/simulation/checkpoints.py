@@ -19,6 +19,7 @@ from evac.building.model.links import links_named
 from evac.case.loading import case_from
 from evac.case.trust import named_files, run_plugin_files
 from evac.folder.checkpoint import Header, read_checkpoint, write_checkpoint
+from evac.folder.digests import differences
 from evac.folder.files import CHECKPOINT_NAME
 from evac.folder.jsonfile import checked, plain
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
@@ -196,7 +197,7 @@ class Checkpoint:
         Raises
         ------
         ScenarioError
-            The changed case gives people other routes.
+            The changed case gives people other routes, or its state has arrays of other shapes.
         ResultError
             An array is missing or has a wrong shape.
         """
@@ -206,7 +207,8 @@ class Checkpoint:
                 f"{self.path}: the routes of the changed case are {'; '.join(routes)}, those of the checkpoint "
                 f"{'; '.join(self.header.routes)}; the run cannot be resumed, run the case from its start"
             )
-        with self._naming(), part_of(self.arrays, "simulation.") as state:
+        changed = [".".join(key) for key, *_ in differences(case_before.to_dict(), simulation.case.to_dict())]
+        with self._naming(changed), part_of(self.arrays, "simulation.") as state:
             simulation.restore(state)
             taken({"time": np.array(self.header.time)}, "time", np.float64, (), simulation.time, simulation.time)
         _switch_links(simulation.scene, case_before.building.closed, simulation.case.building.closed)
@@ -225,11 +227,16 @@ class Checkpoint:
             simulation.recording.restore(simulation, state, lengths, self.header.plugin_files)
 
     @contextmanager
-    def _naming(self) -> Iterator[None]:
-        """Name the checkpoint in errors about its content."""
+    def _naming(self, changed: Sequence[str] = ()) -> Iterator[None]:
+        """Name the checkpoint in errors about its content, and the keys of the case that have changed since."""
         try:
             yield
         except SavedError as error:
+            if changed:
+                raise ScenarioError(
+                    f"{self.path}: the saved state does not fit the changed {', '.join(changed)} ({error}); change "
+                    "other keys only, or run the changed case from its start"
+                ) from error
             raise ResultError(f"{self.path}: the state cannot be restored: {error}; run the case again") from error
         except (KeyError, ValueError, IndexError) as error:
             raise ResultError(
