@@ -119,9 +119,9 @@ def _presets() -> str:
         rows.append(f"| `{name}` | {preset['about']} | `{given}` | {preset['source']} |")
     return (
         "### Shipped presets\n\nThe values that a preset does not have are the defaults above. Speeds on stairs are "
-        "along the slope; those that the source gives in plan are converted for 30 degrees. Values of IMO, RiMEA, Fruin and "
-        "Boyce et al. are quoted from secondary sources, not from the originals: check them against the edition that your "
-        "project follows.\n\n"
+        "along the slope; those that the source gives in plan are converted for 30 degrees. Values of IMO, RiMEA, "
+        "Fruin and Boyce et al. are quoted from secondary sources, not from the originals: check them against the "
+        "edition that your project follows.\n\n"
         "| name | people | values | source |\n|---|---|---|---|\n" + "\n".join(rows)
     )
 
