@@ -124,12 +124,11 @@ class Walking(Behaviour):
 
     Notes
     -----
-    The form of the speed is that of Weidmann's fundamental diagram, and `length` that of the prototype of this model;
-    with `width`, the area of a person at rest is near that at the greatest density on the flat, 5.4 per square metre
-    (Weidmann 1993). The parameters of time gap, anticipation, side steps, `width` and `chest_depth` are fitted to
-    measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre and in a
-    corridor of two directions, and the flow down a stair ([people](evidence/people/README.md)). Above 2.5 per square
-    metre, people in a corridor are too fast, and queue more densely than measured, while the flows out of it agree.
+    The form of the speed is that of Weidmann's fundamental diagram; `length` was chosen with a prototype. The
+    parameters of time gap, anticipation, side steps, `width` and `chest_depth` are fitted to measured flows through
+    doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre and in a corridor of two
+    directions, and the flow down a stair ([people](evidence/people/README.md)). Above 2 per square metre, people in
+    a corridor are too fast, and queue more densely than measured, while the flows out of it agree.
 
     References
     ----------
