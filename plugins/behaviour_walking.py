@@ -44,6 +44,7 @@ CLEARANCE = 0.05
 
 #: Angle between the directions that they try for this, and number of these directions on each side: up to 90 degrees.
 TURN, TURNS = math.pi / 24.0, 12
+TURNED = tuple((math.cos(TURN * k), math.sin(TURN * k)) for k in range(-TURNS, TURNS + 1))
 
 #: Value of a way of 1 m across the desired direction, in metres along it; and of a way along the present heading.
 ASIDE, STEADY = 0.3, 0.1
@@ -415,7 +416,7 @@ def way_round(world, crowd, sights, motion, rule, standing, i, tx, ty):  # type:
     level, x, y = sights.level[i], sights.position[i, 0], sights.position[i, 1]
     bx, by, most, farthest = tx, ty, -math.inf, free
     for k in range(-TURNS, TURNS + 1):
-        cosine, sine = math.cos(TURN * k), math.sin(TURN * k)
+        cosine, sine = TURNED[k + TURNS]
         cx, cy = cosine * tx - sine * ty, sine * tx + cosine * ty
         free = free_way(crowd, sights, motion, rule, standing, i, cx, cy, CLEARANCE)
         if k != 0:

@@ -24,7 +24,7 @@ TEST_FAILED = 1
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("tests", metavar="NAME", nargs="*", help="a test, a standard, or all; without: list the tests")
-    declare_set(parser, "change keys of all cases, such as contact.model=dem behaviours.walking.preset=regulation")
+    declare_set(parser, "change keys of all cases, such as simulation.tick=0.05 behaviours.walking.preset=regulation")
     declare_plugin(parser)
     what = "people walk as in the paper, without the behaviour of new cases; --set adds another one"
     parser.add_argument("--paper", action="store_true", help=what)

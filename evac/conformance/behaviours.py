@@ -8,7 +8,7 @@ import numpy as np
 from evac.base.errors import plugin_code
 from evac.case.case import Case
 from evac.conformance.failures import CheckError, require, scene
-from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene
+from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written
 from evac.simulation.simulation import Simulation
 
 #: Contact force on each person in an artificial crush [N].
@@ -27,6 +27,9 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
             with scene(f"t = {simulation.time:.1f} s of {case.title}"):
                 with _declared_only(behaviour, simulation):
                     behaviour.act(view.crowd, simulation.time)
+                outside = None if simulation.outside is None else simulation.outside.arrays
+                routes = len(simulation.fields.routes)
+                check_written(behaviour, view.level_fields, view.crowd, outside, routes, simulation.time)
                 simulation.advance_tick()
     simulation, behaviour, view = _prepared(case, name)
     for title, time in _made_scenes(simulation):

@@ -14,8 +14,8 @@ ROOT = Path(evac.__file__).parent
 #: Where names are allowed: the list of built-in modules, the case that `evac import` writes, evidence.
 MAY_NAME = ("contract/builtin.py", "importing/casefile.py", "evidence/")
 
-#: Registered names that are a column of people.csv and a common word, too.
-WORDS = {"response_time", "walking"}
+#: Registered names that are common words, too, or a column of people.csv.
+WORDS = {"response_time", "rest", "together", "walking"}
 
 
 @cache

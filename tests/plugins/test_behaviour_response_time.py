@@ -97,7 +97,13 @@ def test_left_out_exactly_if_everybody_sets_off_at_once():
     assert ResponseTime().is_needed(scene(("a", 3, {"time": 2.0})))
     assert ResponseTime(time=UNIFORM).is_needed(scene(("a", 3, {})))
     assert not ResponseTime(time=UNIFORM).is_needed(scene(("a", 3, {"time": 0.0})))
-    assert not ResponseTime().acts_at_ticks()
+
+
+def test_does_all_its_work_at_the_start_unless_people_wait_for_a_cue():
+    for begin in ("start", "cue"):
+        behaviour = ResponseTime(begin=begin)
+        behaviour.prepare(scene(("a", 3, {})))
+        assert behaviour.acts_at_ticks() == (begin == "cue")
 
 
 @pytest.mark.parametrize("time", [-1.0, {"uniform": [-1.0, 5.0]}, {"normal": [5.0, 1.0]}, "soon"])
