@@ -46,14 +46,17 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
     """
     what = f"plugin {plugin}"
     marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
-    unmarked = [name for name in HOOKS if name not in marked and inspect.isfunction(getattr(module, name, None))]
+    unmarked = [name for name in HOOKS if name not in marked and hasattr(module, name)]
     if not (marked or unmarked or classes_in(module)):
         bases, known = ", ".join(base for _, base in BASES.values()), ", ".join(HOOKS)
         raise fault(what, "defines no plugin", f"derive a class from one of {bases}, or define a hook: {known}", module)
     check_interface(module, plugin)
-    if unmarked:
-        function = getattr(module, unmarked[0])
-        raise fault(what, f"{unmarked[0]} is not marked as a hook", "decorate it with @hookimpl", function)
+    for name in unmarked:
+        found = getattr(module, name)
+        if not inspect.isroutine(found):
+            wrong = f"{name} is an object of class {type(found).__name__}, not a hook"
+            raise fault(what, wrong, "define a function that returns it, and decorate it with @hookimpl", module, name)
+        raise fault(what, f"{name} is not marked as a hook", "decorate it with @hookimpl", found)
     for name, options in marked.items():
         function = getattr(module, name)
         if name not in HOOKS:

@@ -159,6 +159,10 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
         ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_contact_model():\n    return []\n",
          ["there is no hook 'evac_contact_model'", "did you mean 'evac_contact_models'?"]),
         ("def evac_forces():\n    return []\n", ["evac_forces", "@hookimpl"]),
+        ("from evac import Behaviour\nclass A(Behaviour):\n    name = 'a'\n    def act(self, crowd, time):\n"
+         "        pass\nevac_behaviours = [A]\n",
+         ["evac_behaviours is an object of class list", "line 7", "@hookimpl"]),
+        ("evac_prepare = 'now'\n", ["evac_prepare is an object of class str", "line 2"]),
         ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces(scene):\n    return []\n",
          ["scene", "see evac.contract.hooks"]),
         ("from evac import hookimpl\n@hookimpl(wrapper=True)\ndef evac_finish():\n    yield\n",
