@@ -1,13 +1,16 @@
 """Events of a case: at a time or when something happens; what they do, and that a resumed run has the same."""
 
+import json
+
 import numpy as np
 import pytest
 
 import evac
 from evac.base.errors import BuildingError, ScenarioError
 from evac.building.model.links import building_at
+from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
+from tests.runs import MODELS, assert_same_bits, run_ticks
 
 FLOOR = [[0, 0], [20, 0], [20, 8], [0, 8]]
 
@@ -184,6 +187,76 @@ def test_an_event_follows_another_and_a_resumed_run_has_the_same_events():
     assert opening.time == pytest.approx(closing.time + 2.0)
     start, ground = one.scene.ground.building, one.scene.ground.building.closed
     assert building_at(start, results[0].changes, opening.time).closed == ground
+
+
+def long_hall(model="nsm2"):
+    """Return a case of 60 people who start at 56 s, near an exit that closes at 60 s and far from another."""
+    exits = [
+        {"name": "near", "storey": "f", "segment": [[0, 4], [0, 5.2]]},
+        {"name": "far", "storey": "f", "segment": [[60, 4], [60, 5.2]]},
+    ]
+    start = {"name": "start", "storey": "f", "polygon": [[0.5, 0.5], [12, 0.5], [12, 8.5], [0.5, 8.5]]}
+    storey = {"name": "f", "polygons": [[[0, 0], [60, 0], [60, 9], [0, 9]]]}
+    table = {
+        "building": {"plan": {"storeys": [storey], "exits": exits, "areas": [start]}},
+        "contact": {"model": model},
+        "simulation": {"duration": 200.0, "seed": 1},
+        "behaviours": {"walking": {}, "response_time": {"time": 56.0}},
+        "output": {"picture": False},
+        "people": [{"name": "people", "number": 60, "area": "start", "strategy": "shortest"}],
+        "event": [event("close", "near", 60.0)],
+    }
+    return evac.load(table)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_nobody_passes_a_door_that_closed_at_60_s_but_those_named_whose_bodies_were_on_its_line(model, tmp_path):
+    simulation = Simulation(long_hall(model))
+    near, far = (next(way for way in simulation.building.exits if way.name == name) for name in ("near", "far"))
+    run_ticks(simulation, 600)
+    crowd = simulation.population.crowd
+    off_end = np.maximum(np.abs(crowd.position[:, 1] - 4.6) - 0.6, 0.0)
+    is_touching = np.hypot(crowd.position[:, 0], off_end) < crowd.contact_radius
+    on_line = np.flatnonzero((crowd.level >= 0) & is_touching)
+    run_ticks(simulation, 1)
+    assert simulation.time == pytest.approx(60.1)
+
+    inside = np.flatnonzero((crowd.level >= 0) & (crowd.passing < 0))
+    assert len(inside) > 40
+    position, route = crowd.position[inside], crowd.route[inside]
+    length = simulation.fields.travel_time_at(0, position, route, crowd.contact_radius[inside])
+    to_far = np.hypot(60.0 - position[:, 0], np.maximum(np.abs(position[:, 1] - 4.6) - 0.6, 0.0))
+    assert length == pytest.approx(to_far, rel=0.01), "in a convex hall, the shortest way is straight"
+    towards = simulation.fields.directions_at(0, position, route, crowd.contact_radius[inside])
+    away_from_walls = (position[:, 1] > 1.0) & (position[:, 1] < 8.0) & (position[:, 0] > 1.0)
+    assert (towards[away_from_walls, 0] > 0.9).all()
+
+    results = evac.run(long_hall(model), tmp_path / "r", progress=False)
+    late = (results.crowd.exit_used == near.index) & (results.crowd.exit_time > 60.0)
+    assert np.flatnonzero(late).tolist() == on_line.tolist()
+    assert (results.crowd.exit_time[late] < 62.0).all(), "they go on, and do not wait"
+    assert results.ended == "everybody out"
+    assert (results.crowd.exit_used == far.index).sum() > 40
+    (change,) = json.loads((tmp_path / "r" / "summary.json").read_text())["changes"]
+    values = {"let_through": on_line.tolist()} if on_line.size else {}
+    assert (change["time"], change["kind"], change["what"], change["values"]) == (60.0, "close", "near", values)
+    closed = [results.trajectory.building_at(time).closed for time in (59.9, 60.0, 60.1)]
+    assert closed == [frozenset(), {near.index}, {near.index}]
+
+
+@pytest.mark.slow
+def test_runs_resumed_before_and_after_a_door_closed_have_the_bits_of_one_that_was_not_stopped(tmp_path):
+    def stop(progress):
+        if progress.time >= time:
+            raise Stopped
+
+    whole = evac.run(long_hall(), tmp_path / "whole", progress=False)
+    for time in (30.0, 90.0):
+        folder = tmp_path / f"at {time:g} s"
+        assert evac.run(long_hall(), folder, progress=stop).time == pytest.approx(time)
+        assert evac.resume(folder).changes == whole.changes
+        for name in ("people.csv", "egress.csv", "trajectory.evac"):
+            assert (folder / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
 
 
 @pytest.mark.parametrize(
