@@ -28,13 +28,13 @@ def is_legal(kind: str, value: Any) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     match kind:
         case "one_way":
-            return value is False or isinstance(value, str)
+            return value is False or _is_text(value)
         case "slow":
             return is_number and LEAST_SHARE <= value <= 1.0
         case "bar":
             return value is None or isinstance(value, bool)
         case "strategy":
-            return isinstance(value, str | tuple)
+            return _is_text(value) or (isinstance(value, tuple) and all(map(_is_text, value)))
         case "alarm":
             return value is None or (is_number and 0.0 <= value <= 1.0)
     return value is None
@@ -116,7 +116,9 @@ class Change:
         raise ValueError(f"{row!r:.100} is not a change")
 
 
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and is_one_line(value)
+
+
 def _is_plain(value: Any) -> bool:
-    if isinstance(value, str):
-        return is_one_line(value)
-    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
+    return _is_text(value) or (isinstance(value, int | float) and abs(value) <= sys.float_info.max)

@@ -2,9 +2,10 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator, model_validator
 
 from evac.base.change import REMEDIES, is_legal
+from evac.base.errors import is_one_line
 from evac.base.keys import Fault, Name, Real, Switch, Table, Whole, key, wrong
 from evac.base.parameters import did_you_mean
 from evac.case.schema import LONGEST_RUN, MOST_PEOPLE
@@ -21,6 +22,14 @@ CONDITIONS = ("event", "out", "count", "at_most", "density")
 
 #: Those of them that are about the people in an area.
 IN_AREA = ("count", "at_most", "density")
+
+
+def _or_as_given(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+    """Return a value of a wrong type as it is: `event_faults` says what the kind of the event needs."""
+    try:
+        return check(value)
+    except ValidationError:
+        return value
 
 
 class WhenSettings(Table):
@@ -63,7 +72,7 @@ class EventSettings(Table):
         "",
         "",
     )
-    value: Switch | Real | str | tuple[str, ...] | None = key(
+    value: Annotated[Switch | Real | str | tuple[str, ...] | None, WrapValidator(_or_as_given)] = key(
         '`one_way`: "up", "down", the name of the level to which it leads, or false for both directions; `slow`: the '
         "share of the speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of "
         "exits; `alarm`: the share of the response times that people still take",
@@ -108,10 +117,24 @@ def event_faults(case: "Case", hears_alarms: bool) -> list[Fault]:
             found["kind"] = "no behaviour of the case acts on an alarm; add one, such as [behaviours.response_time]"
         if one.kind != "alarm" and not one.target:
             found["target"] = f"missing; name what to {one.kind.replace('_', '-')}"
+        if not is_one_line(one.target):
+            found["target"] = f"{one.target!r:.80} is not one line; correct the name"
         faults += [Fault(("event", index, key), text) for key, text in found.items()]
         other = None if one.when is None else one.when.event
         if other is not None and (other not in names or other == one.name):
             known = [name for name in names if name is not None and name != one.name]
             text = f"there is no other event {other!r}; {did_you_mean(other, known)}"
             faults.append(Fault(("event", index, "when", "event"), text))
+        elif other is not None and one.name in (circle := _followed(case.event, one)):
+            text = f"the events {', '.join(circle)} wait for each other; give one of them a time or another condition"
+            faults.append(Fault(("event", index, "when", "event"), text))
     return faults
+
+
+def _followed(events: "tuple[EventSettings, ...]", one: EventSettings) -> list[str]:
+    """Return the names of the events that an event waits for, one after the other, up to the first one twice."""
+    named, found = {event.name: event for event in events if event.name is not None}, list[str]()
+    while one.when is not None and (name := one.when.event) in named and name not in found:
+        found.append(name)
+        one = named[name]
+    return found

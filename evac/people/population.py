@@ -262,11 +262,14 @@ def build_population(
     Raises
     ------
     ScenarioError
-        An area, level or exit is unknown; a position is outside its level or in a wall; more people than fit.
+        An area, level or exit is unknown; a position is outside its level or in a wall; more people than fit; nobody
+        comes.
     """
     check_people(case, building)
     due = {people.name: times_of_arrival(people, seed) for people in case.people if people.arrive is not None}
     counts = [len(due[people.name]) if people.name in due else people.count for people in case.people]
+    if not any(counts):
+        raise ScenarioError(f"{case.source}: people: nobody comes with seed {seed}; raise arrive.rate or arrive.to")
     crowd = make_crowd(np.zeros((sum(counts), 2)), level=-1)
     ends = np.cumsum(counts)
     own = case.simulation.population_seed

@@ -81,6 +81,13 @@ def test_at_a_low_rate_nobody_may_come():
     assert (results.ended, results.number_of_people) == ("everybody out", 10)
 
 
+def test_a_run_to_which_nobody_comes_is_refused():
+    table = hall({"name": "rare", "area": "lift", "arrive": {"rate": 1e-6, "from": 0.0, "to": 1.0}}).to_dict()
+    table["people"] = [group for group in table["people"] if group["name"] == "rare"]
+    with pytest.raises(ScenarioError, match=r"people: nobody comes with seed 1"):
+        Simulation(evac.load(table), will_run=False)
+
+
 @pytest.mark.parametrize("model", ["nsm1", "dem"])
 def test_nobody_is_put_upon_others_and_who_finds_no_place_waits_outside(model):
     crowd = {**TRAIN, "arrive": {"times": [1.0] * 60}, "radius": 0.25, "speed": 0.3}

@@ -290,8 +290,23 @@ def test_what_the_building_does_not_have_is_refused_before_the_run(wrong, words)
         (event("close", "main", when={"count": 3}), r"event\.0\.when\.area"),
         (event("close", "main", when={"out": 3, "area": "hall"}), r"event\.0\.when\.area"),
         (event("close", "main", when={"event": "fire"}), r"event\.0\.when\.event.*'fire'"),
+        (event("close", "ma\nin", 5.0), r"event\.0\.target.*one line"),
+        (event("one_way", "a", 5.0, value="u\np"), r"event\.0\.value.*direction"),
+        (event("strategy", "below", 5.0, value=["ma\nin"]), r"event\.0\.value.*exits"),
+        (event("strategy", "below", 5.0, value=[1]), r"event\.0\.value: is \[1\].*exits"),
+        (event("slow", "hall", 5.0, value=float("nan")), r"event\.0\.value: is nan.*from 0.01 to 1"),
+        (event("open", "main", 5.0, value={}), r"event\.0\.value: is {}.*no value"),
     ],
 )
 def test_events_that_say_nothing_possible_are_refused_with_their_key(wrong, words):
-    with pytest.raises(ScenarioError, match=words):
+    with pytest.raises(ScenarioError, match=words) as caught:
         house(wrong)
+    assert "\n" not in str(caught.value)
+
+
+def test_events_that_wait_for_each_other_are_refused_by_name():
+    one, other = event("close", "main", name="one"), event("open", "main", name="other", when={"event": "one"})
+    follows = event("open", "main", when={"event": "other"})
+    house(one | {"time": 1.0}, other, follows)
+    with pytest.raises(ScenarioError, match=r"event\.one\.when\.event: the events other, one wait"):
+        house(one | {"when": {"event": "other"}}, other, follows)
