@@ -44,7 +44,7 @@ class Ending:
     Decreases of the least time are added up, and the sum counts once it exceeds `PROGRESS`; `PROGRESS` is subtracted
     from the sum in every `no_progress` (or `STANDING`, if that is longer), so that the creep of a blocked crowd does
     not count. People who have not started count as making progress, and so does everybody for whom a way is left when
-    the scene changes, see `begin_anew`.
+    the scene changes, see `begin_anew`. Those who stay at a refuge do not count any more.
 
     Parameters
     ----------
@@ -137,14 +137,14 @@ class Ending:
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
         """Return whether nobody has made progress or left for `no_progress`."""
-        inside = np.flatnonzero((crowd.level >= 0) & self._leaves)
+        inside = np.flatnonzero((crowd.level >= 0) & self._leaves & ~self._arrived)
         if not len(inside):
             return False
         place = crowd.route[inside], inside
         remaining = fields.travel_time_at(
             crowd.level[inside], crowd.position[inside], crowd.route[inside], crowd.contact_radius[inside]
         )
-        waits = (crowd.start_time[inside] > time) | self._arrived[inside]
+        waits = crowd.start_time[inside] > time
         with np.errstate(invalid="ignore"):  # inf - inf where no exit can be reached: no gain
             gain = np.fmax(self._least[place] - remaining, 0.0)
         gained = np.maximum(self._gained[inside] - self._decay, 0.0) + gain
@@ -152,5 +152,5 @@ class Ending:
         self._least[place] = np.where(waits, remaining, np.minimum(self._least[place], remaining))
         self._gained[inside] = np.where(progresses, 0.0, gained)
         self._progress_at[inside[progresses]] = time
-        latest = max(self._progress_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
+        latest = max(self._progress_at.max(), np.nanmax(crowd.exit_time, initial=0.0))
         return bool(time - latest >= self._settings.no_progress)

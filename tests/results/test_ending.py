@@ -68,6 +68,16 @@ def test_who_has_yet_to_set_off_and_who_gets_out_are_progress():
     assert first_end(Ending(SETTINGS, 2, 1), crowd, Ways())[0] == 3500
 
 
+def test_who_stays_at_a_refuge_makes_no_progress_for_others():
+    arrived = np.array([False, False])
+    ending = Ending(SETTINGS, 2, 1, arrived)
+
+    def arrive(time):
+        arrived[1] = time >= 3.0
+
+    assert first_end(ending, two(), Ways(), change=arrive) == (500, NO_PROGRESS)
+
+
 def test_who_stands_is_stuck_unless_gone_or_not_yet_started():
     ending, crowd = Ending(SETTINGS, 4, 1), make_crowd(np.zeros((4, 2)))
     crowd.start_time[0], crowd.level[3] = 20.0, -1
