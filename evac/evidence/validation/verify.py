@@ -46,11 +46,14 @@ def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callabl
     ResultError
         The folder has files of others in their places, or links, or cannot be written.
     """
-    _prepare(trial.folder, tests)
+    _check(trial.folder, tests)
     results = []
     for result in _carried_out(tests, trial, seed):
         tell(result)
         results.append(result)
+    with writing("the verification", trial.folder):
+        trial.folder.mkdir(parents=True, exist_ok=True)
+        mark(trial.folder, COMPLETE, trial.folder.name)
     write_page(page_of(results, trial, seed), trial.folder / PAGE_NAME)
     rows = [row for result in results for row in check_rows(result)]
     if rows:
@@ -61,8 +64,8 @@ def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callabl
     return results
 
 
-def _prepare(folder: Path, tests: Sequence[StandardTest]) -> None:
-    """Create the folder with a manifest, and refuse files that earlier verifications have not written, and links."""
+def _check(folder: Path, tests: Sequence[StandardTest]) -> None:
+    """Refuse files in the places of page and table that earlier verifications have not written, and links."""
     usable_path(folder, ResultError)
     with writing("the verification", folder):
         own = read_manifest(folder).files
@@ -75,8 +78,6 @@ def _prepare(folder: Path, tests: Sequence[StandardTest]) -> None:
                     raise ResultError(
                         f"{path}: a link, which results are not written through; remove it, or choose another --out"
                     )
-        folder.mkdir(parents=True, exist_ok=True)
-        mark(folder, COMPLETE, folder.name)
 
 
 def _carried_out(tests: Sequence[StandardTest], trial: Trial, seed: int) -> Iterable[Result]:
