@@ -1,5 +1,6 @@
 """Together: families and groups that gather at a place first, and wait for each other on their way."""
 
+import reprlib
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import ScenarioError
+from evac.base.errors import PluginError, ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
 from evac.building.model.building import Area
@@ -39,8 +40,10 @@ class Together(Behaviour):
 
     Raises
     ------
+    PluginError
+        `places` is not a list of strings.
     ScenarioError
-        The building has no area of the name ``gather``, or it is not in `places`.
+        The building has no area of a name in `places`, or ``gather`` is not one of them.
     """
 
     name = "together"
@@ -51,10 +54,16 @@ class Together(Behaviour):
     size = Parameter(0, "number of people of a unit; 0: all people of a group", minimum=0)
     unit = Parameter("", "name of the unit, common to several groups; empty: a group has its own units")
     gather = Parameter("", "area at which a unit gathers, one of `places`; empty: none")
-    places = Parameter([], "areas at which units gather")
+    places: Any = Parameter([], "areas at which units gather")
     lag = Parameter(3.0, "lead over the last member at which the others stop", unit="s", above=0.0)
     count = Parameter(10.0, "time for which a unit stays when all have gathered", unit="s", minimum=0.0)
     patience = Parameter(30.0, "time without progress after which nobody waits", unit="s", minimum=0.0, infinite=True)
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        is_list = isinstance(self.places, list | tuple)
+        if not is_list or not all(isinstance(place, str) for place in self.places):
+            raise PluginError(f"together.places: must be a list of strings, not {reprlib.repr(self.places)}")
 
     def routes(self) -> tuple[Route, ...]:
         """Return a route to each place."""
@@ -63,12 +72,18 @@ class Together(Behaviour):
     def prepare(self, scene: BehaviourScene) -> None:
         """Divide the groups into units."""
         self._scene = scene
+        areas = [area.name for area in scene.scene.building.areas]
+        for place in self.places:
+            if place not in areas:
+                raise ScenarioError(
+                    f"behaviours.together.places: no area is named {place!r}; {did_you_mean(place, areas)}"
+                )
         rows: list[IntArray] = [np.zeros(0, np.int32)]
         unit: list[IntArray] = [np.zeros(0, np.int32)]
         places: list[str] = []
         named: dict[str, int] = {}
         for group in _taking_part(scene):
-            place, people = self._checked_place(group, scene), len(group.rows)
+            place, people = self._checked_place(group), len(group.rows)
             name = group.settings.get("unit", self.unit)
             if name:
                 own = np.full(people, named.setdefault(name, len(places)))
@@ -86,16 +101,13 @@ class Together(Behaviour):
         self._since = np.zeros(len(places))  # last progress, or the end of the count [s]
         self._least = np.full(len(places), np.inf)  # least travel time of the last member [s]
 
-    def _checked_place(self, group: Any, scene: BehaviourScene) -> str:
+    def _checked_place(self, group: Any) -> str:
         """Return the place at which a group gathers; an empty text if it does not."""
         place: str = group.settings.get("gather", self.gather)
-        key = f"people.{group.name}.behaviours.together.gather"
         if place and place not in self.places:
             hint = did_you_mean(place, list(self.places)) if self.places else "it is empty"
+            key = f"people.{group.name}.behaviours.together.gather"
             raise ScenarioError(f"{key}: {place!r} is not in behaviours.together.places; {hint}")
-        areas = [area.name for area in scene.scene.building.areas]
-        if place and place not in areas:
-            raise ScenarioError(f"{key}: no area is named {place!r}; {did_you_mean(place, areas)}")
         return place
 
     def act(self, crowd: Crowd, time: float) -> None:
@@ -164,8 +176,9 @@ class Together(Behaviour):
 
 
 def _taking_part(scene: BehaviourScene) -> list[Any]:
-    """Return the groups with one of the keys."""
-    return [group for group in scene.groups if group.settings.keys() & set(Together.group_keys)]
+    """Return the groups with one of the keys; at a rate, nobody of a group may come."""
+    keys = set(Together.group_keys)
+    return [group for group in scene.groups if len(group.rows) and group.settings.keys() & keys]
 
 
 evac_interface = 3

@@ -83,6 +83,13 @@ def test_without_the_keys_nobody_takes_part():
     assert "together" not in {behaviour.name for behaviour, _ in simulation.behaviours}
 
 
+def test_a_unit_of_which_nobody_comes_is_left_out():
+    case = corridor(("here", 2, {"gather": "hall"}, [1.2, 1.0]), places=["hall"], count=0.0).case.to_dict()
+    rare = {"arrive": {"rate": 1e-6, "from": 0.0, "to": 1.0}, "behaviours": {"together": {"size": 2}}}
+    case["people"].append({"name": "rare", "area": "home"} | rare)
+    assert Simulation(evac.load(case)).run().ended == "everybody out"
+
+
 def test_a_run_goes_on_to_the_same_bits():
     def one_more():
         return families({"size": 4, "gather": "hall"}, places=["hall"], count=3.0)
@@ -103,6 +110,9 @@ def test_a_run_goes_on_to_the_same_bits():
         ({"gather": "hall"}, [], r"people\.families\.behaviours\.together\.gather: 'hall' is not in behaviours"),
         ({"gather": "hal"}, ["hall"], r"'hal' is not in behaviours\.together\.places; .*'hall'"),
         ({"size": -1}, [], r"together\.size: .*0"),
+        ({"gather": "hal"}, ["hal"], r"behaviours\.together\.places: no area is named 'hal'; .*'hall'"),
+        ({"gather": "hall"}, "hall", r"together\.places: must be a list of strings, not 'hall'"),
+        ({"size": 4}, [["hall"]], r"together\.places: must be a list of strings"),
     ],
 )
 def test_mistakes_are_named(settings, places, line):
