@@ -13,6 +13,7 @@ from evac.base.errors import ScenarioError, counted
 from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.building.model.findings import Finding
 from evac.directions.fields import Fields, columns_of
+from evac.directions.lengths import routes_at_present
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
 from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Quads, Struct, Triples, inner, kernel
 from evac.physics.seams import crossing, side_of
@@ -79,15 +80,8 @@ def check_ways(
         People cannot reach any permitted exit, or the criteria disagree; names the group, the place and what to
         change.
     """
-    here, time = np.flatnonzero(crowd.level >= 0), np.full(len(crowd.level), math.inf)
-    time[here] = fields.travel_time_at(
-        crowd.level[here], crowd.position[here], crowd.route[here], crowd.contact_radius[here]
-    )
-    for group in groups:
-        rows = group.rows[(crowd.level[group.rows] >= 0) & np.isfinite(crowd.start_time[group.rows])]
-        lost = rows[~np.isfinite(time[rows])]
-        if lost.size:
-            raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost))
+    for group, lost in _without_way(fields, crowd, groups):
+        raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost))
     if fields.clearance < fields.packed.spacing:
         return ()
     found: list[Finding] = []
@@ -97,6 +91,40 @@ def check_ways(
         for group in groups:
             found += _stopped_places(building, crowd, group, stopped)
     return tuple(found)
+
+
+def cut_off(building: Building, fields: Fields, crowd: Crowd, groups: "tuple[Group, ...]") -> tuple[str, ...]:
+    """Return a warning for each group of which people have no way left to the exits of their routes.
+
+    Parameters
+    ----------
+    building : Building
+        As it is now.
+    fields : Fields
+        Of this building.
+    crowd : Crowd
+    groups : tuple of Group
+    """
+    lines = []
+    routes = routes_at_present(building, fields.routes)
+    for group, lost in _without_way(fields, crowd, groups):
+        levels = ", ".join(repr(building.levels[level].name) for level in np.unique(crowd.level[lost]).tolist())
+        ends = " or ".join(sorted({routes[route].destination for route in np.unique(crowd.route[lost]).tolist()}))
+        lines.append(
+            f"people.{group.name}: {counted(len(lost), 'person', 'people')} on {levels} cannot reach {ends} any more, "
+            "and stand still; open a way, or give the group other exits"
+        )
+    return tuple(lines)
+
+
+def _without_way(fields: Fields, crowd: Crowd, groups: "tuple[Group, ...]") -> "list[tuple[Group, IntArray]]":
+    """Return the groups with people inside whose travel time is infinite, and their rows; not of those who stay."""
+    here, time = np.flatnonzero(crowd.level >= 0), np.zeros(len(crowd.level))
+    time[here] = fields.travel_time_at(
+        crowd.level[here], crowd.position[here], crowd.route[here], crowd.contact_radius[here]
+    )
+    is_lost = np.isinf(time) & np.isfinite(crowd.start_time)
+    return [(group, group.rows[is_lost[group.rows]]) for group in groups if is_lost[group.rows].any()]
 
 
 @dataclass

@@ -23,6 +23,7 @@ from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
 from evac.people.unusual import late_starts, rivals, unusual
+from evac.people.ways import cut_off
 from evac.physics.state import copy_of
 from evac.physics.threads.threads import unused_threads
 from evac.results.ending import INTERRUPTED, Ending
@@ -204,7 +205,8 @@ class Simulation:
         tuple of str
             About the building, places that are too narrow for some people, people for whom no way to an exit is wide
             enough, unusual properties of people, people who start only after the end of the run, several behaviours
-            that keep distances, people who stood in a closing doorway, and threads that are not used.
+            that keep distances, people who stood in a closing doorway, people whose ways have closed, and threads that
+            are not used.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
@@ -214,6 +216,8 @@ class Simulation:
         people += rivals(self.case.keeps_distance)
         unused = unused_threads(self._threads, len(crowd.level))
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
+        if self.scene.changes:
+            shut += cut_off(self.scene.building, self.fields, crowd, self.population.groups)
         return (*self.building.warnings, *map(str, (*narrow, *self.stopping)), *people, *shut, *unused)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:

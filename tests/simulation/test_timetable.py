@@ -74,6 +74,20 @@ def test_a_stair_of_the_direction_in_which_people_go_changes_nothing_for_them():
     assert other.last_out == pytest.approx(one.last_out, rel=0.1)
 
 
+def test_people_whose_exits_are_open_but_cannot_be_reached_any_more_are_told_of_by_group():
+    events = [event("close", "a", 4.0), event("close", "b", 4.0)]
+    results = Simulation(house(*events, **{"people.below.exits": ["main"]})).run()
+    assert results.ended == "no progress"
+    left = np.bincount(results.crowd.level[results.crowd.level >= 0], minlength=len(results.levels))
+    (line,) = [line for line in results.warnings if "cannot reach" in line]
+    assert line.startswith(f"people.above: {left.sum()} people on ")
+    assert "'first'" in line
+    assert "main" in line
+    reopened = Simulation(house(*events, event("open", "a", 8.0))).run()
+    assert reopened.ended == "everybody out"
+    assert not any("cannot reach" in line for line in reopened.warnings)
+
+
 @pytest.mark.parametrize("strategy", ["fastest", "quickest"])
 def test_directions_do_not_lead_through_a_portal_against_its_direction(strategy):
     ways = []
