@@ -120,7 +120,7 @@ def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
     """Return a figure and axes for people out over time, up to `people`."""
     figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)))
     axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
-    axes.set_ylim(0.0, 1.06 * people)
+    axes.set_ylim(0.0, 1.06 * max(people, 1))
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
     return figure, axes
 

@@ -80,8 +80,8 @@ def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve
                 bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
             )
     caption = (
-        "Number of people out over time: all people, and each group of several people. The dotted line is the total"
-        " number of people."
+        "Number of people out over time: all people, and each group of several people. The dotted line is the"
+        " number of people who are to leave."
     )
     return drawing(figure, caption, "egress curve")
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from evac.base.errors import counted
 from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
 from evac.report.building import building_section
 from evac.report.congestion import USUAL, Places, congestion_sections
@@ -80,11 +81,13 @@ def main_results(run: Results) -> dict[str, object]:
 def banner(run: Results) -> str:
     """Return what makes the results of a run incomplete, empty if nothing does."""
     summary = run.record
-    left = summary.people - summary.evacuated - run.at_refuges
+    left = len(run.leaving) - summary.evacuated
     inside = f"{left} of {summary.people} people were still inside after {summary.simulated_time:.1f} s."
+    if run.not_arrived:
+        inside += f" {counted(run.not_arrived, 'person', 'people')} had not come."
     if summary.ended in STOPPED:
         return f"This run was stopped before its end ({summary.ended}); its results are incomplete. {inside}"
-    return f"Not everybody left the building ({summary.ended}): {inside}" if left else ""
+    return f"Not everybody left the building ({summary.ended}): {inside}" if left or run.not_arrived else ""
 
 
 def quality_of(run: Results) -> list[str]:

@@ -17,7 +17,7 @@ SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)
 
 
 def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
-    """Return when so many per cent of all people were out [s]; None if that many never were.
+    """Return when so many per cent of people were out [s]; None if that many never were.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
 
 def times_section(run: Results) -> Section:
     """Return the section on the times of a run."""
-    record, exit_time = run.record, run.crowd.exit_time
-    rows = {group.name: group.rows for group in run.groups}
+    record, exit_time, leaving = run.record, run.crowd.exit_time, run.leaving
+    rows = {group.name: np.intersect1d(group.rows, leaving) for group in run.groups}
     curves = {name: run.egress(members) for name, members in rows.items()}
     sizes = {name: len(members) for name, members in rows.items()}
     groups = [_group(name, exit_time[members]) for name, members in rows.items()]
     if len(rows) > 1 and run.evacuated:
-        groups.append(_group("everybody", exit_time))
+        groups.append(_group("everybody", exit_time[leaving]))
     exits = []
     for index, (name, use) in enumerate(record.exits.items()):
         times = exit_time[run.crowd.exit_used == index]
@@ -48,9 +48,9 @@ def times_section(run: Results) -> Section:
     return section(
         "times",
         "Evacuation times",
-        curve=figures.egress(record.people, record.simulated_time, run.egress(), curves, sizes),
+        curve=figures.egress(len(leaving), record.simulated_time, run.egress(), curves, sizes),
         shares=[
-            (f"{share} %", math.ceil(share / 100.0 * record.people), _time(time_of_share(exit_time, share)))
+            (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time(time_of_share(exit_time[leaving], share)))
             for share in SHARES
         ],
         groups=groups,

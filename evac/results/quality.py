@@ -5,8 +5,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from evac.base.errors import counted
 from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Observation
 
@@ -134,13 +132,13 @@ def _where(seen: Observation, levels: Sequence[str]) -> str:
 def remarks_of(results: "Results") -> tuple[str, ...]:
     """Return one line for each kind of people who did not leave as their route says; see `Results.remarks`."""
     people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
+    leaving = level[results.leaving]
     lines = []
     for refuge in results.refuges:
         room = "" if refuge.capacity is None else f", which has room for {refuge.capacity}"
         lines.append(f"{_number(len(refuge.people))} at refuge {refuge.name!r}{room}")
-    if left := people - results.evacuated - results.at_refuges - results.staying - results.not_arrived:
-        others = np.delete(level, [row for refuge in results.refuges for row in refuge.people])
-        number = Counter(others[others >= 0].tolist())
+    if left := int((leaving >= 0).sum()):
+        number = Counter(leaving[leaving >= 0].tolist())
         where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))
         waiting = results.not_started
         wait = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""

@@ -279,11 +279,25 @@ class Results:
         return self.evacuated + self.at_refuges + self.staying == self.number_of_people
 
     @cached_property
-    def staying(self) -> int:
-        """Number of people inside at the end who do not leave."""
+    def _stays(self) -> NDArray[np.bool_]:
+        """Whether each person is inside at the end and does not leave, (n,)."""
         stay = {group["name"] for group in self.settings["people"] if not group.get("leave", True)}
         rows = [group.rows for group in self.groups if group.name in stay]
-        return int((self.crowd.level[np.concatenate([np.zeros(0, np.int32), *rows])] >= 0).sum())
+        stays = np.zeros(self.number_of_people, np.bool_)
+        stays[np.concatenate([np.zeros(0, np.int32), *rows])] = True
+        return stays & (self.crowd.level >= 0)
+
+    @property
+    def staying(self) -> int:
+        """Number of people inside at the end who do not leave."""
+        return int(self._stays.sum())
+
+    @cached_property
+    def leaving(self) -> IntArray:
+        """Rows of the people who are out or are to leave: all but those who stay, are at a refuge or have not come."""
+        leaves = ~self._stays & ~np.isnan(self.crowd.arrival_time)
+        leaves[[row for refuge in self.refuges for row in refuge.people]] = False
+        return np.flatnonzero(leaves).astype(np.int32)
 
     @property
     def not_arrived(self) -> int:

@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
+import evac
 from evac.base.errors import ResultError
 from evac.case.loading import load_case
 from evac.case.toml import case_text
@@ -20,6 +21,8 @@ from evac.report.verification import evidence, subject_like
 from evac.results.record import CaseTable
 
 from .conftest import HOSTILE, Page
+
+QUIET = {"simulation.duration": 60.0, "output.picture": False, "output.animation": False}
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +88,7 @@ def test_main_results_are_those_of_the_summary(page, summary):
 
 def test_times_of_shares_groups_and_exits(page, summary, people):
     times = np.sort([float(row["exit_time"]) for row in people])
-    for row, share in zip(page.table("share of all people")[1:], SHARES, strict=True):
+    for row, share in zip(page.table("share of the people")[1:], SHARES, strict=True):
         rank = int(np.ceil(share / 100 * len(times)))
         assert row == [f"{share} %", str(rank), f"{times[rank - 1]:.1f}"]
     groups = {row[0]: row for row in page.table("each group left")[1:]}
@@ -174,6 +177,36 @@ def test_a_preset_is_shown_as_it_was_tested(preset, subject):
 def test_shares_of_people_who_are_not_all_out():
     times = np.array([4.0, np.nan, 1.0, 2.0])
     assert [time_of_share(times, share) for share in (25, 50, 51, 75, 76, 100)] == [1.0, 2.0, 4.0, 4.0, None, None]
+
+
+def test_shares_are_of_those_who_are_to_leave(tmp_path):
+    people = [
+        {"name": "guests", "number": 4, "area": "room"},
+        {"name": "staff", "number": 3, "area": "room", "leave": False},
+        {"name": "train", "area": "room", "arrive": {"times": [0.0, 500.0]}},
+    ]
+    results = evac.run(load_case("square_room", {"people": people, **QUIET}), tmp_path / "r", progress=False)
+    rows = {group.name: group.rows for group in results.groups}
+    assert results.leaving.tolist() == [*rows["guests"], rows["train"][0]]
+    page = Page(run_report(tmp_path / "r", places=Places(maps=())))
+    times = np.sort(results.crowd.exit_time[results.leaving])
+    assert page.table("share of the people")[-1] == ["100 %", "5", f"{times[-1]:.1f}"]
+    groups = {row[0]: row for row in page.table("each group left")[1:]}
+    assert groups["guests"][1:3] == ["4", "4"]
+    assert groups["staff"][1:3] == ["0", "0"]
+    assert groups["train"][1:3] == ["1", "1"]
+    assert groups["everybody"][1:3] == ["5", "5"]
+    top = page.text.partition("Project")[0]
+    assert "0 of 9 people were still inside" in top
+    assert "1 person had not come" in top
+
+
+def test_a_run_in_which_nobody_is_to_leave_has_a_report(tmp_path):
+    staff = [{"name": "staff", "number": 3, "area": "room", "leave": False}]
+    evac.run(load_case("square_room", {"people": staff, **QUIET}), tmp_path / "r", progress=False)
+    page = Page(run_report(tmp_path / "r", places=Places(maps=())))
+    assert page.table("share of the people")[-1] == ["100 %", "0", "not reached"]
+    assert "Not everybody left" not in page.text
 
 
 def test_an_interrupted_run_has_a_banner(result):
