@@ -103,6 +103,14 @@ def test_the_flow_through_a_door_fails_by_default_and_passes_with_the_preset(tmp
     assert carry_out(test, regulation, 1).verdict == PASSED
 
 
+def test_an_exit_that_closes_is_not_used_and_would_be_if_it_stayed_open(tmp_path):
+    (test,) = find_tests(["ISO-9"])
+    assert carry_out(test, Trial(tmp_path / "closes"), 1).verdict == PASSED
+    open_, used = carry_out(test, Trial(tmp_path / "stays", settings=("event=[]",)), 1).checks
+    assert open_.is_passed
+    assert used.values == (0.0,)
+
+
 def test_a_test_runs_alone_and_leaves_its_folder(tmp_path):
     (test,) = find_tests(["RiMEA-1"])
     result = carry_out(test, Trial(tmp_path), 3)

@@ -194,10 +194,8 @@ class Trial:
     plugin_files: tuple[Path, ...] = ()
     is_paper: bool = False
 
-    def case(
-        self, plan: Plan, people: Iterable[Mapping[str, Any]], title: str = "", **sections: Mapping[str, Any]
-    ) -> Case:
-        """Return the case of people in a building; groups without name are numbered."""
+    def case(self, plan: Plan, people: Iterable[Mapping[str, Any]], title: str = "", **sections: Any) -> Case:
+        """Return the case of people in a building; groups without name are numbered; `sections` are others of it."""
         content = {
             "title": title,
             "building": plan,
@@ -216,7 +214,7 @@ class Trial:
         return case.change({**own, "output.picture": False}).change(self.settings)
 
     def runs(
-        self, plan: Plan, people: Iterable[Mapping[str, Any]], label: str = "run", **sections: Mapping[str, Any]
+        self, plan: Plan, people: Iterable[Mapping[str, Any]], label: str = "run", **sections: Any
     ) -> list[Outcome]:
         """Run people in a building with each seed, into the folders LABEL-SEED."""
         return self.run_case(self.case(plan, people, f"{self.folder.name}, {label}", **sections), label)
