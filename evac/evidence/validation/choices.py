@@ -132,12 +132,13 @@ def closing_exit(trial: Trial) -> Iterator[Check]:
     """Send a person at 1 m/s to the nearer of two exits, which closes after 1 s."""
     exits = {"1": across(0, 12, 13), "2": across(10, 12, 13)}
     person = {"positions": [[4.5, 2.0]], "z": 0.0, "speed": 1.0}
-    closing = {"time": 1.0, "kind": "close", "target": "1"}
+    closes = 1.0
+    closing = {"time": closes, "kind": "close", "target": "1"}
     runs = trial.runs(one_storey(box(0, 0, 10, 15), exits=exits), [person], event=[closing])
     towards = []
     for run in runs:
-        before = run.trajectory.time <= closing["time"]
-        towards.append(np.all(np.diff(run.trajectory.position[before, 0, 0]) < 0.0))
+        x = run.trajectory.position[run.trajectory.time <= closes, 0, 0]
+        towards.append(float(np.all(np.diff(x) < 0.0)))
     yield check("people who walk towards exit 1 until it closes, of 1", "by hand: it is nearer", towards, low=1, high=1)
     used = [run.out_by("2").sum() for run in runs]
     yield check("people who leave by exit 2, of 1", "NIST TN 1822, ISO 20414", used, low=1, high=1)
