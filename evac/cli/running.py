@@ -31,7 +31,8 @@ def run_shown(
         hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""
         notify(f"\nevac: stopping at the end of this tick{hint}")
 
-    for warning in simulation.warnings():
+    before = simulation.warnings()
+    for warning in before:
         display.line(f"warning: {warning}")
     display.phase("first tick")
     with Interrupt(SIGNALS, announce) as interrupt:
@@ -41,6 +42,9 @@ def run_shown(
             display.phase("writing the results")
 
         results = run_into(simulation, place, display, interrupt, checkpoint, writing)
+    for warning in results.warnings:
+        if warning not in before:
+            display.line(f"warning: {warning}")
     return results, 128 + interrupt.wanted if results.ended == INTERRUPTED else results.exit_status
 
 

@@ -88,7 +88,7 @@ def run(
     -----
     RunWarning
         What the command says, which the results contain too: warnings about building and people, before the run;
-        people who are left inside or stuck; quality warnings.
+        what came of events; people who are left inside or stuck; quality warnings.
 
     Examples
     --------
@@ -101,15 +101,18 @@ def run(
             raise ScenarioError("checkpoint: needs a result folder; give `folder`")
         with displayed(progress) as shown:
             simulation = Simulation(case, None, full, threads=threads)
-            warn(simulation.warnings())
+            before = simulation.warnings()
+            warn(before)
             results = simulation.run(shown)
     else:
         with ResultFolder(folder) as place, displayed(progress) as shown:
             simulation = Simulation(case, place.running, full, threads=threads)
-            warn(simulation.warnings())
+            before = simulation.warnings()
+            warn(before)
             place.start()
             results = _run_interruptible(simulation, place, shown, checkpoint)
-    warn((*results.remarks, *results.quality_warnings))
+    later = (line for line in results.warnings if line not in before)
+    warn((*later, *results.remarks, *results.quality_warnings))
     return results
 
 

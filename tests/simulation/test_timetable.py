@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import BuildingError, ScenarioError
+from evac.base.errors import BuildingError, RunWarning, ScenarioError
 from evac.building.model.links import building_at
 from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
@@ -86,6 +86,11 @@ def test_people_whose_exits_are_open_but_cannot_be_reached_any_more_are_told_of_
     reopened = Simulation(house(*events, event("open", "a", 8.0))).run()
     assert reopened.ended == "everybody out"
     assert not any("cannot reach" in line for line in reopened.warnings)
+
+
+def test_what_came_of_events_is_warned_of_after_the_run():
+    with pytest.warns(RunWarning, match=r"^people\.above: 20 people .* cannot reach main"):
+        evac.run(house(event("close", "a", 4.0), event("close", "b", 4.0)), progress=False)
 
 
 @pytest.mark.parametrize("strategy", ["fastest", "quickest"])
