@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 #: Maximum number of openings in the picture and on the screen; the report lists all.
 MOST_OPENINGS = 20
+WALLS = "Where the file names no openings, these are pieces of the outer edges, which may be walls."
 TITLES = {
     "found": "Found in the file",
     "assumed": "Assumed",
@@ -46,7 +47,7 @@ def report_text(made: "Imported", case: Path) -> str:
     openings = [opening_row(made, k) for k in range(len(made.openings))]
     if openings:
         more = "further exits" if exits else "exits"
-        text += [f"## Openings that may be {more}", "", f"Choose {more} by number with `--exit 1,2`.", ""]
+        text += [f"## Openings that may be {more}", "", f"{WALLS} Choose {more} by number with `--exit 1,2`.", ""]
         text += table(("number", "level", "width [m]", "from", "to", "z [m]"), openings)
     text += ["## People", ""]
     rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]

@@ -121,7 +121,7 @@ def _low_spaces(bodies: Sequence[Body], findings: list[Finding]) -> list[Body]:
     low = [body for body in bodies if body.kind == "space" and body.z_max - body.z_min < STANDING]
     for body in low:
         text = f"{body.name!r} is only {body.z_max - body.z_min:.2f} m high: nobody can stand in it"
-        findings.append(Finding("left out", text, None, body.place))
+        findings.append(Finding("left out", text, None, (*body.place, body.z_min)))
     return low
 
 
