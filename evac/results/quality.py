@@ -149,7 +149,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     if results.staying:
         lines.append(f"{_number(results.staying)} inside do not leave (leave = false)")
     if pushed := len(results.left_by_other_exits):
-        lines.append(f"{_number(pushed)} left by an exit that is not on the route, for example pushed through it")
+        lines.append(f"{_number(pushed)} left by an exit that is not on the route: theirs closed, or they were pushed")
     if results.stuck:
         first = results.stuck[0]
         x, y = results.crowd.position[first]
