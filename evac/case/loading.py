@@ -326,10 +326,10 @@ def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path, regi
         if isinstance(name, str) and name in seen:
             faults.append(Fault(("people", index, "name"), f"{name!r} names two groups; rename one"))
         seen |= {name} if isinstance(name, str) else set()
-    for index, place in enumerate(case.place if case is not None else ()):
-        if any(place.name == other.name or place.area == other.area for other in case.place[:index]):  # type: ignore[union-attr]
-            faults.append(Fault(("place", index, "name"), f"{place.name!r}: another place has this name or area"))
     if case is not None:
+        for index, place in enumerate(case.place):
+            if any(place.name == other.name or place.area == other.area for other in case.place[:index]):
+                faults.append(Fault(("place", index, "name"), f"{place.name!r}: another place has this name or area"))
         used = [name for name, table in case.behaviours.items() if table is not False]
         known = registry.behaviours
         faults += event_faults(case, any(name not in known or known[name].hears_alarms for name in used))
