@@ -123,8 +123,6 @@ class Refuges:
             Displacement velocities [m/s].
         """
         crowd = self._crowd
-        if not (self._meant >= 0).any():
-            return
         coming = (self._meant >= 0) & ~self.arrived & (crowd.level >= 0)
         coming &= np.hypot(*velocity.T) < STANDS
         for place, area in enumerate(self._areas):

@@ -60,7 +60,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     rows = bodies.row[:inside].astype(np.intp)
     for name in TAKEN:
         given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
-        np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
+        given.take(rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
     bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
     bodies.smallest = bodies.contact_radius[:inside].min(initial=math.inf)

@@ -107,7 +107,7 @@ class Ending:
     def over(self, step: int, crowd: Crowd) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
         inside = (crowd.level >= 0) & self._leaves
-        if not (inside & ~self._arrived).any() and not np.isnan(crowd.arrival_time).any():
+        if not np.count_nonzero(inside > self._arrived) and not np.isnan(crowd.arrival_time).any():
             return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
         return DURATION_OVER if step >= self._settings.last_step else ""
 

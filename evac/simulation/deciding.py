@@ -89,7 +89,6 @@ class Deciding:
         for behaviour, scene in self.used:
             with naming(self._case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare", behaviour, DECLARE):
                 behaviour.prepare(scene)
-            self._crowd.start_time[self._population.staying] = np.inf
             self._check(behaviour, scene, 0.0)
             self.acts[behaviour.name] = needed.acts_at_ticks(behaviour)
         self._scene.has_begun = True
@@ -104,7 +103,8 @@ class Deciding:
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         if again or "speed_factor" in renewed:
             self._crowd.speed_factor[:] = 1.0
-        self._crowd.speed_factor[self._refuges.arrived] = 0.0
+        if self._case.place:
+            self._crowd.speed_factor[self._refuges.arrived] = 0.0
         if "extra_direction" in renewed:
             self._crowd.extra_direction[:] = 0.0
         if self._outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):
@@ -112,10 +112,12 @@ class Deciding:
         for behaviour, scene in self.used if self._is_full else acting:
             with plugin_code(f"t = {time:.3f} s: behaviour {behaviour.name!r}", behaviour, DECLARE):
                 behaviour.act(scene.crowd, time)
-            self._crowd.start_time[self._population.staying] = np.inf
             self._check(behaviour, scene, time)
 
     def _check(self, behaviour: Behaviour, scene: BehaviourScene, time: float) -> None:
+        """Check what a behaviour wrote; those who do not leave never start, whatever it was."""
+        if len(self._population.staying):
+            self._crowd.start_time[self._population.staying] = np.inf
         routes = len(self._scene.fields.routes)
         check_written(behaviour, scene.level_fields, self._crowd, self._outside, routes, time)
 

@@ -70,6 +70,9 @@ class Loop:
             walk = one.outside.advance
             after = Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
             self.operations.insert(5, after)
+        if one.case.place:
+            stay = Operation("refuges", "recording", lambda: one.refuges.settle(one.displacement_velocity))
+            self.operations.insert(5, stay)
         if one.scene.quickest is not None:
             self.operations.insert(1, Operation("quickest", "directions", self._find_quickest, self._is_update))
         if one.population.sources:
@@ -138,7 +141,6 @@ class Loop:
         np.subtract(simulation.population.crowd.position, self._before, out=simulation.displacement_velocity)
         simulation.displacement_velocity /= self._span
         self._left = simulation.population.settle(self._events)
-        simulation.refuges.settle(simulation.displacement_velocity)
 
     def _start_recording(self) -> None:
         simulation = self._simulation
@@ -151,7 +153,7 @@ class Loop:
     def _end_run(self) -> None:
         simulation, crowd = self._simulation, self._simulation.population.crowd
         can_change = simulation.scene.changes_before(self._settings.duration)
-        if simulation.to_come:
+        if simulation.population.sources and simulation.to_come:
             return
         simulation.ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, can_change)
         simulation.scene.has_ended = bool(simulation.ended)
