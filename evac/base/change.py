@@ -15,7 +15,7 @@ LEAST_SHARE = 0.01
 REMEDIES = {
     "open": "no value",
     "close": "no value",
-    "one_way": '"up" or "down", the name of the level to which it leads, or false for both directions',
+    "one_way": '"up", "down", "in", "out", the name of the level or area to which it leads, or false for both directions',
     "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
     "bar": "no value, or false to lift it",
     "strategy": "the name of a strategy, or a list of exits",
@@ -49,9 +49,8 @@ class Change:
     time : float
         Time [s] at which it takes effect: the beginning of a tick.
     kind : str
-        ``open`` or ``close`` for exits, portals, stairs and doors, ``one_way`` for portals and stairs, ``slow`` or
-        ``bar`` for areas and levels, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an empty
-        name, everybody.
+        ``open``, ``close`` or ``one_way`` for exits, portals, stairs and doors, ``slow`` or ``bar`` for areas and
+        levels, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an empty name, everybody.
     what : str
         Name of what changes.
     values : mapping of str to number, str, bool or tuple of these
@@ -88,7 +87,7 @@ class Change:
         done = {
             "open": "opened",
             "close": "closed",
-            "one_way": "two-way" if ends else f"one-way, {value},",
+            "one_way": '"up", "down", "in", "out", the name of the level or area to which it leads, or false for both directions',
             "slow": f"at {value} of the speed",
             "bar": "free" if ends else "barred",
             "strategy": f"to {', '.join(value) or 'any exit'}" if isinstance(value, tuple) else f"on the {value} way",

@@ -63,8 +63,8 @@ class EventSettings(Table):
     time: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("time of the event; this or `when`", "s", None)
     when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
     kind: Literal["open", "close", "one_way", "slow", "bar", "strategy", "alarm"] = key(
-        "`open` or `close` an exit, portal, stair or door; pass a portal or stair in `one_way` only; `slow` people in "
-        "an area or on a level; `bar` it; change the `strategy` of a group; sound an `alarm`"
+        "`open` or `close` an exit, portal, stair or door; pass it in `one_way` only; `slow` people in an area or on a "
+        "level; `bar` it; change the `strategy` of a group; sound an `alarm`"
     )
     target: str = key(
         "name of what changes: exit, portal, stair, door, area, level or group; of an alarm, an area, a level or a "
@@ -73,7 +73,8 @@ class EventSettings(Table):
         "",
     )
     value: Annotated[Switch | Real | str | tuple[str, ...] | None, WrapValidator(_or_as_given)] = key(
-        '`one_way`: "up", "down", the name of the level to which it leads, or false for both directions; `slow`: the '
+        '`one_way`: of portals and stairs "up", "down" or the name of the level to which they lead, of exits "in" or '
+        '"out", of doors the name of an area on the side to which they lead; false for both directions; `slow`: the '
         "share of the speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of "
         "exits; `alarm`: the share of the response times that people still take",
         "",

@@ -354,7 +354,7 @@ def _strips_and_starts(
 
 
 def _one_way(grids: BuildingGrids, source: IndexArray, twin: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Return sources and twins (nodes,) without those that would lead through portals against their direction."""
+    """Return sources and twins (nodes,) to which times go on, which none do through links against their direction."""
     if grids.building.one_way:
         source, twin = source.copy(), twin.copy()
     for grid in grids.levels if grids.building.one_way else ():
@@ -363,4 +363,7 @@ def _one_way(grids: BuildingGrids, source: IndexArray, twin: IndexArray) -> tupl
                 source[grid.packed][(grid.sheet == 1 + portal.index).ravel()] = -1
                 _, there = grid.seams[portal.index]
                 twin[there] = -1
+        before, behind = grid.passages
+        twin[before] = -1
+        twin[behind] = before
     return source, twin

@@ -31,8 +31,7 @@ class Waves(Struct):
     border: Longs  # (b,) nodes to solve that are next to others from which a march may begin: starts, other levels
     source: Longs  # (nodes,) node that each node represents, -1 for none, and where a portal does not lead to it
     beside: Longs  # (nodes,) as `source`, whether portals lead there or not
-    # (nodes,) for nodes on a portal, the node at the same position on the other level, unless the portal does not lead
-    # from there to here, otherwise -1
+    # (nodes,) node beyond a portal or a door of one direction to which the time of a node goes on, -1 for none
     twin: Longs
     stride: Ints  # (levels,) stride along x in packed arrays
     uphill: Pairs  # (levels, 2)
@@ -332,7 +331,7 @@ def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: 
         if time < math.inf:
             size = offer(waves, node, time, near, size)
         other = waves.twin[node]
-        if other >= 0 and waves.state[other] == FINAL:
+        if other >= 0 and waves.twin[other] == node and waves.state[other] == FINAL:
             size = offer(waves, node, waves.time[other], other, size)
     while size > 0 and (missing > 0 or waves.key[0] <= least):
         size -= 1

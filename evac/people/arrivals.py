@@ -62,11 +62,11 @@ class Source:
     def let_in(self, building: Building, crowd: Crowd, time: float) -> IntArray:
         """Put people who wait to free places, in the order of their times, and return those who have come in.
 
-        A closed exit lets nobody in.
+        An exit that is closed or leads out only lets nobody in.
         """
         waiting, came = self.waiting(crowd, time), list[int]()
         area = building.area_named(self._place)
-        way = next((one for one in building.exits if one.name == self._exit and building.is_open(one)), None)
+        way = next((one for one in building.exits if one.name == self._exit and building.lets_in(one)), None)
         level = area.level if area is not None else way.level if way is not None else -1
         lines = [building.walls[building.wall_level == level]]
         lines += [link.segments for link in building.links_of(level) if link is not way]

@@ -7,6 +7,7 @@ route did so, also if others push them back first; otherwise they leave it to th
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
@@ -14,6 +15,9 @@ from evac.base.errors import counted
 from evac.building.model.building import Building
 from evac.directions.fields import Fields
 from evac.physics.state import Crowd
+
+#: Distance from a door of one direction at which people before it are let through [m]: more than they walk in a tick.
+REACH = 0.5
 
 #: Greatest number of people whom a warning names.
 MOST_NAMED = 20
@@ -37,7 +41,8 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
     found: list[int] = []
     for link in sorted(links):
         levels, segments = line_of(building, link)
-        there = np.flatnonzero(np.isin(crowd.level, levels) & (crowd.passing < 0))
+        _release(crowd, link)
+        there = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1))
         nearest, distance, outward = _nearest_points(segments, crowd.position[there])
         is_on = distance < crowd.contact_radius[there]
         rows, nearest, outward = there[is_on].astype(np.int32), nearest[is_on], outward[is_on]
@@ -47,7 +52,7 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
         )
         is_first = crowd.level[rows] == levels[0]
         if link >= building.n_links:  # a door between rooms of one level: the side is that of the position
-            is_first = np.einsum("ij,ij->i", crowd.position[rows] - nearest, outward) < 0.0
+            is_first = _side_of(crowd.position[rows], nearest, outward) == 0
         sense = np.where(is_first == (on_line < here), 1.0, -1.0)
         crowd.passing[rows] = link
         crowd.ahead[rows] = sense[:, None] * outward
@@ -64,17 +69,30 @@ def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> No
     building : Building
     crowd : Crowd
     links : mapping of int to int
-        The level from which each link is passed from now on.
+        The level or side from which each link is passed from now on.
     """
     for link, origin in links.items():
         levels, segments = line_of(building, link)
-        is_behind = np.isin(crowd.level, levels) & (crowd.level != origin) & (crowd.passing < 0)
-        rows = np.flatnonzero(is_behind).astype(np.int32)
-        _, distance, outward = _nearest_points(segments, crowd.position[rows])
-        is_on = distance < crowd.contact_radius[rows]
+        _release(crowd, link)
+        rows = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1)).astype(np.int32)
+        nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
+        is_door = link >= building.n_links
+        where = _side_of(crowd.position[rows], nearest, outward) if is_door else crowd.level[rows]
+        is_on = (distance < crowd.contact_radius[rows]) & (where != origin)
         crowd.passing[rows[is_on]] = link
-        crowd.ahead[rows[is_on]] = outward[is_on] * (-1.0 if levels[0] != origin else 1.0)
+        crowd.ahead[rows[is_on]] = outward[is_on] * (1.0 if origin == (0 if is_door else levels[0]) else -1.0)
         _aim(crowd, rows[is_on], segments)
+
+
+def let_pass(building: Building, crowd: Crowd) -> None:
+    """Let people through doors of one direction who are before them, without directing them."""
+    for link, side in sorted(building.directed.items()):
+        if link >= building.n_links:
+            levels, segments = line_of(building, link)
+            rows = np.flatnonzero((crowd.level == levels[0]) & (crowd.passing < 0)).astype(np.int32)
+            nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
+            is_before = _side_of(crowd.position[rows], nearest, outward) == side
+            crowd.passing[rows[is_before & (distance < crowd.contact_radius[rows] + REACH)]] = link
 
 
 def go_on(building: Building, crowd: Crowd) -> set[int]:
@@ -109,6 +127,16 @@ def line_of(building: Building, link: int) -> tuple[tuple[int, ...], FloatArray]
         return (door.level,), door.segment.reshape(1, 4)
     way_out = building.exits[link - len(building.portals)]
     return (way_out.level,), way_out.segments
+
+
+def _release(crowd: Crowd, link: int) -> None:
+    """Take back that a link lets people through whom it does not direct."""
+    crowd.passing[(crowd.passing == link) & ~crowd.ahead.any(axis=1)] = -1
+
+
+def _side_of(position: FloatArray, nearest: FloatArray, outward: FloatArray) -> NDArray[np.int64]:
+    """Return the sides (n,) of a line on which positions (n, 2) are: 0 for the inside of the first level, else 1."""
+    return (np.einsum("ij,ij->i", position - nearest, outward) >= 0.0).astype(np.int64)
 
 
 def _aim(crowd: Crowd, rows: IntArray, segments: FloatArray) -> None:

@@ -21,7 +21,7 @@ from evac.directions.quickest import Quickest, Settings
 from evac.people.population import Population
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
-from evac.simulation.doorways import begin_to_leave, go_on, turn_round
+from evac.simulation.doorways import begin_to_leave, go_on, let_pass, turn_round
 from evac.simulation.kinds import KINDS, check
 
 #: Times that differ by less are the same [s]: a multiple of the tick is rounded.
@@ -231,7 +231,7 @@ class Scene:
         """Let those people through who were on the lines of closed links when the state was saved."""
         if self.people is not None:
             crowd, passing = self.people.crowd, self.people.crowd.passing
-            is_free = (passing >= 0) & ~np.isin(passing, [*self.building.closed, *self._directed])
+            is_free = (passing >= 0) & ~np.isin(passing, [*self.building.shut, *self.building.directed])
             passing[is_free], crowd.ahead[is_free] = -1, 0.0
             self._hold(set(passing[passing >= 0].tolist()))
 
@@ -241,36 +241,34 @@ class Scene:
         for name, share in sorted(self.building.slowed):
             self.people.crowd.speed_factor[self.people.rows_in(self.building, name)] *= share
 
-    @property
-    def _directed(self) -> dict[int, int]:
-        """The open links of one direction, with the level from which they are passed."""
-        return {link: level for link, level in self.building.one_way if link not in self.building.closed}
-
     def _hold(self, links: set[int]) -> None:
         """Keep closed links open for those whom they let through, and only these links."""
         for link in self._held - links:
             self._set_open(link)
-        self._held = links & self.building.closed
+        self._held = links & self.building.shut
         for link in self._held:
             set_open(self.world, link, 2)
+        assert self.people is not None
+        let_pass(self.building, self.people.crowd)
 
     def _set_open(self, link: int) -> None:
         """Set the flags of a link in the world."""
-        origin = self._directed.get(link, -1)
-        self.world.link_from[link] = origin
-        set_open(self.world, link, 2 if origin >= 0 else link not in self.building.closed)
+        directed = self.building.directed
+        if link < self.building.n_links:
+            self.world.link_from[link] = directed.get(link, -1)
+        set_open(self.world, link, 2 if link in directed else link not in self.building.shut)
 
     def become(self, building: Building) -> list[int]:
         """Take over a building that is in another condition; return the people on the lines of links that close."""
         if building.condition == self.building.condition:
             return []
         before, self.building = self.building, building
-        closing = building.closed - before.closed
-        turning = {link for link, _ in building.one_way - before.one_way} - building.closed
+        closing = building.shut - before.shut
+        turning = {link for link, _ in building.one_way - before.one_way} & building.directed.keys()
         on_lines: list[int] = []
         if self.people is not None:
             on_lines = begin_to_leave(before, self.fields, self.people.crowd, closing)
-            turn_round(before, self.people.crowd, {link: self._directed[link] for link in turning})
+            turn_round(before, self.people.crowd, {link: building.directed[link] for link in turning})
         for link in before.closed ^ building.closed | {link for link, _ in before.one_way ^ building.one_way}:
             self._set_open(link)
         self.hold()

@@ -19,14 +19,20 @@ def flat(*events, **changes):
             {"name": "far", "storey": "f", "segment": [[6.1, 4.5], [6.1, 5.7]]},
         ],
         "exits": [{"name": "out", "storey": "f", "segment": [[0, 1], [0, 2.2]]}],
-        "areas": [{"name": "east", "storey": "f", "polygon": [[6.5, 0.3], [11.7, 0.3], [11.7, 5.7], [6.5, 5.7]]}],
+        "areas": [
+            {"name": "east", "storey": "f", "polygon": [[6.5, 0.3], [11.7, 0.3], [11.7, 5.7], [6.5, 5.7]]},
+            {"name": "west", "storey": "f", "polygon": [[0.3, 0.3], [5.7, 0.3], [5.7, 5.7], [0.3, 5.7]]},
+        ],
     }
     table = {
         "building": {"plan": plan},
         "contact": {"model": "nsm1"},
         "simulation": {"duration": 60.0, "no_progress": 8.0},
         "people": [{"name": "p", "number": 24, "area": "east"}],
-        "event": [{"kind": kind, "target": what, "time": time} for time, kind, what in events],
+        "event": [
+            {"kind": kind, "target": what, "time": time} | ({"value": value[0]} if value else {})
+            for time, kind, what, *value in events
+        ],
     }
     return evac.load(table, changes)
 
@@ -61,6 +67,48 @@ def test_rooms_whose_doors_are_closed_are_left_when_one_opens():
     assert simulation.ended == "everybody out"
     assert min(time for _, time, _ in found) > 4.0
     assert all(y > 3.0 for *_, y in found)
+
+
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_a_door_of_one_direction_is_passed_in_this_one_only(strategy):
+    changes = {"people.p.strategy": strategy}
+    ways, taken = {}, {}
+    for value in (False, "west", "east"):
+        simulation = Simulation(flat((0.0, "one_way", "near", value), **changes))
+        found = passages(simulation)
+        assert simulation.ended == "everybody out"
+        taken[value] = sum(y < 3.0 for *_, y in found)
+        fields = Simulation(flat(**changes)).fields if value is False else simulation.fields
+        ways[value] = fields.travel_time_at(0, np.array([[6.6, 1.6], [11.0, 3.0], [5.6, 1.6]]), 0)
+    assert taken["west"] > 5
+    assert taken["east"] == 0
+    assert ways["east"][0] > ways["west"][0] + 2.0
+    if strategy == "fastest":
+        assert ways["west"] == pytest.approx(ways[False], abs=0.1)
+        assert ways["east"][2] == pytest.approx(ways["west"][2], abs=0.1)
+
+
+def test_people_in_a_doorway_turn_round_when_it_gets_the_other_direction():
+    simulation = Simulation(flat((3.0, "one_way", "near", "east")))
+    found = passages(simulation)
+    late = {row for row, time, y in found if time > 3.01 and y < 3.0}
+    assert simulation.ended == "everybody out"
+    assert any(y < 3.0 for _, time, y in found if time < 3.0)
+    assert all(sum(one == row and y < 3.0 for one, _, y in found) == 2 for row in late)  # through, and back
+    assert simulation.results().report["greatest_overlap"] < 1e-4
+
+
+@pytest.mark.parametrize(("value", "have_come", "are_out"), [("in", True, False), ("out", False, True)])
+def test_an_exit_of_one_direction_lets_people_in_or_out_only(value, have_come, are_out):
+    late = {"name": "late", "arrive": {"times": [1.0, 1.0]}}
+    people = [{"name": "p", "number": 3, "area": "west"}, late | {"arrive": late["arrive"] | {"exit": "out"}}]
+    simulation = Simulation(flat((0.0, "one_way", "out", value)).change({"people": people}))
+    while not simulation.ended and simulation.time < 20.0:
+        simulation.advance_tick()
+    crowd = simulation.population.crowd
+    rows = {group.name: group.rows for group in simulation.population.groups}
+    assert np.isfinite(crowd.arrival_time[rows["late"]]).all() == have_come
+    assert np.isfinite(crowd.exit_time[rows["p"]]).all() == are_out
 
 
 def test_directions_and_world_are_those_of_a_building_with_the_door_closed():

@@ -282,7 +282,7 @@ def test_runs_resumed_before_and_after_a_door_closed_have_the_bits_of_one_that_w
     ("wrong", "words"),
     [
         (event("close", "mian", 5.0), r"'mian'.*'main'"),
-        (event("one_way", "main", 5.0, value="up"), r"'main' is an exit"),
+        (event("one_way", "main", 5.0, value="up"), r"'main'.*'up'; use 'in' or 'out'"),
         (event("one_way", "a", 5.0, value="left"), r"'left'.*'up', 'down'"),
         (event("slow", "hal", 5.0, value=0.5), r"'hal'.*'hall'"),
         (event("close", "main", when={"area": "hal", "count": 5}), r"'hal'.*'hall'"),

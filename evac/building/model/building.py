@@ -177,7 +177,8 @@ class Building:
     closed : frozenset of int
         Indices of links that are closed and act as walls, and of closed doors: `n_links` plus their place in `doors`.
     one_way : frozenset of (int, int)
-        Portals that are passed in one direction only, each with the level from which they are passed.
+        Links and doors that are passed in one direction only, each with where they are passed from: portals with the
+        level, exits with their level or -1, from outside, and doors with the side of their segment, 0 for the left.
     slowed : frozenset of (str, float)
         Areas, or levels, in which people walk at a share of their speeds, each with this share.
     barred : frozenset of str
@@ -251,9 +252,25 @@ class Building:
         """Return the link index of an exit. The link index of a portal is its `index`."""
         return len(self.portals) + exit_.index
 
+    @property
+    def shut(self) -> frozenset[int]:
+        """The closed links and doors, and the exits through which people only come in."""
+        return self.closed | {link for link, origin in self.one_way if origin < 0}
+
+    @property
+    def directed(self) -> dict[int, int]:
+        """The open portals and doors of one direction, with the level or side from which they are passed."""
+        exits = range(len(self.portals), self.n_links)
+        return {link: origin for link, origin in self.one_way if link not in self.closed and link not in exits}
+
     def is_open(self, link: Portal | Exit) -> bool:
-        """Return whether a portal or an exit can be passed."""
-        return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
+        """Return whether people inside can pass a portal or an exit."""
+        return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.shut
+
+    def lets_in(self, way: Exit) -> bool:
+        """Return whether people outside can pass an exit."""
+        link = self.link_of(way)
+        return link not in self.closed and (link, way.level) not in self.one_way
 
     def leads_from(self, portal: Portal, level: int) -> bool:
         """Return whether a portal can be passed from one of its levels."""

@@ -4,13 +4,14 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from evac.base.arrays import IndexArray
 from evac.base.change import Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry.components import connected_components
-from evac.building.model.building import Area, Building, Exit
+from evac.building.model.building import Area, Building, Door, Exit
 from evac.building.model.findings import Finding
 
 
@@ -49,24 +50,23 @@ def with_links(building: Building, name: str, is_open: bool) -> Building:
 
 
 def with_direction(building: Building, name: str, towards: str | bool) -> Building:
-    """Return the building after a portal or a stair can be passed in one direction only, or in both again.
+    """Return the building after a link can be passed in one direction only, or in both again.
 
     Parameters
     ----------
     building : Building
     name : str
-        Name of a portal or stair.
+        Name of an exit, portal, stair or door.
     towards : str or bool
-        ``"up"`` or ``"down"``, the name of the level to which the portal leads, or False for both directions.
+        Of portals and stairs, ``"up"`` or ``"down"``, or the name of the level to which the portal leads; of exits,
+        ``"in"`` or ``"out"``; of doors, the name of an area on the side to which they lead. False for both directions.
 
     Raises
     ------
     BuildingError
-        No portal or stair has this name, or the direction is none of it.
+        No link has this name, or the direction is none of it.
     """
     links = links_named(building, name)
-    if not links <= set(range(len(building.portals))):
-        raise BuildingError(f"{building.source}: {name!r} is an exit, which leads in one direction only")
     others = {one for one in building.one_way if one[0] not in links}
     if towards is False:
         return replace(building, one_way=frozenset(others))
@@ -74,7 +74,14 @@ def with_direction(building: Building, name: str, towards: str | bool) -> Buildi
 
 
 def _origin(building: Building, link: int, towards: str | bool) -> int:
-    """Return the level from which a portal is passed in a direction."""
+    """Return where a link is passed from in a direction, as in `Building.one_way`."""
+    if link >= building.n_links:
+        return _side_from(building, building.doors[link - building.n_links], str(towards))
+    if link >= len(building.portals):
+        way = building.exits[link - len(building.portals)]
+        if towards not in ("in", "out"):
+            raise BuildingError(f"{building.source}: exit {way.name!r} does not lead to {towards!r}; use 'in' or 'out'")
+        return way.level if towards == "out" else -1
     portal = building.portals[link]
     ends = {building.levels[level].name: portal.other(level) for level in portal.levels}
     if towards in ("up", "down"):
@@ -86,6 +93,23 @@ def _origin(building: Building, link: int, towards: str | bool) -> int:
             f"{building.source}: portal {portal.name!r} does not lead to {towards!r}; use one of {known}"
         )
     return ends[str(towards)]
+
+
+def _side_from(building: Building, door: Door, towards: str) -> int:
+    """Return the side of a door from which an area is reached through it: 0 for the left of its segment, or 1."""
+    areas = {area.name: area for area in building.areas if area.level == door.level}
+    ends = door.segment.reshape(2, 2)
+    along = ends[1] - ends[0]
+    across = 0.5 * door.width * np.array([-along[1], along[0]]) / np.hypot(*along)
+    if towards in areas:
+        sides = shapely.points(ends.mean(axis=0) + across * np.array([[1.0], [-1.0]]))
+        left, right = shapely.distance(areas[towards].polygon, sides)
+        if left != right:
+            return int(left < right)
+    known = did_you_mean(towards, list(areas))
+    raise BuildingError(
+        f"{building.source}: door {door.name!r} leads to no side with {towards!r}; name an area on one of its sides: {known}"
+    )
 
 
 def changed(building: Building, change: Change) -> Building:

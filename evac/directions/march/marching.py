@@ -100,11 +100,17 @@ class _March:
                 self._queue_portals(grid.level)
         while self.pending:
             _, portal, entered = heapq.heappop(self.pending)
-            self._enter(self.grids.building.portals[portal], entered)
+            if portal < 0:
+                self._march_through_doors(self.grids.levels[entered])
+            else:
+                self._enter(self.grids.building.portals[portal], entered)
         return self.cost
 
     def _queue_portals(self, level: int) -> None:
-        """Add all portals of a level to the queue, in both directions."""
+        """Add all portals of a level to the queue, in both directions, and its doors of one direction."""
+        through = self._times_before_doors(self.grids.levels[level])
+        if np.isfinite(through).any():
+            heapq.heappush(self.pending, (float(through.min()), -1, level))
         for portal in self.grids.portals_of(level):
             if portal.index in self.barred:
                 continue
@@ -249,6 +255,35 @@ class _March:
         time += start
         time[below] = cost_below
         self._lower(grid, time)
+
+    def _times_before_doors(self, grid: LevelGrid) -> FloatArray:
+        """Return the costs (d,) of nodes before doors of one direction by these, inf where they are not lower."""
+        before, behind = grid.passages
+        first, second = (np.stack(np.unravel_index(nodes - grid.offset, grid.window.shape)) for nodes in grid.passages)
+        away = self.spacing * np.hypot(*(first - second))
+        slowness = self.metric.slowness[grid.level, FLAT]
+        found = self.cost[behind] + away * slowness * self.metric.factor[before]
+        return np.where(found < self.cost[before] - TOLERANCE * self.spacing * slowness, found, math.inf)
+
+    def _march_through_doors(self, grid: LevelGrid) -> None:
+        """March from the nodes before doors of one direction, if these lower the cost of the level."""
+        found = self._times_before_doors(grid)
+        start = float(found.min(initial=math.inf))
+        if start == math.inf:
+            return
+        slowness = self.metric.slowness[grid.level, FLAT]
+        nodes, by_node = np.unique(grid.passages[0][np.isfinite(found)] - grid.offset, return_inverse=True)
+        known = np.full(len(nodes), math.inf)
+        np.minimum.at(known, by_node, found[np.isfinite(found)])
+        phi = np.full(grid.window.shape, self.spacing)
+        phi.ravel()[nodes] = np.minimum((known - start) / slowness - 0.5 * self.spacing, self.spacing)
+        time = self._solve(grid, phi, FLAT, None, self.grids.is_ground(grid))
+        if time is None:
+            return
+        time += start
+        time.ravel()[nodes] = np.minimum(time.ravel()[nodes], known)
+        self._lower(grid, time)
+        self._queue_portals(grid.level)
 
     def _solve(
         self, grid: LevelGrid, phi: FloatArray, use: int, through: Portal | None, walkable: NDArray[np.bool_]

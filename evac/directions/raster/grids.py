@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from evac.building.model.building import DOWN, FLAT, UP, Building, Exit, Level, Portal
+from evac.building.model.building import DOWN, FLAT, UP, Building, Door, Exit, Level, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.directions.raster.lattice import (
     SLACK,
@@ -48,6 +48,8 @@ class LevelGrid:
     seams: dict[int, NDArray[np.int64]]
     # number of rows of the strip behind each open exit, by exit index; 0 if there is no room for a strip
     strip_rows: dict[int, int]
+    # (2, d) int64: packed indices of own nodes before doors of one direction, each with the nearest one behind the door
+    passages: IndexArray
     # (3, m) int64: packed indices of nodes of the level that are excluded from marching, each with the visible own node
     # that represents it and the next one in line; see `evac.directions.raster.lattice.walkable_nodes`
     stands_for: IndexArray
@@ -65,8 +67,8 @@ class BuildingGrids:
     building: Building  # with portals and exits closed that are treated as closed
     lattice: Lattice
     levels: tuple[LevelGrid, ...]
-    # tuple of (w, 4) float64: walls of each level, including closed portals and exits and gaps that are treated as
-    # closed [m]
+    # tuple of (w, 4) float64: walls of each level, including closed portals and exits, gaps that are treated as closed,
+    # and doors of one direction [m]
     walls: tuple[FloatArray, ...]
     clearance: float  # distance from walls up to which the slowness is increased [m]
     size: int  # total number of nodes of all grids
@@ -115,7 +117,12 @@ def build_grids(building: Building, spacing: float, clearance: float, barred: fl
     whole, building = building, _without_narrow_links(building, barred)
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
-    walls = [_walls_of(building, level, barred) for level in building.levels]
+    lasting = [_walls_of(building, level, barred) for level in building.levels]
+    doors = [_doors_of_one_direction(building, level.index) for level in building.levels]
+    walls = [
+        np.concatenate([own, *(door.segment.reshape(1, 4) for door, _ in some)])
+        for own, some in zip(lasting, doors, strict=True)
+    ]
     # Strips behind exits are as deep as the clearance, so that paths pass the posts of an exit as those of any door.
     margin = _margin(spacing, clearance)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
@@ -132,14 +139,18 @@ def build_grids(building: Building, spacing: float, clearance: float, barred: fl
     found = []
     for level, (window, sheet) in zip(building.levels, grids, strict=True):
         source = _sources(building, level.index, grids, offsets)
-        ring, distance = _distances(building, level.index, window, sheet, walls, clearance)
+        ring, distance = _distances(building, level.index, window, sheet, lasting, clearance)
         portals = _open_portals(building, level.index)
         seams = {portal.index: _seam(portal, level.index, grids, offsets) for portal in portals}
         offset = int(offsets[level.index])
         ring += offset
         rows = {exit_.index: layers.strip_rows[exit_.index] for exit_ in layers.open_exits(level.index)}
         stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
-        found.append(LevelGrid(level.index, window, sheet, source, offset, ring, distance, seams, rows, stands_for))
+        wide = [(door, side) for door, side in doors[level.index] if door.width >= barred]
+        passages = offset + _passages(window, sheet, wide)
+        found.append(
+            LevelGrid(level.index, window, sheet, source, offset, ring, distance, seams, rows, passages, stands_for)
+        )
     return BuildingGrids(building, lattice, tuple(found), tuple(walls), clearance, int(offsets[-1]), margin)
 
 
@@ -188,6 +199,35 @@ def _walls_of(building: Building, level: Level, barred: float) -> FloatArray:
     if barred > 0.0:
         parts.append(gaps_between_walls(building, level, barred))
     return np.concatenate(parts)
+
+
+def _doors_of_one_direction(building: Building, level: int) -> list[tuple[Door, int]]:
+    """Return the open doors of one direction on a level, each with the side from which it is passed."""
+    sides = building.directed
+    doors = [(door, sides.get(number)) for number, door in enumerate(building.doors, building.n_links)]
+    return [(door, side) for door, side in doors if door.level == level and side is not None]
+
+
+def _passages(window: Window, sheet: IntArray, doors: list[tuple[Door, int]]) -> IndexArray:
+    """Return the flat indices (2, d) of own nodes just before doors, and of the nearest ones behind the doors."""
+    pairs = [np.zeros((2, 0), dtype=np.int64)]
+    for door, side in doors:
+        reach = 2.0 * window.lattice.spacing
+        box = window.box_around(door.segment.reshape(1, 4), reach)
+        nodes = np.argwhere(sheet[box] == OWN) + [part.start for part in box]
+        start, end = door.segment.reshape(2, 2)
+        along = (end - start) / np.hypot(*(end - start))
+        away = window.places(nodes) - start
+        across, share = away @ [-along[1], along[0]], away @ along
+        in_front = (share >= 0.0) & (share <= door.width) & (np.abs(across) <= reach)
+        nodes, across, share = nodes[in_front], across[in_front] * (1.0 if side == 0 else -1.0), share[in_front]
+        before, behind = np.flatnonzero(across > 0.0), np.flatnonzero(across < 0.0)
+        if len(before) and len(behind):
+            apart = np.hypot(share[before, None] - share[behind], across[before, None] - across[behind])
+            order = np.argsort(-apart.min(axis=1), kind="stable")  # the nearest last, which later ones replace
+            chosen = np.stack([before, behind[apart.argmin(axis=1)]])[:, order]
+            pairs.append(np.ravel_multi_index(tuple(nodes[chosen].transpose(2, 0, 1)), window.shape))
+    return np.concatenate(pairs, axis=1)
 
 
 def _open_portals(building: Building, level: int) -> list[Portal]:
