@@ -15,7 +15,7 @@ LEAST_SHARE = 0.01
 REMEDIES = {
     "open": "no value",
     "close": "no value",
-    "one_way": '"up", "down", "in", "out", the name of the level or area to which it leads, or false for both directions',
+    "one_way": '"up", "down", "in", "out", the name of the level or area ahead, or false for both directions',
     "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
     "bar": "no value, or false to lift it",
     "strategy": "the name of a strategy, or a list of exits",
@@ -87,7 +87,7 @@ class Change:
         done = {
             "open": "opened",
             "close": "closed",
-            "one_way": '"up", "down", "in", "out", the name of the level or area to which it leads, or false for both directions',
+            "one_way": "two-way" if ends else f"one-way, {value},",
             "slow": f"at {value} of the speed",
             "bar": "free" if ends else "barred",
             "strategy": f"to {', '.join(value) or 'any exit'}" if isinstance(value, tuple) else f"on the {value} way",

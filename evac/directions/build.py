@@ -3,7 +3,7 @@
 import math
 from collections.abc import Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -17,7 +17,7 @@ from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.building.surface.checks import measures
 from evac.directions.cellwalls import find_cell_walls
-from evac.directions.classes import find_classes
+from evac.directions.classes import BodyClass, find_classes
 from evac.directions.descent import descend
 from evac.directions.fields import ClassGrids, Fields, PackedFields
 from evac.directions.lengths import (
@@ -41,9 +41,11 @@ from evac.directions.routes import QUICKEST, STRATEGIES, Route
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0
 
-#: Slowness factor of barred areas, and within a cell of the line across a gap that nobody fits through, where there is
-#: no other way.
+#: Slowness factor within a cell of the line across a gap that nobody fits through, where there is no other way.
 AVOID = 100.0
+
+#: Slowness factor of barred areas: a metre of them is as long as any other way through a building.
+BARRED = 1e5
 
 #: Memory during the computation of fields [bytes]: per node, and per node and route after the first.
 NODE_BYTES, ROUTE_BYTES = 110.0, 35.0
@@ -67,6 +69,7 @@ def build_fields(
     narrowest: float = 0.0,
     widest: float = 0.0,
     threads: int | None = 1,
+    anywhere: bool = False,
 ) -> Fields:
     """Compute the travel times and directions of a building by fast marching.
 
@@ -99,6 +102,8 @@ def build_fields(
     threads : int, optional
         Greatest number of fields that are marched at the same time, each in a process; fewer are if the grids are small
         or memory is short. None means one for each core. The fields are identical.
+    anywhere : bool
+        Whether routes lead to any exit from where none of their own exits can be reached.
 
     Returns
     -------
@@ -117,7 +122,6 @@ def build_fields(
     classes = find_classes(building, narrowest, widest)
     _check_memory(building, len(routes) * (1 + len(classes)), spacing, clearance)
     present = routes_at_present(building, routes)
-    ways = [ends_of_route(building, route) for route in present]
     barred = tuple(barred_on(building, route) for route in present)
     solver = _Solver(
         building=building,
@@ -129,12 +133,12 @@ def build_fields(
         threads=threads,
         barred=barred,
         reaching=tuple(
-            tuple(sorted(levels_reaching(building, exits, shut))) for exits, shut in zip(ways, barred, strict=True)
+            _levels_leading(building, route, shut, anywhere) for route, shut in zip(present, barred, strict=True)
         ),
     )
-    solved = [_narrowest_class(solver, narrowest)]
-    for body_class in classes:
-        solved.append(_over(solver.solve(body_class.barred), solved[-1]))
+    solved = solver.solve_classes(narrowest, classes)
+    if anywhere:
+        _lead_anywhere(solver, solved, narrowest, classes)
     steepest = max([1.0, *(rate.max() for rate in solver.rates)])
     steepest /= min(math.cos(level.slope) for level in building.levels)
     levels = solved[0].grids.levels
@@ -144,7 +148,9 @@ def build_fields(
     for column, reaching in enumerate(solver.reaching * len(solved)):
         field_of[list(reaching), column] = range(len(sizes), len(sizes) + len(reaching))
         sizes += [levels[level].sheet.size for level in reaching]
-    marched = tuple(MarchedClass(own.barred, own.nodes, tuple(own.costs), tuple(own.blocked)) for own in solved)
+    marched = tuple(
+        MarchedClass(own.barred, own.nodes, tuple(own.costs), tuple(own.blocked), dict(own.elsewhere)) for own in solved
+    )
     walls = find_cell_walls([own.grids for own in solved], len(routes), steepest)
     # What is joined is let go, since it may be a large part of the memory.
     direction = _joined([part for own in solved for part in own.directions], (2,))
@@ -186,6 +192,7 @@ class _Solved:
     # through
     misled: list[IndexArray]
     blocked: list[IndexArray]  # list of (b,) int64: nodes from which no way of a route is as wide as the bodies
+    elsewhere: dict[int, IndexArray]  # dict of (e,) int64: by route, nodes from which it leads to an exit of others
 
     def travel_time_on(self, route: int) -> FloatArray:
         """Return the travel times (nodes,) of a route on all grids [s]."""
@@ -213,6 +220,13 @@ class _Solver:
     barred: tuple[frozenset[int], ...]
     reaching: tuple[tuple[int, ...], ...]
 
+    def solve_classes(self, narrowest: float, classes: Sequence[BodyClass]) -> list[_Solved]:
+        """Return the fields of all classes, those of the narrowest body [m] first."""
+        solved = [_narrowest_class(self, narrowest)]
+        for body_class in classes:
+            solved.append(_over(self.solve(body_class.barred), solved[-1]))
+        return solved
+
     def solve(self, barred: float, avoided: float = 0.0) -> _Solved:
         """Return the fields with gaps narrower than `barred` [m] as walls, and those narrower than `avoided` slow."""
         grids = build_grids(self.building, self.spacing, self.clearance, barred)
@@ -221,7 +235,17 @@ class _Solver:
         factor = _slowed(grids, _factor(grids, slow))
         bent = _bent(grids, self.clearance, factor) if self.clearance > 0.0 else None
         solved = _Solved(
-            grids, factor if bent is None else bent, barred, self.reaching, [], [], nodes_not_marched(grids), [], [], []
+            grids=grids,
+            factor=factor if bent is None else bent,
+            barred=barred,
+            reaching=self.reaching,
+            directions=[],
+            travel_times=[],
+            nodes=nodes_not_marched(grids),
+            costs=[],
+            misled=[],
+            blocked=[],
+            elsewhere={},
         )
         with closing(_solve(grids, ways, self, factor, bent)) as fields:
             for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
@@ -266,15 +290,57 @@ def _blocked(upper: _Solved, lower: _Solved) -> list[IndexArray]:
 def _over(upper: _Solved, lower: _Solved) -> _Solved:
     """Fill the fields of a class with those of the class below where the destination cannot be reached."""
     upper.blocked.extend(_blocked(upper, lower))
-    for route, (direction, time) in enumerate(zip(upper.directions, upper.travel_times, strict=True)):
-        lost = ~np.isfinite(time)
-        time[lost] = lower.travel_times[route][lost]
-        lost &= np.isfinite(time) | ~direction.any(axis=1)  # nodes in walls keep the directions of their surroundings
-        direction[lost] = lower.directions[route][lost]
-        costs = upper.costs[route]
-        unknown = ~np.isfinite(costs)
-        costs[unknown] = upper.travel_time_on(route)[upper.nodes[unknown]]
+    for route in range(len(upper.directions)):
+        _fill(upper, route, lower, route)
     return upper
+
+
+def _fill(upper: _Solved, route: int, lower: _Solved, other: int) -> None:
+    """Fill the fields of a route with those of another one where its destination cannot be reached."""
+    direction, time = upper.directions[route], upper.travel_times[route]
+    lost = ~np.isfinite(time)
+    time[lost] = lower.travel_times[other][lost]
+    lost &= np.isfinite(time) | ~direction.any(axis=1)  # nodes in walls keep the directions of their surroundings
+    direction[lost] = lower.directions[other][lost]
+    costs = upper.costs[route]
+    unknown = ~np.isfinite(costs)
+    costs[unknown] = upper.travel_time_on(route)[upper.nodes[unknown]]
+
+
+def _levels_leading(building: Building, route: Route, barred: frozenset[int], anywhere: bool) -> tuple[int, ...]:
+    """Return the levels that a route leads out from; `anywhere` as for `build_fields`."""
+    routes = (route, _to_any_exit(route)) if anywhere else (route,)
+    return tuple(
+        sorted(set().union(*(levels_reaching(building, ends_of_route(building, one), barred) for one in routes)))
+    )
+
+
+def _to_any_exit(route: Route) -> Route:
+    return replace(route, exits=())
+
+
+def _lead_anywhere(solver: _Solver, solved: list[_Solved], narrowest: float, classes: Sequence[BodyClass]) -> None:
+    """Lead routes to any exit from where none of their own exits can be reached."""
+    own_nodes = np.concatenate([(grid.sheet == OWN).ravel() for grid in solved[0].grids.levels])
+    lost = [
+        index
+        for index, route in enumerate(solver.routes)
+        if route.exits and np.isinf(solved[0].travel_time_on(index)[own_nodes]).any()
+    ]
+    if not lost:
+        return
+    others = replace(
+        solver,
+        routes=tuple(_to_any_exit(solver.routes[index]) for index in lost),
+        rates=tuple(solver.rates[index] for index in lost),
+        barred=tuple(solver.barred[index] for index in lost),
+        reaching=tuple(solver.reaching[index] for index in lost),
+    )
+    for own, other in zip(solved, others.solve_classes(narrowest, classes), strict=True):
+        for place, index in enumerate(lost):
+            is_lost = np.isinf(own.travel_time_on(index))
+            _fill(own, index, other, place)
+            own.elsewhere[index] = np.flatnonzero(is_lost & np.isfinite(own.travel_time_on(index)))
 
 
 def _check_routes(building: Building, routes: Sequence[Route]) -> None:
@@ -391,7 +457,7 @@ def _factor(grids: BuildingGrids, slow: IndexArray) -> FloatArray:
 
 def _slowed(grids: BuildingGrids, factor: FloatArray) -> FloatArray:
     """Return the slowness factors (nodes,), greater in the areas in which people are slow or that are barred."""
-    areas = [*grids.building.slowed, *((name, 1.0 / AVOID) for name in grids.building.barred)]
+    areas = [*grids.building.slowed, *((name, 1.0 / BARRED) for name in grids.building.barred)]
     factor = factor.copy() if areas else factor
     for name, share in sorted(areas):
         area = grids.building.area_named(name)

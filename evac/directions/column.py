@@ -92,6 +92,9 @@ class Column:
         strips, starts = _strips_and_starts(grids, exits, base, slowness)
         joins = (is_own | strips) & np.isfinite(base)
         joins[self._blocked] = False
+        elsewhere = marched.classes[of_class].elsewhere.get(index, np.zeros(0, np.int64))
+        joins[elsewhere] = False
+        self._elsewhere = elsewhere, base[elsewhere], self._direction[elsewhere]
         starts &= joins
         self._solved = joins & ~starts
         self._sizes = np.array([np.count_nonzero(self._solved[grid.packed]) for grid in grids.levels])
@@ -321,6 +324,8 @@ class Column:
             self._all_directions[place] = self._direction[grid.packed]
         if self._lower is not None and len(self._blocked):
             self._take_lower(self._lower)
+        if len(self._elsewhere[0]):
+            self._keep_elsewhere()
 
     def _take_lower(self, lower: "Column") -> None:
         """Take what the class below has where no way is wide enough for the bodies of this one."""
@@ -330,6 +335,15 @@ class Column:
             there = lower._places[level].start
             self._travel_time[place.start + nodes] = self._travel_time[there + nodes]
             self._all_directions[place.start + nodes] = self._all_directions[there + nodes]
+
+    def _keep_elsewhere(self) -> None:
+        """Keep the values of the empty building where no exit of the route can be reached."""
+        nodes, time, direction = self._elsewhere
+        for level, place in self._places.items():
+            packed = self._grids.levels[level].packed
+            own = (nodes >= packed.start) & (nodes < packed.stop)
+            there = place.start + nodes[own] - packed.start
+            self._travel_time[there], self._all_directions[there] = time[own], direction[own]
 
 
 def _strips_and_starts(

@@ -29,6 +29,7 @@ class MarchedClass:
     # tuple of (b,) int64: for each route, the nodes from which no way is as wide as the bodies; empty if there is none
     # for any route
     blocked: tuple[IndexArray, ...]
+    elsewhere: dict[int, IndexArray]  # dict of (e,) int64: by route, nodes from which it leads to an exit of others
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from evac.base.errors import ScenarioError, counted
 from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.building.model.findings import Finding
 from evac.directions.fields import Fields, columns_of
-from evac.directions.lengths import routes_at_present
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
 from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Quads, Struct, Triples, inner, kernel
 from evac.physics.seams import crossing, side_of
@@ -94,7 +93,7 @@ def check_ways(
 
 
 def cut_off(building: Building, fields: Fields, crowd: Crowd, groups: "tuple[Group, ...]") -> tuple[str, ...]:
-    """Return a warning for each group of which people have no way left to the exits of their routes.
+    """Return a warning for each group of which people have no way left to any exit, or to the end of their route.
 
     Parameters
     ----------
@@ -106,13 +105,13 @@ def cut_off(building: Building, fields: Fields, crowd: Crowd, groups: "tuple[Gro
     groups : tuple of Group
     """
     lines = []
-    routes = routes_at_present(building, fields.routes)
     for group, lost in _without_way(fields, crowd, groups):
         levels = ", ".join(repr(building.levels[level].name) for level in np.unique(crowd.level[lost]).tolist())
-        ends = " or ".join(sorted({routes[route].destination for route in np.unique(crowd.route[lost]).tolist()}))
+        routes = np.unique(crowd.route[lost]).tolist()
+        ends = " or ".join(sorted({fields.routes[route].refuge or "any exit" for route in routes}))
         lines.append(
             f"people.{group.name}: {counted(len(lost), 'person', 'people')} on {levels} cannot reach {ends} any more, "
-            "and stand still; open a way, or give the group other exits"
+            "and stand still; open a way"
         )
     return tuple(lines)
 

@@ -7,7 +7,6 @@ route did so, also if others push them back first; otherwise they leave it to th
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
@@ -134,9 +133,10 @@ def _release(crowd: Crowd, link: int) -> None:
     crowd.passing[(crowd.passing == link) & ~crowd.ahead.any(axis=1)] = -1
 
 
-def _side_of(position: FloatArray, nearest: FloatArray, outward: FloatArray) -> NDArray[np.int64]:
+def _side_of(position: FloatArray, nearest: FloatArray, outward: FloatArray) -> IntArray:
     """Return the sides (n,) of a line on which positions (n, 2) are: 0 for the inside of the first level, else 1."""
-    return (np.einsum("ij,ij->i", position - nearest, outward) >= 0.0).astype(np.int64)
+    sides: IntArray = (np.einsum("ij,ij->i", position - nearest, outward) >= 0.0).astype(np.int32)
+    return sides
 
 
 def _aim(crowd: Crowd, rows: IntArray, segments: FloatArray) -> None:

@@ -84,10 +84,15 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
 
 
 def solve_fields(
-    case: "Case", building: "Building", behaviours: Sequence[Behaviour], full: bool, threads: int | None
+    case: "Case",
+    building: "Building",
+    behaviours: Sequence[Behaviour],
+    full: bool,
+    threads: int | None,
+    anywhere: bool = False,
 ) -> Fields:
-    """Return the directions of a building for the routes that people can take, with the settings of the case."""
-    return build_fields(building, **field_settings(case, behaviours, full), threads=threads)
+    """Return the directions of a building for the routes that people can take; `anywhere` as for `build_fields`."""
+    return build_fields(building, **field_settings(case, behaviours, full), threads=threads, anywhere=anywhere)
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:

@@ -150,7 +150,8 @@ class Simulation:
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
             solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, threads=self._threads)
-            self.scene = Scene(ground or make_ground(building, solve(building)), solve, case.directions.quickest)
+            ground = ground or make_ground(building, solve(building))
+            self.scene = Scene(ground, partial(solve, anywhere=True), case.directions.quickest)
         with noting(building.warnings), self.phases.enter("people"):
             self.population, self.refuges, self.stopping, border = assembly.make_population(
                 case, self.scene.ground, self.contact, behaviours

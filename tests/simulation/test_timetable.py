@@ -74,7 +74,7 @@ def test_a_stair_of_the_direction_in_which_people_go_changes_nothing_for_them():
     assert other.last_out == pytest.approx(one.last_out, rel=0.1)
 
 
-def test_people_whose_exits_are_open_but_cannot_be_reached_any_more_are_told_of_by_group():
+def test_people_who_cannot_reach_any_exit_any_more_are_told_of_by_group():
     events = [event("close", "a", 4.0), event("close", "b", 4.0)]
     results = Simulation(house(*events, **{"people.below.exits": ["main"]})).run()
     assert results.ended == "no progress"
@@ -82,14 +82,28 @@ def test_people_whose_exits_are_open_but_cannot_be_reached_any_more_are_told_of_
     (line,) = [line for line in results.warnings if "cannot reach" in line]
     assert line.startswith(f"people.above: {left.sum()} people on ")
     assert "'first'" in line
-    assert "main" in line
+    assert "any exit" in line
     reopened = Simulation(house(*events, event("open", "a", 8.0))).run()
     assert reopened.ended == "everybody out"
     assert not any("cannot reach" in line for line in reopened.warnings)
 
 
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_people_whose_exits_cannot_be_reached_any_more_take_any_other_until_they_can(strategy):
+    side = {"name": "side", "segment": [[20, 3], [20, 4.2]], "z": 2.0}
+    changes = {"building.exits": [side], "people.above.strategy": strategy, "people.above.number": 10}
+    closing = [event("close", "a", 0.0), event("close", "b", 0.0)]
+    used, rows = {}, np.arange(10)
+    for name, events in (("open", []), ("closed", closing), ("again", [*closing, event("open", "a", 0.5)])):
+        results = Simulation(house(*events, **changes)).run()
+        assert results.ended == "everybody out"
+        exits = np.array(list(results.exits))[results.crowd.exit_used[rows]]
+        used[name] = dict(zip(*np.unique(exits, return_counts=True), strict=True))
+    assert used == {"open": {"main": 10}, "closed": {"side": 10}, "again": {"main": 10}}
+
+
 def test_what_came_of_events_is_warned_of_after_the_run():
-    with pytest.warns(RunWarning, match=r"^people\.above: 20 people .* cannot reach main"):
+    with pytest.warns(RunWarning, match=r"^people\.above: 20 people .* cannot reach any exit"):
         evac.run(house(event("close", "a", 4.0), event("close", "b", 4.0)), progress=False)
 
 
@@ -140,6 +154,30 @@ def test_people_are_slow_in_a_slow_area_and_go_round_a_barred_one():
     (slow, _), (slower, _) = (hall(event("slow", "hall", 0.0, value=value)) for value in (0.95, 0.3))
     assert inside(slow).any()
     assert not inside(slower).any(), "the way round is shorter in time"
+
+
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_nobody_enters_a_barred_area_if_there_is_any_other_way(strategy):
+    sides = (0, 0, 60, 2), (58, 0, 60, 12), (0, 10, 60, 12), (0, 0, 2, 12)
+    plan = {
+        "storeys": [{"name": "f", "polygons": [[[w, s], [e, s], [e, n], [w, n]] for w, s, e, n in sides]}],
+        "exits": [{"name": "out", "storey": "f", "segment": [[0, 0.4], [0, 1.6]]}],
+        "areas": [{"name": "wet", "storey": "f", "polygon": [[4, 0], [4.4, 0], [4.4, 2], [4, 2]]}],
+    }
+    table = {
+        "building": {"plan": plan},
+        "contact": {"model": "nsm1"},
+        "people": [{"name": "p", "positions": [[6, 1]], "level": "f", "speed": 5.0, "strategy": strategy}],
+        "directions": {"spacing": 0.2},
+        "simulation": {"duration": 5.0},
+    }
+    x = {}
+    for name, changes in (("free", []), ("barred", [event("bar", "wet", 0.0)])):
+        simulation = Simulation(evac.load(table, {"event": changes}))
+        run_ticks(simulation, 20)
+        x[name] = simulation.population.crowd.position[0, 0]
+    assert x["free"] < 4.0
+    assert x["barred"] > 8.0
 
 
 def test_a_slow_area_ends_and_the_speed_is_as_before():

@@ -108,7 +108,7 @@ def _side_from(building: Building, door: Door, towards: str) -> int:
             return int(left < right)
     known = did_you_mean(towards, list(areas))
     raise BuildingError(
-        f"{building.source}: door {door.name!r} leads to no side with {towards!r}; name an area on one of its sides: {known}"
+        f"{building.source}: door {door.name!r} does not lead to {towards!r}; name an area on one side of it; {known}"
     )
 
 
