@@ -191,8 +191,13 @@ class RouteChoice(Behaviour):
         return chosen or offered
 
     def _choose(self, crowd: Crowd, choosers: _Choosers, changed: bool) -> None:
-        """Set the routes of people inside to those of minimum cost; without a reachable exit, routes are kept."""
+        """Set the routes of people inside to those of minimum cost; without a reachable exit, routes are kept.
+
+        People on their way to a refuge or an assembly area keep their route, too.
+        """
+        to_area = np.array([bool(route.refuge) for route in self._scene.fields.routes])
         rows = choosers.rows[crowd.level[choosers.rows] >= 0]
+        rows = rows[~to_area[crowd.route[rows]]]
         if not len(rows):
             return
         routes = choosers.offered(changed)

@@ -18,7 +18,7 @@ REMEDIES = {
     "one_way": '"up", "down", "in", "out", the name of the level or area ahead, or false for both directions',
     "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
     "bar": "no value, or false to lift it",
-    "strategy": "the name of a strategy, or a list of exits",
+    "strategy": "the name of a strategy, or a list of exits or of assembly areas",
     "alarm": "a share of the response times from 0 to 1, or no value",
 }
 

@@ -11,6 +11,7 @@ from pydantic import PrivateAttr, field_validator, model_validator
 from evac.base.keys import Parameters, Table, Title, key, wrong
 from evac.building.options import MOST_ITEMS
 from evac.case.events import EventSettings
+from evac.case.places import PlaceSettings
 from evac.case.schema import (
     MOST_PEOPLE,
     BuildingSettings,
@@ -19,7 +20,6 @@ from evac.case.schema import (
     GroupSettings,
     OutputSettings,
     PeopleSettings,
-    PlaceSettings,
     PluginSettings,
     SimulationSettings,
 )

@@ -76,7 +76,7 @@ class EventSettings(Table):
         '`one_way`: of portals and stairs "up", "down" or the name of the level to which they lead, of exits "in" or '
         '"out", of doors the name of an area on the side to which they lead; false for both directions; `slow`: the '
         "share of the speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of "
-        "exits; `alarm`: the share of the response times that people still take",
+        "exits or of assembly areas; `alarm`: the share of the response times that people still take",
         "",
         None,
     )

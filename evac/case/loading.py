@@ -15,6 +15,7 @@ from evac.case.case import DICTIONARY, Case, Origin
 from evac.case.content import content_faults, read_table, with_own_classes
 from evac.case.events import event_faults
 from evac.case.overrides import apply, dotted
+from evac.case.places import place_faults
 from evac.case.presets import shipped_presets, with_preset
 from evac.case.schema import MOST_STATES
 from evac.case.trust import named_files
@@ -327,9 +328,7 @@ def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path, regi
             faults.append(Fault(("people", index, "name"), f"{name!r} names two groups; rename one"))
         seen |= {name} if isinstance(name, str) else set()
     if case is not None:
-        for index, place in enumerate(case.place):
-            if any(place.name == other.name or place.area == other.area for other in case.place[:index]):
-                faults.append(Fault(("place", index, "name"), f"{place.name!r}: another place has this name or area"))
+        faults += place_faults(case, names)
         used = [name for name, table in case.behaviours.items() if table is not False]
         known = registry.behaviours
         faults += event_faults(case, any(name not in known or known[name].hears_alarms for name in used))

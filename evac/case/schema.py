@@ -168,6 +168,9 @@ class PeopleSettings(Table):
         "",
         (),
     )
+    assembly: tuple[str, ...] = key(
+        "names of the assembly areas ([[place]]) to which the group goes, instead of to exits; empty: none", "", ()
+    )
     strategy: Strategy = key("quantity that their route to an exit minimises", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
 
@@ -285,20 +288,6 @@ class GroupSettings(PeopleSettings):
         check_level("the level of the positions", self.level, self.z)
         if self.velocity is not None and len(self.velocity) != count:
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")
-
-
-class PlaceSettings(Table):
-    """`[[place]]`: an area with a task in the evacuation."""
-
-    name: Name = key("name of the place")
-    kind: Literal["refuge"] = key(
-        "refuge: people whose group has `steepest` or `turns = false`, and who have no way out of the building that is "
-        "as wide as they are, go there and stay"
-    )
-    area: str = key("name of the area of the building")
-    capacity: Whole | None = key(
-        "greatest number of people; if not given, there is no limit", "", None, ge=1, le=MOST_PEOPLE
-    )
 
 
 class ContactSettings(Table):

@@ -131,10 +131,6 @@ def check_people(case: "Case", building: Building) -> None:
         if people.exits and is_shut.issuperset(people.exits):
             which = " or ".join(map(repr, people.exits))
             problems.append(f"{key}.exits: leads only to {which}, which building.closed closes; add another exit")
-    for place in case.place:
-        if areas.count(place.area) != 1:
-            hint = did_you_mean(place.area, areas) if areas else "there are no areas: add one to building.areas"
-            problems.append(f"{case.source}: place.{place.name}.area: no single area is named {place.area!r}; {hint}")
     if problems:
         raise ScenarioError("\n".join(problems))
 

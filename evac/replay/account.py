@@ -93,13 +93,13 @@ def account_of_folder(trajectory: Trajectory) -> Account:
 def _of_summary(summary: Summary, error: BaseException | None) -> dict[str, Any]:
     """Return the fields of an account from the content of ``summary.json``, and the error of a run that failed."""
     case, last = summary.table, summary.last_out
-    left = summary.people - summary.evacuated - sum(len(one.people) for one in summary.refuges)
+    left = summary.people - summary.evacuated - sum(len(one.people) for one in summary.places)
     ended = summary.ended if error is None else FAILED
     step = case.simulation.get("step")
     facts = [
         ("Building", case.building.mesh),
         ("People", f"{summary.people}, of whom {summary.evacuated} got out"),
-        *((f"At refuge {one.name!r}", str(len(one.people))) for one in summary.refuges),
+        *((f"At {one}", str(len(one.people))) for one in summary.places),
         ("Last person out", "nobody" if last is None else f"{last:.2f} s"),
         ("Ended", f"{ended}, after {summary.simulated_time:g} s"),
         ("Contact model", _with_parameters(case.model, case.model_parameters)),

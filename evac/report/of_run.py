@@ -68,7 +68,7 @@ def main_results(run: Results) -> dict[str, object]:
     return {
         "People": str(summary.people),
         "Out": f"{summary.evacuated} of {summary.people}",
-        **{f"At refuge {one.name!r}": str(len(one.people)) for one in summary.refuges},
+        **{f"At {one}": str(len(one.people)) for one in summary.places},
         "Last person out": last,
         "End of the run": f"{summary.ended}, after {summary.simulated_time:.1f} s of simulated time"
         f" ({summary.steps} steps)",

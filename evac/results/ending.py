@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from evac.case.schema import SimulationSettings
 
 EVERYBODY_OUT = "everybody out"
-EVERYBODY_SAFE = "everybody out or at a refuge"
+EVERYBODY_SAFE = "everybody out or at a safe place"
 DURATION_OVER = "duration over"
 NO_PROGRESS = "no progress"
 INTERRUPTED = "interrupted"
@@ -44,14 +44,15 @@ class Ending:
     Decreases of the least time are added up, and the sum counts once it exceeds `PROGRESS`; `PROGRESS` is subtracted
     from the sum in every `no_progress` (or `STANDING`, if that is longer), so that the creep of a blocked crowd does
     not count. People who have not started count as making progress, and so does everybody for whom a way is left when
-    the scene changes, see `begin_anew`. Those who stay at a refuge do not count any more.
+    the scene changes, see `begin_anew`. Those who have arrived at a refuge
+    or an assembly area do not count any more.
 
     Parameters
     ----------
     settings : SimulationSettings
     people, routes : int
     arrived : (people,) bool, optional
-        Those who have arrived at a refuge, where they stay; nobody if not given.
+        Those who have arrived at a refuge or an assembly area; nobody if not given.
     staying : (k,) int32, optional
         People who do not leave: for the end of a run, they do not count.
     """

@@ -134,9 +134,9 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
     leaving = level[results.leaving]
     lines = []
-    for refuge in results.refuges:
-        room = "" if refuge.capacity is None else f", which has room for {refuge.capacity}"
-        lines.append(f"{_number(len(refuge.people))} at refuge {refuge.name!r}{room}")
+    for place in (one for one in results.places if one.people):
+        room = "" if place.capacity is None else f", which has room for {place.capacity}"
+        lines.append(f"{_number(len(place.people))} at {place}{room}")
     if left := int((leaving >= 0).sum()):
         number = Counter(leaving[leaving >= 0].tolist())
         where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))

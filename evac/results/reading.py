@@ -104,7 +104,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         levels=_dumped(summary.levels),
         stairs=_dumped(summary.stairs),
         doors=[door.model_dump() for door in summary.doors],
-        refuges=summary.refuges,
+        places=summary.places,
         stuck=tuple(one.person for one in summary.stuck),
         warnings=tuple(summary.warnings),
         quality_warnings=tuple(summary.quality_warnings),

@@ -9,7 +9,7 @@ from evac.base.change import Change
 from evac.directions.routes import Route
 from evac.folder.files import SUMMARY_NAME
 from evac.folder.jsonfile import checked, read_json
-from evac.people.refuges import Refuge
+from evac.people.places import PeopleAt
 
 Count = Annotated[int, Field(ge=0)]
 Amount = Annotated[float, Field(ge=0.0)]
@@ -140,7 +140,7 @@ class Summary(Record):
     evacuated: Count
     last_out: Amount | None
     ended: str
-    refuges: tuple[Refuge, ...] = ()
+    places: tuple[PeopleAt, ...] = ()
     waiting_outside: Count = 0
     stuck: list[StuckPlace]
     warnings: list[str]

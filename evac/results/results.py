@@ -31,8 +31,8 @@ from evac.folder.files import (
 )
 from evac.folder.jsonfile import plain, write_json
 from evac.folder.tables import write_csv
+from evac.people.places import PeopleAt
 from evac.people.population import Group
-from evac.people.refuges import Refuge
 from evac.physics.state import Crowd
 from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings, remarks_of
 from evac.results.watch import Observation
@@ -105,7 +105,7 @@ class Results:
         Person, portal and time of every crossing of a portal, in the order of the log; see
         `evac.analysis.occupancy.moves_of`.
     ended : str
-        ``"everybody out"``, ``"everybody out or at a refuge"``,
+        ``"everybody out"``, ``"everybody out or at a safe place"``,
         ``"duration over"``, ``"no progress"``, ``"interrupted"`` or ``"failed"``.
     time : float
         Simulated time [s].
@@ -116,8 +116,8 @@ class Results:
         The use of each exit, portal, level and stair, by name, as in summary.json (docs/results.md).
     doors : sequence of mapping
         Name, level and width [m] of the doors between rooms that the file of the building names.
-    refuges : sequence of Refuge
-        The refuges, with the people who were there at the end.
+    places : sequence of PeopleAt
+        The refuges and assembly areas, with the people who were there at the end.
     stuck : sequence of int
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     warnings : sequence of str
@@ -172,7 +172,7 @@ class Results:
     levels: Mapping[str, Mapping[str, Any]]
     stairs: Mapping[str, Mapping[str, Any]]
     doors: Sequence[Mapping[str, Any]] = ()
-    refuges: Sequence[Refuge] = ()
+    places: Sequence[PeopleAt] = ()
     stuck: Sequence[int] = ()
     warnings: Sequence[str] = ()
     quality_warnings: Sequence[str] = ()
@@ -269,14 +269,14 @@ class Results:
         return int(np.isfinite(self.crowd.exit_time).sum())
 
     @property
-    def at_refuges(self) -> int:
-        """Number of people who are at refuges."""
-        return sum(len(refuge.people) for refuge in self.refuges)
+    def at_places(self) -> int:
+        """Number of people who are at refuges or assembly areas."""
+        return sum(len(place.people) for place in self.places)
 
     @property
     def is_complete(self) -> bool:
-        """Whether everybody who leaves is out or at a refuge, and nobody is still to come."""
-        return self.evacuated + self.at_refuges + self.staying == self.number_of_people
+        """Whether everybody who leaves is out or at a safe place, and nobody is still to come."""
+        return self.evacuated + self.at_places + self.staying == self.number_of_people
 
     @cached_property
     def _stays(self) -> NDArray[np.bool_]:
@@ -294,9 +294,9 @@ class Results:
 
     @cached_property
     def leaving(self) -> IntArray:
-        """Rows of the people who are out or are to leave: all but those who stay, are at a refuge or have not come."""
+        """Rows of the people who are out or are to leave: not who stays, is at a safe place or has not come."""
         leaves = ~self._stays & ~np.isnan(self.crowd.arrival_time)
-        leaves[[row for refuge in self.refuges for row in refuge.people]] = False
+        leaves[[row for place in self.places for row in place.people]] = False
         return np.flatnonzero(leaves).astype(np.int32)
 
     @property
@@ -324,7 +324,7 @@ class Results:
 
     @property
     def exit_status(self) -> int:
-        """0 if everybody who leaves is out or at a refuge, 3 if others are left or have not come."""
+        """0 if everybody who leaves is out or at a safe place, 3 if others are left or have not come."""
         return 0 if self.is_complete else 3
 
     @property
@@ -393,7 +393,7 @@ class Results:
             "last_out": self.last_out,
             "ended": self.ended,
             "exit_status": self.exit_status,
-            "refuges": [asdict(refuge) for refuge in self.refuges],
+            "places": [asdict(place) for place in self.places],
             "stuck": self._stuck_places(),
             "not_started": self.not_started,
             "not_arrived": self.not_arrived,

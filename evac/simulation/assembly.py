@@ -12,8 +12,8 @@ from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.builtin import BUILTIN_IMPORTERS
 from evac.contract.registry import Registry
 from evac.people.groups import check_people
+from evac.people.places import Places, with_places
 from evac.people.population import Population, build_population
-from evac.people.refuges import Refuges
 from evac.people.ways import check_ways
 from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import CompiledEngine, Engine
@@ -40,7 +40,7 @@ ENGINE = CompiledEngine
 
 def make_building(case: "Case") -> "Building":
     """Return the building of a case, read from its file."""
-    return build_building(make_surface(case), case.mesh or case.source, case.building)
+    return with_places(case, build_building(make_surface(case), case.mesh or case.source, case.building))
 
 
 def make_surface(case: "Case") -> SurfaceMesh:
@@ -142,13 +142,13 @@ def make_shared(case: "Case") -> Ground:
 
 def make_population(
     case: "Case", ground: Ground, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
-) -> tuple[Population, Refuges, tuple[Finding, ...], BorderScene]:
+) -> tuple[Population, Places, tuple[Finding, ...], BorderScene]:
     """Draw the people of a case, and check all that depends on them before a run.
 
     Returns
     -------
     Population
-    Refuges
+    Places
     tuple of Finding
         A warning for each place that people do not fit through on their way to an exit.
     BorderScene
@@ -156,13 +156,13 @@ def make_population(
     """
     building = ground.building
     people = build_population(case, building, ground.fields, case.simulation.seed, behaviours)
-    refuges = Refuges(case, building, ground.fields.routes, people.crowd)
-    refuges.assign(ground.fields)
+    places = Places(case, building, ground.fields.routes, people.crowd)
+    places.assign(ground.fields)
     stopping = check_ways(case.source, building, ground.fields, ground.world, people.crowd, people.groups)
     border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
     with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):
         contact.check_scene(border)
-    return people, refuges, stopping, border
+    return people, places, stopping, border
 
 
 def make_engine(

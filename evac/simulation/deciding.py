@@ -12,8 +12,8 @@ from evac.base.errors import naming, plugin_code
 from evac.base.saved import part_of, state_of, taken
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.people.outside import PeopleOutside
+from evac.people.places import Places
 from evac.people.population import Population
-from evac.people.refuges import Refuges
 from evac.simulation import needed
 from evac.simulation.scene import Scene
 
@@ -31,7 +31,7 @@ class Deciding:
         Those of the case, in the order in which they act.
     scene : Scene
     population : Population
-    refuges : Refuges
+    places : Places
         Those who have arrived there stand.
     outside : PeopleOutside or None
     displacement_velocity : (n, 2) float64
@@ -57,13 +57,13 @@ class Deciding:
         behaviours: Sequence[Behaviour],
         scene: Scene,
         population: Population,
-        refuges: Refuges,
+        places: Places,
         outside: PeopleOutside | None,
         displacement_velocity: FloatArray,
         is_full: bool,
     ) -> None:
         self._case, self._scene, self._population, self._is_full = case, scene, population, is_full
-        self._refuges = refuges
+        self._places = places
         self._crowd, self._outside = population.crowd, None if outside is None else outside.arrays
         self._displacement_velocity = displacement_velocity
         self.used: list[tuple[Behaviour, BehaviourScene]] = []
@@ -97,14 +97,14 @@ class Deciding:
         """Reset speed factors and extra directions, then call the behaviours; after a change of the scene, all."""
         changed, self.version = self._scene.version != self.version, self._scene.version
         if changed:
-            self._refuges.assign(self._scene.fields)
+            self._places.assign(self._scene.fields)
         again = changed or bool(self._scene.building.slowed)  # the scene multiplies the speed factors
         acting = [pair for pair in self.used if self.acts[pair[0].name] or again]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         if again or "speed_factor" in renewed:
             self._crowd.speed_factor[:] = 1.0
         if self._case.place:
-            self._crowd.speed_factor[self._refuges.arrived] = 0.0
+            self._crowd.speed_factor[self._places.arrived] = 0.0
         if "extra_direction" in renewed:
             self._crowd.extra_direction[:] = 0.0
         if self._outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):

@@ -81,6 +81,7 @@ def ground_key(case: "Case") -> str:
         case.registry.providers(importers),
         [importer.values() for importer in importers],
         case.building.model_dump(),
+        case.place,
         needed.field_settings(case, make_behaviours(case), full=False),
     )
     return hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -3,6 +3,9 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from evac.base.arrays import IntArray
 from evac.base.change import REMEDIES, Change, is_legal
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
@@ -10,6 +13,7 @@ from evac.building.model.links import changed
 from evac.directions.routes import Route, changed_route
 
 if TYPE_CHECKING:
+    from evac.people.places import Places
     from evac.simulation.scene import Scene
 
 
@@ -57,33 +61,44 @@ def _change_building(scene: "Scene", change: Change) -> Mapping[str, Any] | None
     return {"let_through": tuple(let_through)} if let_through else {}
 
 
-def _routes_after(scene: "Scene", change: Change) -> dict[int, int]:
-    """Return the route that the people of a group take after a change, for each of their routes before."""
+def _group_of(scene: "Scene", change: Change) -> tuple[int, IntArray, "Places"]:
+    """Return the index of the group that a change is about, its rows, and the places."""
     assert scene.people is not None
-    groups, routes = {group.name: group for group in scene.people.groups}, scene.fields.routes
-    if change.what not in groups:
-        hint = did_you_mean(change.what, list(groups))
+    assert scene.places is not None
+    names = [group.name for group in scene.people.groups]
+    if change.what not in names:
+        hint = did_you_mean(change.what, names)
         raise ScenarioError(f"change of {change.what!r}: there is no such group; {hint}")
-    found = {}
-    for index in set(scene.people.crowd.route[groups[change.what].rows].tolist()):
-        after: Route = changed_route(routes[index], change.values["value"])
-        if after not in routes:
-            raise ScenarioError(
-                f"change of {change.what!r}: there are no directions for the route {after}; name the change in an "
-                "[[event]] of the case, or return the route from Behaviour.routes"
-            )
-        found[index] = routes.index(after)
-    return found
+    index = names.index(change.what)
+    return index, scene.people.groups[index].rows, scene.places
 
 
-def _change_route(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
-    routes, people = _routes_after(scene, change), scene.people
-    assert people is not None
-    rows = next(group.rows for group in people.groups if group.name == change.what)
-    after = [routes[index] for index in people.crowd.route[rows].tolist()]
-    if (people.crowd.route[rows] == after).all():
+def _check_strategy(scene: "Scene", change: Change) -> None:
+    """Check that there are directions for the routes after a change."""
+    group, rows, places = _group_of(scene, change)
+    value = change.values["value"]
+    after: set[Route | str] = {changed_route(scene.fields.routes[k], value) for k in places.exit_routes(rows).tolist()}
+    if isinstance(value, tuple) and places.has_assembly_areas(value):
+        after = set() if places.can_be_sent(group, value) else {" or ".join(value)}
+    for route in after - {*scene.fields.routes}:
+        raise ScenarioError(
+            f"change of {change.what!r}: there are no directions for the route {route}; name the change in an "
+            "[[event]] of the case, or return the route from Behaviour.routes"
+        )
+
+
+def _change_strategy(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
+    """Change the strategy of a group, or send it to exits or assembly areas."""
+    group, rows, places = _group_of(scene, change)
+    value, routes = change.values["value"], scene.fields.routes
+    if isinstance(value, tuple) and places.has_assembly_areas(value):
+        return {} if places.send(group, value) else None
+    before = places.exit_routes(rows)
+    after = np.array([routes.index(changed_route(routes[index], value)) for index in before.tolist()], np.int32)
+    is_sent = isinstance(value, tuple) and places.send(group, ())
+    if not is_sent and (before == after).all():
         return None
-    people.crowd.route[rows] = after
+    places.set_exit_routes(rows, after)
     return {}
 
 
@@ -102,6 +117,6 @@ _BUILDING = Kind(_check_building, _change_building)
 #: All kinds of change.
 KINDS = {
     **dict.fromkeys(("open", "close", "one_way", "slow", "bar"), _BUILDING),
-    "strategy": Kind(_routes_after, _change_route),
+    "strategy": Kind(_check_strategy, _change_strategy),
     "alarm": Kind(_find_people, _sound),
 }

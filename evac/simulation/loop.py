@@ -71,7 +71,8 @@ class Loop:
             after = Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
             self.operations.insert(5, after)
         if one.case.place:
-            stay = Operation("refuges", "recording", lambda: one.refuges.settle(one.displacement_velocity))
+            settle = one.places.settle
+            stay = Operation("places", "recording", lambda: settle(one.time, one.fields, one.displacement_velocity))
             self.operations.insert(5, stay)
         if one.scene.quickest is not None:
             self.operations.insert(1, Operation("quickest", "directions", self._find_quickest, self._is_update))
@@ -152,9 +153,11 @@ class Loop:
 
     def _end_run(self) -> None:
         simulation, crowd = self._simulation, self._simulation.population.crowd
-        can_change = simulation.scene.changes_before(self._settings.duration)
-        if simulation.population.sources and simulation.to_come:
+        if simulation.case.place and simulation.timetable.is_waiting and simulation.places.arrived.any():
+            simulation.timetable.act()  # before a run ends because all have arrived
+        if (simulation.population.sources and simulation.to_come) or (simulation.case.place and simulation.to_go_on):
             return
+        can_change = bool(simulation.scene.changes_before(self._settings.duration))
         simulation.ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, can_change)
         simulation.scene.has_ended = bool(simulation.ended)
 

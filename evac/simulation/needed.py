@@ -17,7 +17,7 @@ from evac.jit.kernels import entries_of
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, route_of, routes_of
 from evac.people.placement import add_discs
-from evac.people.refuges import routes_to_refuges
+from evac.people.places import routes_to_places
 from evac.people.ways import walk_all
 from evac.physics.force import Force
 from evac.physics.world import walls_behind_exits
@@ -46,7 +46,7 @@ class Part:
 def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> tuple[Route, ...]:
     """Return the routes that people can take, each once; `full` adds one of every strategy."""
     wanted = list(routes_of(case))
-    wanted += [route for people in case.people for route in routes_to_refuges(case, people)]
+    wanted += [route for people in case.people for route in routes_to_places(case, people).values()]
     for behaviour in behaviours:
         with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
             wanted.extend(behaviour.routes())
@@ -59,10 +59,11 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
 def _routes_of_events(case: "Case") -> list[Route]:
     """Return the routes that groups can get by the events of a case, in whatever order these happen."""
     found: list[Route] = []
+    areas = {place.name for place in case.place if place.kind == "assembly"}
     for people in case.people:
         values = [one.value for one in case.event if one.kind == "strategy" and one.target == people.name]
         strategies = [people.strategy, *(value for value in values if isinstance(value, str))]
-        exits = [people.exits, *(value for value in values if isinstance(value, tuple))]
+        exits = [people.exits, *(value for value in values if isinstance(value, tuple) and areas.isdisjoint(value))]
         own = route_of(people)
         found += [replace(own, exits=some, strategy=strategy) for some in exits for strategy in strategies]
     return found

@@ -18,6 +18,7 @@ from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import building_at
 from evac.directions.fields import Fields
 from evac.directions.quickest import Quickest, Settings
+from evac.people.places import Places
 from evac.people.population import Population
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
@@ -69,6 +70,8 @@ class Scene:
         The changes so far, in order, each with the time at which it took effect.
     people : Population or None
         The people, as soon as they exist: those on the line of a link that closes are let through.
+    places : Places or None
+        The refuges and assembly areas, as soon as the people exist.
     has_begun : bool
         Whether behaviours are prepared, so that no field can be added.
     has_ended : bool
@@ -89,6 +92,7 @@ class Scene:
         self._planned: list[Change] = []  # what behaviours have applied before the run
         self._waiting: list[Change] = []
         self.people: Population | None = None
+        self.places: Places | None = None
         self._held: set[int] = set()  # closed links that let people through who stand on their lines
         self._owned: dict[str, LevelField] = {}
         self._solve = solve
@@ -160,9 +164,9 @@ class Scene:
         for change in waiting:
             self.apply(change)
 
-    def changes_before(self, time: float) -> bool:
-        """Return whether a change lies ahead that is made before a time [s]."""
-        return any(change.time < time for change in self._waiting)
+    def changes_before(self, time: float) -> list[Change]:
+        """Return the changes that lie ahead and are made before a time [s]."""
+        return [change for change in self._waiting if change.time < time]
 
     def add_field(self, name: str, unit: str, spacing: float) -> LevelField:
         """Return a new field for its owner, which writes its values; see `BehaviourScene.level_field`."""

@@ -79,8 +79,8 @@ class Simulation:
         What happens at each tick.
     behaviours : list of (Behaviour, BehaviourScene)
         The behaviours in use, each with the scene that it can access.
-    refuges : Refuges
-        The people who go to refuges, and those who have arrived.
+    places : Places
+        The people who go to refuges and assembly areas, and those who have arrived.
     outside : PeopleOutside or None
         The people who have left, if a behaviour keeps distances.
     plan : list of Part
@@ -153,16 +153,16 @@ class Simulation:
             ground = ground or make_ground(building, solve(building))
             self.scene = Scene(ground, partial(solve, anywhere=True), case.directions.quickest)
         with noting(building.warnings), self.phases.enter("people"):
-            self.population, self.refuges, self.stopping, border = assembly.make_population(
+            self.population, self.places, self.stopping, border = assembly.make_population(
                 case, self.scene.ground, self.contact, behaviours
             )
-            self.scene.people = self.population
+            self.scene.people, self.scene.places = self.population, self.places
             with naming(case.source):
                 self.timetable = Timetable(case.event, self.scene)
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             self.displacement_velocity = self.population.crowd.velocity.copy()
-            people = self.population, self.refuges, self.outside
+            people = self.population, self.places, self.outside
             self.deciding = Deciding(case, behaviours, self.scene, *people, self.displacement_velocity, self.full)
             self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
@@ -176,7 +176,7 @@ class Simulation:
         self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
         self.watch = Watch(crowd.radius, settings.tick, self.case.output.every)
         staying, routes = self.population.staying, len(self.fields.routes)
-        self.ending = Ending(settings, len(crowd.level), routes, self.refuges.arrived, staying)
+        self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying)
 
     @property
     def building(self) -> Building:
@@ -269,7 +269,7 @@ class Simulation:
         crowd = self.population.crowd
         self.start_position[came], self.start_level[came] = crowd.position[came], crowd.level[came]
         if len(came):
-            self.refuges.assign(self.fields)
+            self.places.assign(self.fields)
 
     @property
     def to_come(self) -> bool:
@@ -277,6 +277,15 @@ class Simulation:
         step, settings = self.step, self.case.simulation
         is_late = np.isnan(self.population.crowd.arrival_time)
         return step < settings.last_step and bool(is_late.any()) and self.population.next_arrival < settings.duration
+
+    @property
+    def to_go_on(self) -> bool:
+        """Whether a change that is still to come may send people on who are at an assembly area."""
+        settings, arrived = self.case.simulation, self.places.arrived
+        changes = self.scene.changes_before(settings.duration)
+        targets = self.timetable.groups_to_send | {change.what for change in changes if change.kind == "strategy"}
+        rows = [group.rows for group in self.population.groups if group.name in targets]
+        return self.step < settings.last_step and bool(changes) and any(arrived[some].any() for some in rows)
 
     def stop(self) -> None:
         """End the run with this tick, unless it has ended already."""
@@ -297,7 +306,7 @@ class Simulation:
             time=self.time,
             steps=self.step,
             seed=self.seed,
-            refuges=self.refuges.found(),
+            places=self.places.found(),
             stuck=tuple(self.ending.stuck(self.step, self.population.crowd).tolist()),
             warnings=self.warnings(),
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self._promised_overlap},

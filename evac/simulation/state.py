@@ -25,7 +25,7 @@ def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
         "population": simulation.population.state(),
         "engine": simulation.engine.snapshot(),
         "scene": simulation.scene.state(),
-        "refuges": simulation.refuges.state(),
+        "places": simulation.places.state(),
         "outside": {} if simulation.outside is None else simulation.outside.state(),
         "quickest": {} if simulation.scene.quickest is None else simulation.scene.quickest.state(),
         "watch": simulation.watch.state(),
@@ -55,8 +55,8 @@ def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -
     building = simulation.building
     with part_of(state, "population.") as own:
         simulation.population.restore(own, building, len(simulation.fields.routes))
-    with part_of(state, "refuges.") as own:
-        simulation.refuges.restore(own, len(simulation.fields.routes))
+    with part_of(state, "places.") as own:
+        simulation.places.restore(own, len(simulation.fields.routes))
     simulation.scene.hold()
     if simulation.outside is not None and any(key.startswith("outside.") for key in state):  # not if a change adds it
         with part_of(state, "outside.") as own:

@@ -50,6 +50,14 @@ class Timetable:
         """Whether a condition is left that has not come true."""
         return bool(np.isinf(self._happens).any())
 
+    @property
+    def groups_to_send(self) -> set[str]:
+        """The groups of which events still to come change the strategy or the destinations."""
+        is_ahead = self._happens > self._scene.time
+        return {
+            one.target for one, ahead in zip(self._events, is_ahead, strict=True) if ahead and one.kind == "strategy"
+        }
+
     def act(self) -> None:
         """Apply the events whose conditions have come true, now or when their delay is over."""
         before = -1

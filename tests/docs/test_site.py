@@ -65,7 +65,8 @@ def merged(case, recipe):
     result = dict(case)
     for key, value in recipe.items():
         if key == "building":
-            result[key] = case[key] | value | {"exits": case[key]["exits"] + value["exits"]}
+            lists = {name: case[key][name] + value.get(name, []) for name in ("exits", "areas")}
+            result[key] = case[key] | value | lists
         else:
             result[key] = case.get(key, {}) | value if isinstance(value, dict) else value
     return result

@@ -83,22 +83,22 @@ def with_refuges(*places, number=4, gradient=1.0 / 8.0):
 
 def test_who_cannot_leave_waits_in_a_refuge_and_counts_as_there(tmp_path):
     results = evac.run(with_refuges(("lobby", None)), tmp_path / "run")
-    assert (results.ended, results.exit_status, results.stuck) == ("everybody out or at a refuge", 0, ())
-    (refuge,) = results.refuges
+    assert (results.ended, results.exit_status, results.stuck) == ("everybody out or at a safe place", 0, ())
+    (refuge,) = results.places
     wheelchairs = np.flatnonzero(results.crowd.level >= 0)
     assert refuge.people == tuple(wheelchairs)
-    assert (results.evacuated, results.at_refuges, results.is_complete) == (3, 4, True)
+    assert (results.evacuated, results.at_places, results.is_complete) == (3, 4, True)
     x, y = results.crowd.position[wheelchairs].T
     assert ((x > 30) & (y < 3)).all()
     again = evac.read_results(tmp_path / "run")
     assert banner(again) == ""
     assert main_results(again)["At refuge 'at lobby'"] == "4"
-    assert (again.refuges, again.exit_status, again.remarks) == (results.refuges, 0, results.remarks)
+    assert (again.places, again.exit_status, again.remarks) == (results.places, 0, results.remarks)
 
 
 def test_a_refuge_takes_no_more_people_than_its_capacity():
     results = evac.run(with_refuges(("lobby", 2), ("corner", 2)))
-    assert [len(refuge.people) for refuge in results.refuges] == [2, 2]
+    assert [len(refuge.people) for refuge in results.places] == [2, 2]
     with pytest.raises(evac.EvacError, match="cannot reach any exit without slopes"):
         Simulation(with_refuges(("lobby", 2), ("corner", 1)))
 
@@ -119,8 +119,8 @@ def test_a_run_with_people_at_a_refuge_goes_on_to_the_same_bits():
     for simulation in (one, other):
         run_ticks(simulation, 100)
     assert_same_bits(one, other)
-    assert one.refuges.found() == other.refuges.found()
-    assert one.refuges.arrived.any()
+    assert one.places.found() == other.places.found()
+    assert one.places.arrived.any()
 
 
 def test_an_unknown_area_of_a_refuge_is_named():
@@ -137,8 +137,8 @@ def test_who_does_not_fit_through_the_only_door_goes_to_a_refuge():
     case = case_of(plan, area="room")
     refuge = {"name": "refuge", "kind": "refuge", "area": "corner"}
     results = evac.run(evac.load({**case.to_dict(), "place": [refuge]}))
-    assert results.ended == "everybody out or at a refuge"
-    assert (results.evacuated, results.at_refuges) == (3, 2)
+    assert results.ended == "everybody out or at a safe place"
+    assert (results.evacuated, results.at_places) == (3, 2)
 
 
 @pytest.mark.parametrize("strategy", ["fastest", "quickest"])

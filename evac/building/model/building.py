@@ -150,6 +150,32 @@ class Area:
 
 
 @dataclass(frozen=True)
+class Place:
+    """A place with a task in the evacuation, which a case names.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        "refuge" or "assembly".
+    level : int
+    shape : shapely polygon or multipolygon
+        In plan [m].
+    area : str
+        Name of the area.
+    capacity : int, optional
+        Greatest number of people; None: any.
+    """
+
+    name: str
+    kind: str
+    level: int
+    shape: BaseGeometry
+    area: str = ""
+    capacity: int | None = None
+
+
+@dataclass(frozen=True)
 class Building:
     """The fixed geometry of a case: levels, portals, exits, areas and walls.
 
@@ -185,6 +211,8 @@ class Building:
         Areas, or levels, around which ways lead where there is another way.
     doors : tuple of Door
         Doors between rooms, if the source names them as plans do; empty for meshes.
+    places : tuple of Place
+        Refuges and assembly areas of the case.
     """
 
     source: Path
@@ -202,6 +230,7 @@ class Building:
     one_way: frozenset[tuple[int, int]] = frozenset()
     slowed: frozenset[tuple[str, float]] = frozenset()
     barred: frozenset[str] = frozenset()
+    places: tuple[Place, ...] = ()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"

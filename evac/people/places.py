@@ -1,0 +1,301 @@
+"""Places: refuges, in which people wait whose routes do not lead out of the building, and assembly areas."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ScenarioError
+from evac.base.parameters import did_you_mean
+from evac.base.saved import taken
+from evac.building.model.building import Area, Building, Place
+from evac.directions.routes import Route
+from evac.people.groups import route_of
+from evac.physics.state import Crowd
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+    from evac.case.schema import GroupSettings
+    from evac.directions.fields import Fields
+
+#: Speed along the way below which people have come to a stop, and stay where they are in a place [m/s].
+STANDS = 0.1
+
+
+@dataclass(frozen=True)
+class PeopleAt:
+    """A refuge or assembly area and its people at the end of a run.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        "refuge" or "assembly".
+    capacity : int or None
+        Greatest number of people; None: any.
+    people : tuple of int
+        The people who were in it.
+    last : float or None
+        Time at which the last of them had come to a stop there [s]; None if nobody was there.
+    """
+
+    name: str
+    kind: str
+    capacity: int | None
+    people: tuple[int, ...]
+    last: float | None
+
+    def __str__(self) -> str:
+        """Return kind and name, such as ``"refuge 'lobby'"``."""
+        return f"{'assembly area' if self.kind == 'assembly' else self.kind} {self.name!r}"
+
+
+def with_places(case: "Case", building: Building) -> Building:
+    """Return the building with the places of a case.
+
+    Raises
+    ------
+    ScenarioError
+        One line for each place whose area does not exist.
+    """
+    areas, problems, places = [area.name for area in building.areas], list[str](), list[Place]()
+    for one in case.place:
+        if areas.count(one.area) != 1:
+            hint = did_you_mean(one.area, areas) if areas else "there are no areas: add one to building.areas"
+            problems.append(f"{case.source}: place.{one.name}.area: no single area is named {one.area!r}; {hint}")
+        else:
+            area = building.areas[areas.index(one.area)]
+            places.append(Place(one.name, one.kind, area.level, area.polygon, one.area, one.capacity))
+    if problems:
+        raise ScenarioError("\n".join(problems))
+    return replace(building, places=tuple(places))
+
+
+def routes_to_places(case: "Case", people: "GroupSettings") -> dict[str, Route]:
+    """Return the route of a group to each place to which it may go, by the name of the place.
+
+    These are the assembly areas that the group or an event names, and for groups that do not use all stairs or do not
+    turn in narrow doors the refuges.
+    """
+    own = replace(route_of(people), exits=())
+    sent = {*people.assembly}
+    for one in case.event:
+        if one.kind == "strategy" and one.target == people.name and isinstance(one.value, tuple):
+            sent |= {*one.value}
+    return {
+        place.name: replace(own, refuge=place.area)
+        for place in case.place
+        if (place.kind == "assembly" and place.name in sent) or (place.kind == "refuge" and is_limited(people))
+    }
+
+
+def is_limited(people: "GroupSettings") -> bool:
+    """Return whether a group does not use all stairs, or does not turn in narrow doors."""
+    return people.steepest is not None or not people.turns
+
+
+def have_stopped(
+    fields: "Fields", crowd: Crowd, rows: NDArray[np.integer[Any]], velocity: FloatArray, place: Area | Place
+) -> NDArray[np.integer[Any]]:
+    """Return the people who are in a place and come no nearer to its innermost point, because others stand there.
+
+    Parameters
+    ----------
+    fields : Fields
+    crowd : Crowd
+    rows : (k,) int
+        People on their way to the place.
+    velocity : (n, 2) float64
+        Displacement velocities of all people [m/s].
+    place : Area or Place
+    """
+    shape = place.polygon if isinstance(place, Area) else place.shape
+    rows = rows[crowd.level[rows] == place.level]
+    rows = rows[shapely.intersects_xy(shape, *crowd.position[rows].T)]
+    along = fields.directions_at(place.level, crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows])
+    has_stopped: NDArray[np.bool_] = (along * velocity[rows]).sum(axis=1) < STANDS
+    return rows[has_stopped]
+
+
+class Places:
+    """The people who go to a refuge or to an assembly area, and those who have arrived.
+
+    People whose group has `assembly` go to the nearest of these areas that they can reach and that is not full. Who
+    cannot reach one leaves by an exit. People whose group has `steepest`, or does not turn, and who have no way out
+    that is as wide as they are, go to the nearest refuge that they can reach and that is not full. If a way out, or to
+    an assembly area, opens before they have arrived, they take it. Who has arrived stays, until an event sends the
+    group elsewhere.
+
+    Parameters
+    ----------
+    case : Case
+    building : Building
+        With the places of the case, see `with_places`.
+    routes : sequence of Route
+        Routes of the fields.
+    crowd : Crowd
+
+    Attributes
+    ----------
+    arrived : (n,) bool
+        Whether each person stays in its place. Its speed factor is zero.
+    """
+
+    def __init__(self, case: "Case", building: Building, routes: Sequence[Route], crowd: Crowd) -> None:
+        self._places, self._crowd = building.places, crowd
+        self._index = {place.name: index for index, place in enumerate(self._places)}
+        self._ways = [
+            {self._index[name]: routes.index(route) for name, route in routes_to_places(case, people).items()}
+            for people in case.people
+        ]
+        self._is_limited = [is_limited(people) for people in case.people]
+        self._before: IntArray = crowd.route.copy()  # route of each person until it was sent to a place
+        self._meant: IntArray = np.full(len(crowd.level), -1, dtype=np.int32)
+        self._since: FloatArray = np.full(len(crowd.level), np.nan)  # when each person arrived [s]
+        self.arrived: NDArray[np.bool_] = np.zeros(len(crowd.level), dtype=np.bool_)
+        # Assembly areas to which each group goes at present.
+        self._sent: NDArray[np.bool_] = np.zeros((len(case.people), len(self._places)), dtype=np.bool_)
+        for group, people in enumerate(case.people):
+            self.send(group, people.assembly)
+
+    def has_assembly_areas(self, names: Sequence[str]) -> bool:
+        """Return whether names are those of assembly areas, at least one."""
+        known = [place.name for place in self._places if place.kind == "assembly"]
+        return bool(names) and set(names) <= set(known)
+
+    def can_be_sent(self, group: int, names: Sequence[str]) -> bool:
+        """Return whether a group has routes to assembly areas."""
+        return {self._index[name] for name in names} <= self._ways[group].keys()
+
+    def send(self, group: int, names: Sequence[str]) -> bool:
+        """Send a group to assembly areas, or to exits if no names are given; return whether that is new.
+
+        `assign` must follow.
+        """
+        before = self._sent[group].copy()
+        self._sent[group] = False
+        self._sent[group, [self._index[name] for name in names]] = True
+        rows = np.flatnonzero((self._crowd.group == group) & (self._meant >= 0))
+        moves = rows[~self._sent[group, self._meant[rows]] & self._is_assembly[self._meant[rows]]]
+        self.arrived[moves] = False
+        return bool((before != self._sent[group]).any())
+
+    @property
+    def _is_assembly(self) -> NDArray[np.bool_]:
+        return np.array([place.kind == "assembly" for place in self._places], dtype=np.bool_)
+
+    def exit_routes(self, rows: NDArray[np.integer[Any]]) -> IntArray:
+        """Return the routes of people to exits: of those who go to a place, the route that they had before."""
+        return np.where(self._meant[rows] >= 0, self._before[rows], self._crowd.route[rows])
+
+    def set_exit_routes(self, rows: NDArray[np.integer[Any]], routes: IntArray) -> None:
+        """Set the routes of people to exits; those who go to a place take them if they do so no more."""
+        goes = self._meant[rows] >= 0
+        self._before[rows[goes]] = routes[goes]
+        self._crowd.route[rows[~goes]] = routes[~goes]
+
+    def assign(self, fields: "Fields") -> None:
+        """Send people to places, and those who have none to their exits.
+
+        Parameters
+        ----------
+        fields : Fields
+            The present ones.
+        """
+        taken_up = np.bincount(self._meant[self._meant >= 0], minlength=len(self._places))
+        for group, ways in enumerate(self._ways):
+            if not ways:
+                continue
+            rows = np.flatnonzero((self._crowd.group == group) & (self._crowd.level >= 0) & ~self.arrived)
+            self._before[rows] = self.exit_routes(rows)
+            out = self._times(fields, rows, self._before[rows], self._is_limited[group])
+            times = np.full((len(rows), len(self._places)), np.inf)
+            for place, route in ways.items():
+                if self._sent[group, place] or not self._is_assembly[place]:
+                    routes = np.full(len(rows), route, np.int32)
+                    times[:, place] = self._times(fields, rows, routes, self._is_limited[group])
+            for k, row in enumerate(rows.tolist()):
+                self._assign(row, times[k], bool(np.isfinite(out[k])), taken_up)
+            goes = self._meant[rows] >= 0
+            to_places = [ways[place] for place in self._meant[rows[goes]].tolist()]
+            self._crowd.route[rows] = self._before[rows]
+            self._crowd.route[rows[goes]] = to_places
+
+    def _assign(self, row: int, times: FloatArray, can_leave: bool, taken_up: NDArray[np.int64]) -> None:
+        """Send a person to a place with room, by its travel times to all of them."""
+        if self._meant[row] >= 0:
+            taken_up[self._meant[row]] -= 1
+        room = [place.capacity is None or taken_up[k] < place.capacity for k, place in enumerate(self._places)]
+        is_possible = np.isfinite(times) & room
+        own = is_possible & self._is_assembly
+        if not own.any() and not can_leave:
+            own = is_possible
+        if not own.any():
+            self._meant[row] = -1
+        elif self._meant[row] < 0 or not own[self._meant[row]]:
+            self._meant[row] = int(np.argmin(np.where(own, times, np.inf)))
+        if self._meant[row] >= 0:
+            taken_up[self._meant[row]] += 1
+
+    def _times(
+        self, fields: "Fields", rows: NDArray[np.integer[Any]], routes: IntArray, is_limited: bool
+    ) -> FloatArray:
+        """Return the travel times of people on their routes [s], inf if no way is as wide as their bodies."""
+        crowd = self._crowd
+        place = crowd.level[rows], crowd.position[rows], routes, crowd.contact_radius[rows]
+        times = fields.travel_time_at(*place)
+        if is_limited:
+            times[~np.isfinite(fields.lengths_at(*place)).all(axis=1)] = np.inf
+        return times
+
+    def settle(self, time: float, fields: "Fields", velocity: FloatArray) -> None:
+        """Let those stay who have come to a stop in their place.
+
+        Parameters
+        ----------
+        time : float [s]
+        fields : Fields
+        velocity : (n, 2) float64
+            Displacement velocities [m/s].
+        """
+        crowd = self._crowd
+        coming = (self._meant >= 0) & ~self.arrived & (crowd.level >= 0)
+        for index, place in enumerate(self._places):
+            rows = have_stopped(fields, crowd, np.flatnonzero(coming & (self._meant == index)), velocity, place)
+            self.arrived[rows], self._since[rows] = True, time
+
+    def found(self) -> tuple[PeopleAt, ...]:
+        """Return the refuges and assembly areas with the people who have arrived."""
+        rows = [np.flatnonzero(self.arrived & (self._meant == index)) for index in range(len(self._places))]
+        return tuple(
+            PeopleAt(
+                place.name,
+                place.kind,
+                place.capacity,
+                tuple(there.tolist()),
+                float(self._since[there].max()) if len(there) else None,
+            )
+            for place, there in zip(self._places, rows, strict=True)
+        )
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return where people and groups are to go, by which route they went before, and who has arrived."""
+        return {
+            "meant": self._meant.copy(),
+            "before": self._before.copy(),
+            "arrived": self.arrived.astype(np.uint8),
+            "sent": self._sent.astype(np.uint8),
+            "since": self._since.copy(),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]], routes: int) -> None:
+        """Restore the arrays that `state` returned, of a run with a number of routes."""
+        self._before[:] = taken(state, "before", np.int32, self._before.shape, 0, routes - 1)
+        self._meant[:] = taken(state, "meant", np.int32, self._meant.shape, -1, len(self._places) - 1)
+        self.arrived[:] = taken(state, "arrived", np.uint8, self.arrived.shape, 0, 1)
+        self._sent[:] = taken(state, "sent", np.uint8, self._sent.shape, 0, 1)
+        self._since[:] = taken(state, "since", np.float64, self._since.shape, 0.0, nan=True)

@@ -1,0 +1,123 @@
+"""Assembly areas: who goes there, who counts as there, and events that send people on."""
+
+import pytest
+from shapely import box
+
+import evac
+from evac.report.of_run import main_results
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+
+def case_of(*events, places=("yard",), rooms=(None,), number=8, **group):
+    """Return a case of a class in a room, with a yard and a corner behind its door, and an exit of the room."""
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 10, 10).union(box(10, 4, 10.2, 5.2)).union(box(10.2, 0, 22, 10)))
+    plan.exit("out", "floor", [(0, 4), (0, 6)])
+    plan.area("room", "floor", box(1, 1, 9, 9))
+    plan.area("yard", "floor", box(15, 2, 21, 8))
+    plan.area("corner", "floor", box(11, 0, 13, 2))
+    tables = [
+        {"name": f"at {area}", "kind": "assembly", "area": area} | ({"capacity": room} if room else {})
+        for area, room in zip(places, rooms, strict=True)
+    ]
+    group = {"name": "class", "area": "room", "number": number, "assembly": [f"at {places[0]}"]} | group
+    return evac.load(
+        {
+            "building": plan,
+            "people": [group],
+            "place": tables,
+            "event": [{"kind": "strategy", "target": "class"} | event for event in events],
+            "contact": {"model": "nsm2"},
+            "behaviours": {"walking": {}},
+            "output": {"trajectory": False, "replay": False, "picture": False},
+        }
+    )
+
+
+def test_people_go_to_their_assembly_area_and_count_as_there(tmp_path):
+    results = evac.run(case_of(), tmp_path / "run")
+    assert (results.ended, results.exit_status, results.evacuated) == ("everybody out or at a safe place", 0, 0)
+    (place,) = results.places
+    assert (place.kind, place.people) == ("assembly", tuple(range(8)))
+    assert (results.crowd.position[:, 0] > 15.0).all()
+    assert 0.0 < place.last <= results.time
+    again = evac.read_results(tmp_path / "run")
+    assert again.places == results.places
+    assert main_results(again)["At assembly area 'at yard'"] == "8"
+
+
+def test_who_finds_no_room_goes_to_another_area_or_leaves():
+    case = case_of(places=("yard", "corner"), rooms=(3, 2), assembly=["at yard", "at corner"])
+    results = evac.run(case)
+    assert [len(place.people) for place in results.places] == [3, 2]
+    assert results.evacuated == 3
+
+
+def test_events_send_people_on_when_they_have_arrived():
+    on = {"when": {"count": 8, "area": "yard", "after": 10.0}, "value": ["at corner"]}
+    case = case_of(on, {"time": 60.0, "value": []}, places=("yard", "corner"), rooms=(None, None))
+    simulation = Simulation(case)
+    where = {}
+    while not simulation.ended:
+        simulation.advance_tick()
+        where[round(simulation.time, 1)] = [len(place.people) for place in simulation.places.found()]
+    first, last = (change.time for change in simulation.scene.changes)
+    assert where[round(first - 0.1, 1)] == [8, 0]
+    assert where[last] == [0, 8]
+    assert (simulation.ended, simulation.results().evacuated) == ("everybody out", 8)
+
+
+def test_a_run_ends_when_the_condition_of_an_event_can_not_come_true_any_more():
+    results = evac.run(case_of({"when": {"count": 9, "area": "yard"}, "value": []}))
+    assert results.ended == "everybody out or at a safe place"
+    assert results.time < 60.0
+
+
+def test_a_run_of_stages_goes_on_to_the_same_bits():
+    case = case_of({"time": 15.0, "value": ["at corner"]}, places=("yard", "corner"), rooms=(None, None))
+    one, other = Simulation(case), Simulation(case)
+    run_ticks(one, 200)
+    other.restore(one.state())
+    for simulation in (one, other):
+        run_ticks(simulation, 100)
+    assert_same_bits(one, other)
+    assert one.places.found() == other.places.found()
+
+
+def test_a_change_in_python_sends_a_group_back_to_its_area():
+    simulation = Simulation(case_of({"time": 5.0, "value": []}))
+    simulation.scene.apply(evac.Change(6.0, "strategy", "class", {"value": ["at yard"]}))
+    results = simulation.run()
+    assert len(results.places[0].people) + results.evacuated == 8
+    assert results.places[0].people
+
+
+def test_other_behaviours_do_not_choose_exits_for_people_on_their_way_to_an_area():
+    case = case_of().to_dict()
+    case["behaviours"] = {"route_choice": {"exits": ["out"], "every": 1.0}}
+    results = evac.run(evac.load(case))
+    assert len(results.places[0].people) == 8
+
+
+@pytest.mark.parametrize(
+    ("case", "key"),
+    [
+        ({"assembly": ["at yord"]}, r"people\.class\.assembly: .*'at yard'"),
+        ({"assembly": ["yard"]}, r"people\.class\.assembly: "),
+    ],
+)
+def test_unknown_areas_are_named(case, key):
+    with pytest.raises(evac.EvacError, match=key):
+        case_of(**case)
+
+
+def test_an_event_names_exits_or_areas():
+    with pytest.raises(evac.EvacError, match=r"event\.0\.value: .*not both"):
+        case_of({"time": 5.0, "value": ["at yard", "out"]})
+
+
+def test_a_change_to_an_area_without_directions_is_refused():
+    case = case_of(places=("yard", "corner"), rooms=(None, None))
+    with pytest.raises(evac.EvacError, match=r"no directions for the route at corner"):
+        Simulation(case).scene.apply(evac.Change(5.0, "strategy", "class", {"value": ["at corner"]}))
