@@ -38,6 +38,8 @@ CLASSES = {
     "IfcWindowStandardCase": "window",
     "IfcStair": "stair",
     "IfcStairFlight": "stair",
+    "IfcRamp": "stair",
+    "IfcRampFlight": "stair",
     "IfcFurnishingElement": "furniture",
     "IfcFurniture": "furniture",
     "IfcSystemFurnitureElement": "furniture",
@@ -45,7 +47,7 @@ CLASSES = {
     "IfcFlowTerminal": "furniture",
 }
 #: Classes that people walk on and that are not supported.
-NOT_READ = ("IfcRamp", "IfcRampFlight", "IfcTransportElement")
+NOT_READ = ("IfcTransportElement",)
 #: The whole and its parts of a relation.
 AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\s]*)\)\s*\)\s*;")
 #: The opening and the door or window of a relation; names between quotes cannot hold a reference at the end.
@@ -163,7 +165,7 @@ def _bodies(
         storey, opening = storeys.get(number, ""), fills.get(number, -1)
         bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening))
     for name, many in count.items():
-        findings.append(Finding("left out", f"{many} {name}: ramps, lifts and escalators are not supported"))
+        findings.append(Finding("left out", f"{many} {name}: lifts and escalators are not supported"))
     return bodies
 
 

@@ -61,6 +61,15 @@ class IfcFile:
         axes = self.add(f"IFCAXIS2PLACEMENT3D({self.point(0, 0, z)},$,$)")
         return self.add(f"IFCEXTRUDEDAREASOLID({profile},{axes},{self.up},{self.number(height)})")
 
+    def lying(self, profile, y, width):
+        """Return the solid of a profile [(x, z), ...] that is extruded from y towards smaller y."""
+        points = ",".join(self.point(x, z) for x, z in [*profile, profile[0]])
+        line = self.add(f"IFCPOLYLINE(({points}))")
+        made = self.add(f"IFCARBITRARYCLOSEDPROFILEDEF(.AREA.,$,{line})")
+        back, along = self.add("IFCDIRECTION((0.,-1.,0.))"), self.add("IFCDIRECTION((1.,0.,0.))")
+        axes = self.add(f"IFCAXIS2PLACEMENT3D({self.point(0, y, 0)},{back},{along})")
+        return self.add(f"IFCEXTRUDEDAREASOLID({made},{axes},{self.up},{self.number(width)})")
+
     def body(self, kind, name, *solids, predefined=None, tail=""):
         """Add an element of a class with attributes up to its tag, then `tail`."""
         shape = self.add(f"IFCSHAPEREPRESENTATION({self.context},'Body','SweptSolid',({','.join(solids)}))")

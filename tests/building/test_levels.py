@@ -132,18 +132,20 @@ def winding_ramp(mesh, steps):
     return mesh
 
 
-def test_warped_flight_is_a_warning(mesh, read):
+def test_a_flight_that_winds_is_told(mesh, read):
     winding_ramp(mesh, 6).rectangle(6, 4, 8, 8, 1.5)
     building = read(mesh, exits=[EXIT])
     assert [level.kind for level in building.levels] == ["floor", "flight", "floor"]
-    (warning,) = (text for text in building.warnings if "not plane" in text)
-    assert "'flight z=0.00..1.50'" in warning
-    assert "degrees in direction" in warning
+    (finding,) = (one for one in building.findings if "winds" in one.text)
+    assert (finding.kind, finding.level) == ("assumed", "flight z=0.00..1.50")
     # its cells rise 0.25 m over 15 degrees of a circle; at 3 m from its centre that is 0.25 / 0.785
     assert np.tan(building.levels[1].slope) == pytest.approx(0.25 / np.deg2rad(15) / 3, rel=0.05)
 
 
-def test_flight_that_turns_back_is_refused(mesh, read):
-    winding_ramp(mesh, 12).rectangle(2, 8, 4, 10, 3.0).rectangle(0, 6, 4, 8, 3.0)
-    with pytest.raises(BuildingError, match=r"level 'flight z=0.00..3.00' .* 60; "):
-        read(mesh, exits=[EXIT])
+@pytest.mark.parametrize(("steps", "end", "parts"), [(12, (2, 6, 4, 8), 2), (18, (0, 2, 2, 4), 3)])
+def test_a_flight_that_turns_back_is_divided(mesh, read, steps, end, parts):
+    winding_ramp(mesh, steps).rectangle(*end, steps * 0.25)
+    building = read(mesh, exits=[EXIT])
+    flights = [level.index for level in building.levels if level.kind == "flight"]
+    assert len(flights) == parts
+    assert sorted(building.stairs["stair 1"]) == flights

@@ -99,7 +99,7 @@ def _ifc(path: Path) -> Iterator[tuple[str, Any, str]]:
     # An asterisk stands for a derived value, which ifcopenshell refuses where there is none.
     text = re.sub(r"(?m)^#(?!.*IFCSIUNIT).*$", lambda line: line[0].replace("*", "$"), path.read_text("latin-1"))
     model = ifcopenshell.file.from_string(text)
-    storeys, area, exits = 0, 0.0, 0
+    storeys, area, exits, hulls = 0, 0.0, 0, []
     roofs = [_shape(slab).bounds[1, 2] for slab in model.by_type("IfcSlab") if slab.PredefinedType == "ROOF"]
     for storey in model.by_type("IfcBuildingStorey"):
         inside = [one for link in storey.ContainsElements for one in link.RelatedElements]
@@ -119,17 +119,24 @@ def _ifc(path: Path) -> Iterator[tuple[str, Any, str]]:
             ground = shapely.union_all([_face(one, up=True) for one in slabs]).difference(shapely.union_all(walls))
         if ground.area < 1.0:
             continue
-        storeys, area = storeys + 1, area + ground.area
         hull = shapely.union_all([ground, *walls]).buffer(0.3).buffer(-0.3)
         hull = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(hull)])
         filled = [one.FillsVoids[0].RelatingOpeningElement for one in inside if one.is_a("IfcDoor") and one.FillsVoids]
         doors = [_shape(one) for one in filled]
+        inner = [
+            _plan(one) for one in doors if shapely.get_num_geometries(_plan(one).buffer(0.05).intersection(ground)) > 1
+        ]
+        storeys, area, hulls = storeys + 1, area + shapely.union_all([ground, *inner]).area, [*hulls, hull]
         if min(abs(one.bounds[0, 2]) for one in spaces or slabs) < 0.5:
             exits += sum(_leads_out(one, ground, hull) for one in doors)
     yield "storeys", storeys, f"ifcopenshell: storeys with spaces at least {STANDING} m high and no roof, or with slabs"
-    yield "stairs", len(model.by_type("IfcStair")), "ifcopenshell: IfcStair"
+    stairs = [_plan(_shape(part)).intersection(shapely.union_all(hulls)).area > 0.5 for part in _stairs(model)]
+    yield "stairs", sum(stairs), "ifcopenshell: IfcStair, without those outside of the hulls of all storeys"
     yield "exits", exits, "ifcopenshell: doors at the outer hull of storeys up to 0.5 m"
-    yield "area", area, "ifcopenshell and trimesh: faces of spaces over slabs, or of slabs without walls"
+    text = (
+        "ifcopenshell and trimesh: faces of spaces over slabs, or of slabs without walls, and openings of inner doors"
+    )
+    yield "area", area, text
 
 
 def _shape(element: Any) -> Any:
@@ -141,6 +148,18 @@ def _shape(element: Any) -> Any:
     settings.set("use-world-coords", True)
     geometry = ifcopenshell.geom.create_shape(settings, element).geometry
     return trimesh.Trimesh(np.reshape(geometry.verts, (-1, 3)), np.reshape(geometry.faces, (-1, 3)))
+
+
+def _stairs(model: Any) -> Iterator[Any]:
+    """Yield a part with a shape of each stair: its first flight, or the stair itself."""
+    for stair in model.by_type("IfcStair"):
+        parts = [one for link in stair.IsDecomposedBy for one in link.RelatedObjects if one.is_a("IfcStairFlight")]
+        yield parts[0] if parts else stair
+
+
+def _plan(mesh: Any) -> BaseGeometry:
+    """Return the convex hull of a mesh in plan."""
+    return shapely.convex_hull(shapely.multipoints(mesh.vertices[:, :2]))
 
 
 def _face(mesh: Any, *, up: bool) -> BaseGeometry:

@@ -38,7 +38,6 @@ WRONG = {
     "nav_test.obj": "a game level, not a surface",
     "westport-1.geojson": "the maps of wrld3d are not read",
     "wrld3d_cad.dxf": "walls are found only on layers that are named",
-    "xbim_House.ifc": "winding stairs are not read",
 }
 SLOW = (
     "AC11-Institute.ifc",

@@ -382,17 +382,78 @@ def test_a_closed_slab_leaves_the_stair_out_unless_it_is_cut(tmp_path):
     assert list(building_of(path, cut_slabs=True).stairs) == ["stair 1"]
 
 
-def test_a_spiral_stair_is_named_with_its_place_and_the_rest_runs(tmp_path):
-    ifc = house(IfcFile(), storeys=2, hole=(6.5, 1.5, 9.5, 4.5))
+def spiral(ifc, inner, outer, count, degrees):
+    """Add a spiral stair about (8, 3) from angle 0, whose last tread ends at a platform of the upper storey."""
     solids = []
-    for k in range(16):
-        a, b = (math.radians(22.5 * s) for s in (k, k + 1))
-        ring = [(8 + r * math.cos(t), 3 + r * math.sin(t)) for r, t in ((0.3, a), (1.3, a), (1.3, b), (0.3, b))]
-        solids.append(ifc.extruded(ring, 3.0 / 17 * k, 3.0 / 17))
+    for k in range(count):
+        a, b = (math.radians(degrees * s) for s in (k, k + 1))
+        corners = ((inner, a), (outer, a), (outer, b), (inner, b))
+        ring = [(8 + r * math.cos(t), 3 + r * math.sin(t)) for r, t in corners]
+        solids.append(ifc.extruded(ring, 3.0 / (count + 1) * k, 3.0 / (count + 1)))
     ifc.body("IFCSTAIR", "round", *solids, tail=",$,.SPIRAL_STAIR.")
+    ifc.box("IFCSLAB", "P", (8.1, 3, 2.8), (9.5, 4.5, 3.0), predefined="FLOOR")
+    return ifc
+
+
+def test_a_spiral_stair_is_walked_where_its_treads_are_deep_enough(tmp_path):
+    ifc = spiral(house(IfcFile(), storeys=2, hole=(6.5, 1.5, 9.5, 4.5)), 0.3, 1.4, 16, 22.5)
+    path = ifc.write(tmp_path / "a.ifc")
+    building = building_of(path)
+    flights = [level for level in building.levels if level.kind == "flight"]
+    assert list(building.stairs) == ["stair 1"]
+    assert (min(level.z_min for level in flights), max(level.z_max for level in flights)) == (0.0, 3.0)
+    # From the radius at which a tread is as deep as its riser to the outer one, around the whole circle.
+    inner = 3.0 / 17 / (2 * math.sin(math.radians(11.25)))
+    assert sum(level.polygon.area for level in flights) == pytest.approx(
+        16 * 0.5 * math.sin(math.radians(22.5)) * (1.4**2 - inner**2), rel=0.02
+    )
+    (found,) = [text for _, _, text in told_by(path, "found") if text.startswith("'stair 1'")]
+    assert "3.00 m high, 17 risers, going 0.3" in found
+    assert all_out(path, tmp_path)
+
+
+def test_a_spiral_stair_that_is_too_narrow_is_named_with_its_place_and_the_rest_runs(tmp_path):
+    ifc = spiral(house(IfcFile(), storeys=2, hole=(6.5, 1.5, 9.5, 4.5)), 0.1, 0.8, 16, 22.5)
     ((level, place, text),) = told_by(ifc.write(tmp_path / "a.ifc"), "missing", "warning")
-    assert (level, "'round'" in text) == ("L0", True)
-    assert math.dist(place, (8, 3)) < 0.5
+    assert (level, "'round'" in text) == ("L1", True)
+    assert math.dist(place, (8, 3)) < 0.8
+
+
+def test_winders_between_straight_flights(tmp_path):
+    ifc = house(IfcFile(), storeys=2, hole=(6.3, 0.6, 9.9, 4.3))
+    rise = 3.0 / 17
+    solids = steps(ifc, (7.0, 0.9), (0, 1), 0.0, width=1.2, going=0.28, riser=rise, count=8)
+    for k in range(3):  # a quarter turn to the right about (7.6, 3.14)
+        angles = [math.radians(180 - 30 * s) for s in (k, k + 1)]
+        outer = [(7.6 + 1.2 * math.cos(t), 3.14 + 1.2 * math.sin(t)) for t in angles]
+        solids.append(ifc.extruded([(7.6, 3.14), *outer], rise * (8 + k), rise))
+    solids += steps(ifc, (7.6, 3.74), (1, 0), rise * 11, width=1.2, going=0.28, riser=rise, count=5)
+    ifc.body("IFCSTAIR", "up", *solids, tail=",$,.QUARTER_WINDING_STAIR.")
+    ifc.box("IFCSLAB", "P", (9.0, 3.14, 2.8), (9.9, 4.3, 3.0), predefined="FLOOR")
+    path = ifc.write(tmp_path / "a.ifc")
+    assert not told_by(path, "missing")
+    assert all_out(path, tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["IFCRAMP", "IFCRAMPFLIGHT", "IFCSTAIRFLIGHT"])
+def test_a_flight_without_treads_and_a_ramp(tmp_path, kind):
+    ifc = IfcFile()
+    for k, x in enumerate((0.0, 10.0)):
+        z = 0.6 * k
+        ifc.storey(f"L{k}", z)
+        ifc.box("IFCSLAB", "S", (x, 0, z - 0.2), (x + 4, 4, z), predefined="FLOOR")
+    ramp = ifc.lying([(4, -0.2), (10, 0.4), (10, 0.6), (4, 0.0)], 3.0, 1.5)
+    tail = {"IFCRAMP": ",$,.STRAIGHT_RUN_RAMP.", "IFCRAMPFLIGHT": ",$,.STRAIGHT."}.get(
+        kind, STAIR_TAIL["IFCSTAIRFLIGHT"]
+    )
+    ifc.body(kind, "up", ramp, tail=tail)
+    path = ifc.write(tmp_path / "a.ifc")
+    building = building_of(path)
+    (flight,) = [level for level in building.levels if level.kind == "flight"]
+    assert (flight.z_min, flight.z_max) == (0.0, 0.6)
+    assert flight.polygon.area == pytest.approx(6.0 * 1.5, rel=1e-3)
+    assert len(building.portals) == 2
+    assert [text for _, _, text in told_by(path, "found") if "without steps, 1.50 m wide" in text]
 
 
 def test_a_stair_that_leads_nowhere_is_named_with_its_place(tmp_path):

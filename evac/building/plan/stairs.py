@@ -52,7 +52,7 @@ def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float)
             f"{MOST_SKEW:.0f}: put a landing between two flights"
         )
     outline = shapely.Polygon([lower[0], lower[1], upper[1], upper[0]])
-    run = float(shapely.LineString(lower).distance(shapely.LineString(upper)))
+    run = abs(float((upper - lower).mean(axis=0) @ [-along[1], along[0]])) / float(np.hypot(*along))
     if run < LEAST_RUN or not outline.is_valid:
         raise ValueError(f"its edges are {run:.2f} m apart in plan; move them at least {LEAST_RUN:g} m apart")
     corners = np.array([*lower, *upper[::-1]])

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order
 
 from evac.base.arrays import BoolArray, IndexArray
 from evac.base.errors import BuildingError
@@ -18,6 +20,12 @@ from evac.building.surface.surface import Surface
 
 #: Largest angle between the uphill directions of a cell and of its flight [degrees]; at 90, up would become down.
 MOST_TURN = 60.0
+#: A flight that turns further is divided into flights that turn by at most this [degrees].
+PART = 90.0
+#: Share of a part by which a flight may turn further, so that straight flights between winders stay whole.
+BEYOND = 0.02
+#: A flight that turns by more than this winds [degrees].
+WINDS = 15.0
 
 
 @dataclass(frozen=True)
@@ -33,13 +41,13 @@ class LevelSet:
 def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
     """Divide a surface into levels: maximal edge-connected sets of cells with one slope class and one tag.
 
-    Sloped neighbours that rise in opposite directions (a ridge or a trough) are also divided. Levels are
-    ordered by mid height, then by plan position.
+    Sloped neighbours that rise in opposite directions (a ridge or a trough) are also divided, and so are flights that
+    wind, since a level rises in one direction. Levels are ordered by mid height, then by plan position.
 
     Raises
     ------
     BuildingError
-        If a cell has two tags of floors or stairs, or a flight turns too far.
+        If a cell has two tags of floors or stairs.
     """
     names = sorted(name for name in surface.cell_tags if name.startswith(("floor:", "stair:")))
     group = _groups(source, surface, names)
@@ -62,7 +70,7 @@ def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
         if level.stair is not None:
             stairs[level.stair] = (*stairs.get(level.stair, ()), level.index)
     stairs = {name: stairs[name] for name in sorted(stairs, key=lambda name: (min(stairs[name]), name))}
-    return LevelSet(tuple(levels), label, stairs, _check_flights(source, surface, label, levels))
+    return LevelSet(tuple(levels), label, stairs, _not_plane(surface, label, levels))
 
 
 def _groups(source: Path, surface: Surface, names: list[str]) -> IndexArray:
@@ -96,6 +104,10 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
     label = components()
     is_floor = np.array([name.startswith("floor:") for name in names] + [False])
     length = np.linalg.norm(surface.vertices[ends[:, 1]] - surface.vertices[ends[:, 0]], axis=1)
+    parts = _parts_that_turn(surface, label, one, other)
+    if parts.any():
+        same_way &= parts[one] == parts[other]
+        label = components()
     common: dict[tuple[int, int], float] = defaultdict(float)
     for a, b in ((one, other), (other, one)):
         touching = np.flatnonzero((group[a] < 0) & is_floor[group[b]] & ~sloped[a] & ~sloped[b])
@@ -109,6 +121,38 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
         floors = [(-round(total, 6), floor) for (other, floor), total in common.items() if other == component]
         group[label == component] = min(floors)[1]
     return components()
+
+
+def _parts_that_turn(surface: Surface, label: IndexArray, one: IndexArray, other: IndexArray) -> IndexArray:
+    """Return the part of its flight to which each cell belongs: 0, unless the flight turns too far for one level.
+
+    Parameters
+    ----------
+    label : (t,) int64
+        Flight or floor of each cell.
+    one, other : (e,) int64
+        Cells that share an edge.
+    """
+    part = np.zeros(len(label), dtype=np.int64)
+    heading = np.arctan2(surface.gradient[:, 1], surface.gradient[:, 0])
+    inner = label[one] == label[other]
+    links = coo_array((np.ones(inner.sum()), (one[inner], other[inner])), (len(label), len(label))).tocsr()
+    for index in np.unique(label[surface.is_sloped]):
+        cells = np.flatnonzero(label == index)
+        mean = surface.gradient[cells].mean(axis=0)
+        turned = np.zeros(len(label))
+        along = surface.gradient[cells] @ mean / np.hypot(*surface.gradient[cells].T)
+        if (along >= np.cos(np.radians(MOST_TURN)) * np.hypot(*mean)).all():
+            continue
+        first = cells[surface.vertices[surface.triangles[cells], 2].mean(axis=1).argmin()]
+        order, before = breadth_first_order(links, first, directed=False)
+        for cell in order[1:]:
+            turned[cell] = turned[before[cell]] + np.angle(np.exp(1j * (heading[cell] - heading[before[cell]])))
+        span = float(np.degrees(np.ptp(turned[cells])))
+        count = int(np.ceil(span / PART - BEYOND))
+        share = count * np.degrees(turned[cells] - turned[cells].min()) / span
+        part[cells] = np.clip(np.ceil(share - BEYOND) - 1, 0, count - 1)
+    return part
 
 
 def _order(surface: Surface, label: IndexArray) -> IndexArray:
@@ -206,26 +250,25 @@ def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
     return named
 
 
-def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[Finding, ...]:
-    """Refuse flights that turn too far, since a level rises in one direction; warn of flights that are not plane."""
+def _not_plane(surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[Finding, ...]:
+    """Tell of flights that are not plane."""
     notes = []
     for level in levels:
         if level.kind == "flight":
             gradient = surface.gradient[label == level.index]
             along = gradient @ level.uphill / np.hypot(*gradient.T)
-            x, y = surface.vertices[surface.triangles[label == level.index][along.argmin()]].mean(axis=0)[:2]
+            x, y = surface.vertices[surface.triangles[label == level.index][along.argmin()]].mean(axis=0)[:2].tolist()
             turn = float(np.degrees(np.arccos(np.clip(along.min(), -1.0, 1.0))))
-            if turn > MOST_TURN:
-                raise BuildingError(
-                    f"{source}: level {level.name!r} turns: at ({x:z.2f}, {y:z.2f}) its uphill direction differs by "
-                    f"{turn:.0f} degrees from its mean, more than {MOST_TURN:.0f}; divide it into flights that turn "
-                    "less, with flat landings at least 1 m deep between them"
-                )
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
-            if worst > 0.1:
+            if turn > WINDS:
+                text = (
+                    f"the flight winds: its mean slope of {np.degrees(level.slope):.0f} degrees is used for all of it"
+                )
+                notes.append(Finding("assumed", text, level.name, (x, y)))
+            elif worst > 0.1:
                 text = (
                     f"the flight is not plane: its cells differ by up to {100 * worst:.0f} % in slope and "
                     f"{turn:.0f} degrees in direction from its mean, which is used for all of it"
                 )
-                notes.append(Finding("warning", text, level.name, (float(x), float(y))))
+                notes.append(Finding("warning", text, level.name, (x, y)))
     return tuple(notes)

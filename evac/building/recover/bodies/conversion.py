@@ -64,6 +64,7 @@ def plan_of_bodies(
     solid = [body for body in bodies if body.kind not in ("opening", "door", "window")]
     floors = floors_of(
         [*solid, *openings],
+        passages,
         storeys,
         ground=rules.ground,
         step=rules.step,

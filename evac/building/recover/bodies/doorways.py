@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry.overlays import united
+from evac.building.geometry.overlays import common, united
 from evac.building.model.findings import Finding
 from evac.building.plan.outlines import normal, strip
 from evac.building.recover.bodies.body import Body, closed, snapped
@@ -26,6 +26,8 @@ FOOT = 0.1
 BEHIND = 0.15
 #: Lengths tried in turn by which each end of a door is shortened, until rooms lie along all of it [m].
 SHORTENED = (0.0, 0.02, 0.05, 0.1, 0.15)
+#: Greatest height of the foot of a door above the floors beside it, if it stands on no other floor [m].
+STEP = 0.8
 #: Floors whose heights differ by at most this are of one storey [m].
 HALF_STOREY = 1.5
 #: How far beyond a door the outside of the storey begins; recesses that are narrower than twice this are inside [m].
@@ -109,19 +111,21 @@ def doorways_of(
     hulls = {floor.name: _hull(floor, floors, walls) for floor in floors}
     for body in passages:
         near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
-        if not near and body.name.startswith("opening"):
-            continue
-        if not near:
-            findings.append(
-                Finding("left out", f"{body.name!r} is not on a floor (z = {body.z_min:z.2f} m)", None, body.place)
-            )
-            continue
-        floor = min(near, key=lambda storey: abs(storey.z - body.z_min))
-        way = _fit(body, floor, hulls[floor.name])
-        if way is None:
-            findings.append(Finding("left out", f"{body.name!r} has no room on either side", floor.name, body.place))
-        else:
+        below = [floor for floor in floors if SILL < body.z_min - floor.z <= STEP and body.fills != -1]
+        near.sort(key=lambda floor: abs(floor.z - body.z_min))
+        ways = [_fit(body, floor, hulls[floor.name]) for floor in near[:1]]
+        ways += [way for floor in below if (way := _fit(body, floor, hulls[floor.name])) and way.sides == 2]
+        way = next((way for way in ways if way is not None), None)
+        if way is not None:
             doorways.append(way)
+            if way.floor in below:
+                text = f"{body.name!r} begins {body.z_min - way.floor.z:.2f} m above the floors on both of its sides"
+                findings.append(Finding("assumed", f"{text}; it is a door between them", way.floor.name, body.place))
+        elif near:
+            findings.append(Finding("left out", f"{body.name!r} has no room on either side", near[0].name, body.place))
+        elif not body.name.startswith("opening"):
+            text = f"{body.name!r} is not on a floor (z = {body.z_min:z.2f} m)"
+            findings.append(Finding("left out", text, None, body.place))
     return doorways
 
 
@@ -143,12 +147,13 @@ def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
         a, b, c, d = np.roll(corners, -side, axis=0)
         ends = np.array([(a + d) / 2, (b + c) / 2])
         width, depth = float(np.hypot(*(ends[1] - ends[0]))), float(np.hypot(*(d - a)))
-        for less in SHORTENED:
-            if width - 2 * less < NARROWEST:
-                break
-            along = (ends[1] - ends[0]) / width
-            segment = np.round(np.array([ends[0] + less * along, ends[1] - less * along]), 3)
-            reach = depth / 2 + BEHIND
+        along = (ends[1] - ends[0]) / max(width, 1e-9)
+        reach = depth / 2 + BEHIND
+        parts = {(0.0, width), *_beside(floor.ground, ends, reach)}
+        for start, end, less in ((*part, less) for less in SHORTENED for part in sorted(parts)):
+            if end - start - 2 * less < NARROWEST:
+                continue
+            segment = np.round(np.array([ends[0] + (start + less) * along, ends[0] + (end - less) * along]), 3)
             ways = (normal(segment), -normal(segment))
             rooms = [strip(floor.ground, segment, way, reach) is not None for way in ways]
             if any(rooms) and (best is None or sum(rooms) > best.sides):
@@ -160,6 +165,17 @@ def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
                 leads_out = any(not hull.contains(point) for point in behind)
                 best = Doorway(body.name, floor, segment, reach, sum(rooms), leads_out, body.fills != -1)
     return best
+
+
+def _beside(ground: BaseGeometry, ends: FloatArray, reach: float) -> list[tuple[float, float]]:
+    """Return the parts of a segment, from its first end [m], that have ground on both sides."""
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    spans = []
+    for way in (normal(ends), -normal(ends)):
+        band = shapely.Polygon([ends[0], ends[1], ends[1] + reach * way, ends[0] + reach * way])
+        near = [(shapely.get_coordinates(part) - ends[0]) @ along for part in shapely.get_parts(common(ground, band))]
+        spans.append([(float(own.min()), float(own.max())) for own in near])
+    return [(max(a, c), min(b, d)) for a, b in spans[0] for c, d in spans[1]]
 
 
 def middle_of(way: Doorway) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -17,6 +18,7 @@ from evac.building.plan import stairs
 from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import NOTCH, Body, snapped
+from evac.building.recover.bodies.edges import LEAST_GOING
 from evac.building.recover.bodies.floors import Floor
 from evac.building.recover.bodies.treads import SHORT, Landing, Run, treads_of
 from evac.building.surface.checks import LEAST_DEPTH
@@ -33,6 +35,8 @@ FIT = 0.05
 SAME_FLOOR = 0.1
 #: Widths tried in turn by which each side of a flight is narrowed, until a floor lies along all of its end [m].
 NARROWED = (0.0, 0.02, 0.05, 0.1)
+#: Least width of a flight that winds [m].
+LEAST_WIDTH = 0.5
 #: Minimum height of a passage under a slab [m]; below the height of people, since slabs and flights are not exact.
 PASSABLE = 1.5
 #: A slab is taken as closed if it covers more than this share of the ground that a flight needs free.
@@ -52,13 +56,65 @@ class End:
 
 
 @dataclass
+class Flight:
+    """A flight: its ends, the edges between them if it winds, and the depth and height of its steps [m], for findings.
+
+    All edges have their right end first on the way up.
+    """
+
+    lower: End
+    upper: End
+    between: FloatArray  # (e, 2, 2) float64 [m]
+    going: float
+    riser: float
+
+    @property
+    def ends(self) -> tuple[End, End]:
+        """Lower and upper end."""
+        return self.lower, self.upper
+
+    @property
+    def edges(self) -> FloatArray:
+        """Edges (e, 2, 2) from the lower to the upper end [m]."""
+        return np.array([self.lower.edge, *self.between, self.upper.edge])
+
+    @property
+    def steps(self) -> list[tuple[FloatArray, float, FloatArray, float]]:
+        """Lower edge, its height, upper edge and its height of each plane, from bottom to top."""
+        z = np.linspace(self.lower.z, self.upper.z, len(self.edges)).tolist()
+        return [(*lower, *upper) for lower, upper in pairwise(zip(self.edges, z, strict=True))]
+
+    @property
+    def plan(self) -> BaseGeometry:
+        """The flight in plan."""
+        return united([_between(lower, upper) for lower, upper in pairwise(self.edges)])
+
+    def near(self, z: float) -> BaseGeometry:
+        """Return the part in plan that leaves no headroom above or below a height [m]."""
+        steps = [one for one in self.steps if one[1] < z + HEADROOM and one[3] > z - HEADROOM]
+        return united([_between(lower, upper) for lower, _, upper, _ in steps])
+
+    def away(self, end: End) -> FloatArray:
+        """Return the unit vector (2,) from the flight to the floor or landing at one of its ends."""
+        way = normal(end.edge)
+        beside = self.edges[1] if end is self.lower else self.edges[-2]
+        return -way if (beside.mean(axis=0) - end.edge.mean(axis=0)) @ way > 0.0 else way
+
+    def __str__(self) -> str:
+        """Rise, risers, going and width, for findings."""
+        rise, width = self.upper.z - self.lower.z, np.hypot(*(self.edges[:, 1] - self.edges[:, 0]).T).min()
+        steps = f"{round(rise / self.riser)} risers, going {self.going:.2f} m" if self.riser else "without steps"
+        winds = ", winding: the narrow ends of its treads are left out" if len(self.between) else ""
+        return f"{rise:.2f} m high, {steps}, {width:.2f} m wide{winds}"
+
+
+@dataclass
 class FoundStair:
-    """A stair: flights, each given by its two ends, and the landings between them."""
+    """A stair: flights, and the landings between them."""
 
     name: str
     bodies: str  # names of its parts in the file, for messages
-    # list of (End, End): lower and upper end of each flight
-    flights: list[tuple[End, End]] = field(default_factory=list)
+    flights: list[Flight] = field(default_factory=list)
     landings: list[tuple[BaseGeometry, float]] = field(default_factory=list)  # list of (polygon, float [m])
     # list of (Floor, polygon): ground by which floors are extended to meet the stair
     ground: list[tuple[Floor, BaseGeometry]] = field(default_factory=list)
@@ -66,18 +122,19 @@ class FoundStair:
     @property
     def floors(self) -> list[Floor]:
         """Floors that the stair joins."""
-        floors = [end.floor for ends in self.flights for end in ends if end.floor is not None]
+        floors = [end.floor for flight in self.flights for end in flight.ends if end.floor is not None]
         return list({floor.name: floor for floor in floors}.values())
 
     @property
     def plan(self) -> BaseGeometry:
         """Union of its flights and landings in plan."""
-        return united([*(_outline(*ends) for ends in self.flights), *(plan for plan, _ in self.landings)])
+        return united([*(flight.plan for flight in self.flights), *(plan for plan, _ in self.landings)])
 
     def add_to(self, plan: Plan) -> None:
         """Add the stair to a plan that has its floors."""
-        for lower, upper in self.flights:
-            plan.flight(self.name, lower.edge, lower.z, upper.edge, upper.z)
+        for flight in self.flights:
+            for step in flight.steps:
+                plan.flight(self.name, *step)
         for landing, z in self.landings:
             plan.landing(self.name, landing, z)
 
@@ -107,23 +164,17 @@ def stairs_of(
         To add to.
     """
     treads = treads_of([body for body in bodies if body.kind in ("stair", "landing")])
-    for one in treads.turning:
-        text = (
-            f"{_names(one.names)} is left out: its treads turn by up to {one.degrees:.0f} degrees, as in a "
-            "spiral or winding stair, so they do not form a plane flight"
-        )
-        findings.append(Finding("missing", text, _storey(floors, one.treads[0][1]), one.place))
     for body in treads.bare:
-        text = f"{body.name!r} is left out: no row of treads was found in its shape"
+        text = f"{body.name!r} is left out: neither treads nor an inclined face were found in its shape"
         findings.append(Finding("missing", text, _storey(floors, body.z_min), body.place))
     for landing in treads.short:
         text = f"a landing less than {SHORT:g} m deep is treated as part of its flight"
         findings.append(Finding("assumed", text, _storey(floors, landing.z), place_of(landing.plan)))
     runs, landings = treads.runs, _free_landings(treads.landings, floors)
-    ends: list[tuple[Run, tuple[End, End]]] = []
+    made: list[tuple[Run, Flight]] = []
     for run in runs:
         try:
-            ends.append((run, (_end(run, False, floors, landings), _end(run, True, floors, landings))))
+            made.append((run, _flight(run, floors, landings)))
         except LeftOutError as left:
             plan = united([tread for tread, _ in run.treads])
             if min(floor.ground.distance(plan) for floor in floors) > FAR:
@@ -132,15 +183,15 @@ def stairs_of(
             else:
                 findings.append(left.finding)
     stairs: list[FoundStair] = []
-    for group in _groups([both for _, both in ends], len(landings)):
-        names = tuple(dict.fromkeys(name for row in group for name in ends[row][0].names))
-        stair = FoundStair(f"stair {len(stairs) + 1}", _names(names), [ends[row][1] for row in group])
+    for group in _groups([flight for _, flight in made], len(landings)):
+        names = tuple(dict.fromkeys(name for row in group for name in made[row][0].names))
+        stair = FoundStair(f"stair {len(stairs) + 1}", _names(names), [made[row][1] for row in group])
+        place = made[group[0]][0].place
         try:
             _complete(stair, landings)
             findings += _check_slabs(stair, floors, cut_slabs)
             _try([*stairs, stair], floors)
         except (LeftOutError, BuildingError, ValueError) as error:
-            place = ends[group[0]][0].place
             text = f"{stair.bodies} is left out: {str(error).removeprefix('<plan>: ')}"
             at = (
                 error.finding
@@ -152,9 +203,8 @@ def stairs_of(
             continue
         stairs.append(stair)
         floor = ", ".join(repr(one.name) for one in sorted(stair.floors, key=lambda one: one.z))
-        rise = max(upper.z for _, upper in stair.flights) - min(lower.z for lower, _ in stair.flights)
-        text = f"{stair.name!r} of {stair.bodies}: {len(group)} flights, {rise:.2f} m high, joins {floor}"
-        findings.append(Finding("found", text, stair.floors[0].name, ends[group[0]][0].place))
+        text = f"{stair.name!r} of {stair.bodies} joins {floor}; its flights: {'; '.join(map(str, stair.flights))}"
+        findings.append(Finding("found", text, stair.floors[0].name, place))
     return stairs
 
 
@@ -178,6 +228,23 @@ def _free_landings(landings: Sequence[Landing], floors: Sequence[Floor]) -> list
         if not near:
             free.append(landing)
     return free
+
+
+def _flight(run: Run, floors: Sequence[Floor], landings: Sequence[Landing]) -> Flight:
+    """Return the flight of a run, with the floors or landings that it meets."""
+    lower, upper = (_end(run, is_upper, floors, landings) for is_upper in (False, True))
+    edges = run.edges[:-1] if _is_flush(run, upper.z) else run.edges
+    narrow = int(np.hypot(*(edges[:, 1] - edges[:, 0]).T).argmin())
+    width = float(np.hypot(*(edges[narrow, 1] - edges[narrow, 0])))
+    if run.winds and width < LEAST_WIDTH:
+        x, y = edges[narrow].mean(axis=0).tolist()
+        text = (
+            f"{_names(run.names)} is left out: its treads wind, and only {width:.2f} m of their width are as deep as "
+            f"{LEAST_GOING:g} m and their risers"
+        )
+        raise LeftOutError(text, _storey(floors, upper.z), (x, y))
+    going = float(np.hypot(*np.diff(edges.mean(axis=1), axis=0).T).sum()) / (len(edges) - 1)
+    return Flight(lower, upper, edges[1:-1] if run.winds else edges[:0], going, run.riser)
 
 
 def _end(run: Run, is_upper: bool, floors: Sequence[Floor], landings: Sequence[Landing]) -> End:
@@ -210,20 +277,27 @@ def _end(run: Run, is_upper: bool, floors: Sequence[Floor], landings: Sequence[L
 
 def _edge(run: Run, is_upper: bool, z: float) -> FloatArray:
     """Return the edge (2, 2) of a run at a height [m]; a last tread at the height of a floor is part of that floor."""
-    is_flush = is_upper and z - run.treads[-1][1] < 0.5 * run.riser and len(run.treads) > 2
-    return run.edge(is_upper, before_last=is_flush)
+    edge: FloatArray = run.edges[0 if not is_upper else -2 if _is_flush(run, z) else -1]
+    return edge
 
 
-def _groups(ends: Sequence[tuple[End, End]], landings: int) -> list[IndexArray]:
-    """Group the rows of runs that are joined by landings."""
-    pairs = [(row, len(ends) + end.landing) for row, both in enumerate(ends) for end in both if end.landing is not None]
-    part = connected_components(len(ends) + landings, np.array(pairs, dtype=np.int64).reshape(-1, 2))[: len(ends)]
+def _is_flush(run: Run, z: float) -> bool:
+    return z - run.treads[-1][1] < 0.5 * run.riser and len(run.treads) > 2
+
+
+def _groups(flights: Sequence[Flight], landings: int) -> list[IndexArray]:
+    """Group the rows of flights that are joined by landings."""
+    many = len(flights)
+    pairs = [
+        (row, many + end.landing) for row, one in enumerate(flights) for end in one.ends if end.landing is not None
+    ]
+    part = connected_components(many + landings, np.array(pairs, dtype=np.int64).reshape(-1, 2))[:many]
     return [np.flatnonzero(part == label) for label in dict.fromkeys(part.tolist())]
 
 
-def _outline(lower: End, upper: End) -> BaseGeometry:
-    """Return the plan of a flight."""
-    return shapely.convex_hull(shapely.multipoints(np.concatenate([lower.edge, upper.edge])))
+def _between(lower: FloatArray, upper: FloatArray) -> BaseGeometry:
+    """Return the plan between two edges."""
+    return shapely.convex_hull(shapely.multipoints(np.concatenate([lower, upper])))
 
 
 def _complete(stair: FoundStair, landings: Sequence[Landing]) -> None:
@@ -231,27 +305,26 @@ def _complete(stair: FoundStair, landings: Sequence[Landing]) -> None:
     if not stair.floors:
         raise LeftOutError(f"{stair.bodies} is left out: it does not meet any floor", None, place_of(stair.plan))
     for row, given in enumerate(stair.flights):
-        both = _lengthened(*given)
-        lower, upper = _fitted(both[0], both), _fitted(both[1], both)
+        fitted = _fitted(_lengthened(given))
         for less in NARROWED:
-            ends = (_narrowed(lower, less), _narrowed(upper, less))
-            strips = [_strip(end, ends, landings) for end in ends]
+            flight = replace(fitted, lower=_narrowed(fitted.lower, less), upper=_narrowed(fitted.upper, less))
+            strips = [_strip(end, flight, landings) for end in flight.ends]
             if all(each is not None for each in strips):
                 break
         else:
-            end = next(end for end in (lower, upper) if _strip(end, (lower, upper), landings) is None)
+            end = next(end for end in fitted.ends if _strip(end, fitted, landings) is None)
             x, y = end.edge.mean(axis=0).tolist()
             name = None if end.floor is None else end.floor.name
             text = f"{stair.bodies} is left out: no ground lies along the whole end of a flight at {end.z:.2f} m"
             raise LeftOutError(text, name, (x, y))
-        stair.flights[row] = ends
-        for end, ground in zip(ends, strips, strict=True):
+        stair.flights[row] = flight
+        for end, ground in zip(flight.ends, strips, strict=True):
             if ground is not None and not ground.is_empty and end.floor is not None:
                 stair.ground.append((end.floor, ground))
-    used = {end.landing for both in stair.flights for end in both if end.landing is not None}
-    flights = united([_outline(*ends) for ends in stair.flights])
+    used = {end.landing for flight in stair.flights for end in flight.ends if end.landing is not None}
     for row in sorted(used):
-        gaps = [_strip(end, both, landings) for both in stair.flights for end in both if end.landing == row]
+        flights = united([flight.near(landings[row].z) for flight in stair.flights])
+        gaps = [_strip(end, one, landings) for one in stair.flights for end in one.ends if end.landing == row]
         plan = united([landings[row].plan, *(gap for gap in gaps if gap is not None and not gap.is_empty)])
         stair.landings.append((snapped(cut(plan, flights)), landings[row].z))
 
@@ -259,53 +332,46 @@ def _complete(stair: FoundStair, landings: Sequence[Landing]) -> None:
 def _narrowed(end: End, less: float) -> End:
     along = (end.edge[1] - end.edge[0]) / np.hypot(*(end.edge[1] - end.edge[0]))
     edge = np.round(np.array([end.edge[0] + less * along, end.edge[1] - less * along]), 3) + 0.0
-    return End(edge, end.floor, end.landing, end.z)
+    return replace(end, edge=edge)
 
 
-def _lengthened(lower: End, upper: End) -> tuple[End, End]:
-    """Return the ends of a flight of a few steps so far apart that it is a level: it reaches into the floor below."""
-    way = _away(lower, _outline(lower, upper))
-    lacks = LEAST_DEPTH + FIT - float((lower.edge.mean(axis=0) - upper.edge.mean(axis=0)) @ way)
-    if lacks <= 0.0 or lower.floor is None:
-        return lower, upper
-    return replace(lower, edge=np.round(lower.edge + lacks * way, 3)), upper
+def _lengthened(flight: Flight) -> Flight:
+    """Return a flight of a few steps so long that it is a level: it reaches into the floor below."""
+    way = flight.away(flight.lower)
+    lacks = LEAST_DEPTH + FIT - float((flight.edges[0].mean(axis=0) - flight.edges[-1].mean(axis=0)) @ way)
+    if len(flight.between) or lacks <= 0.0 or flight.lower.floor is None:
+        return flight
+    return replace(flight, lower=replace(flight.lower, edge=np.round(flight.lower.edge + lacks * way, 3)))
 
 
-def _fitted(end: End, both: tuple[End, End]) -> End:
-    """Move the end of a flight to the outline of its floor where they overlap slightly."""
-    if end.floor is None:
-        return end
-    outline = _outline(*both)
-    way = _away(end, outline)
-    parts = shapely.get_parts(common(end.floor.ground, outline))
-    inside = shapely.get_coordinates(parts[shapely.dwithin(parts, shapely.LineString(end.edge), 1e-3)])
-    depth = float(((end.edge[0] - inside) @ way).max()) if len(inside) else 0.0
-    if not 0.0 < depth <= FIT:
-        return end
-    return End(np.round(end.edge - depth * way, 3) + 0.0, end.floor, end.landing, end.z)
+def _fitted(flight: Flight) -> Flight:
+    """Return a flight whose ends are moved to the outlines of their floors where they overlap slightly."""
+    moved = []
+    for end in flight.ends:
+        way, depth = flight.away(end), 0.0
+        if end.floor is not None:
+            parts = shapely.get_parts(common(end.floor.ground, flight.near(end.z)))
+            inside = shapely.get_coordinates(parts[shapely.dwithin(parts, shapely.LineString(end.edge), 1e-3)])
+            depth = float(((end.edge[0] - inside) @ way).max()) if len(inside) else 0.0
+        moved.append(replace(end, edge=np.round(end.edge - depth * way, 3) + 0.0) if 0.0 < depth <= FIT else end)
+    return replace(flight, lower=moved[0], upper=moved[1])
 
 
-def _away(end: End, outline: BaseGeometry) -> FloatArray:
-    """Return the unit vector (2,) from a flight to the floor or landing at one of its ends."""
-    way = normal(end.edge)
-    return -way if (np.array(outline.centroid.coords[0]) - end.edge.mean(axis=0)) @ way > 0.0 else way
-
-
-def _strip(end: End, both: tuple[End, End], landings: Sequence[Landing]) -> BaseGeometry | None:
+def _strip(end: End, flight: Flight, landings: Sequence[Landing]) -> BaseGeometry | None:
     """Return the ground between an end of a flight and its floor or landing; None if they are too far apart."""
-    outline = _outline(*both)
-    way = _away(end, outline)
     ground = end.floor.ground if end.floor is not None else landings[end.landing or 0].plan
-    landing = strip(cut(ground, outline), end.edge, way, FAR if end.floor is not None else BESIDE)
+    landing = strip(
+        cut(ground, flight.near(end.z)), end.edge, flight.away(end), FAR if end.floor is not None else BESIDE
+    )
     return None if landing is None else landing.polygon
 
 
 def _check_slabs(stair: FoundStair, floors: Sequence[Floor], cut_slabs: bool) -> list[Finding]:
     """Return a finding for each slab that is cut for a stair; refuse the stair if slabs must not be cut."""
     notes = []
-    for lower, upper in stair.flights:
-        for floor in (floor for floor in floors if floor.z > lower.z + 0.5):
-            pieces = stairs.flight(lower.edge, lower.z, upper.edge, upper.z)
+    for flight in stair.flights:
+        pieces = [piece for step in flight.steps for piece in stairs.flight(*step)]
+        for floor in (floor for floor in floors if floor.z > flight.lower.z + 0.5):
             needed = united([stairs.too_low(piece, floor.z, PASSABLE) for piece in pieces])
             covered = common(needed, floor.slabs)
             if needed.is_empty or covered.area < CLOSED * needed.area:
@@ -321,7 +387,7 @@ def _check_slabs(stair: FoundStair, floors: Sequence[Floor], cut_slabs: bool) ->
 def meeting(floor: Floor, stairs_there: Sequence[FoundStair]) -> BaseGeometry:
     """Return the ground of a floor with the extensions for its stairs, with corners at the ends of stair edges."""
     more = [polygon for stair in stairs_there for of, polygon in stair.ground if of is floor]
-    ends = [end.edge for stair in stairs_there for both in stair.flights for end in both if end.floor is floor]
+    ends = [end.edge for stair in stairs_there for one in stair.flights for end in one.ends if end.floor is floor]
     ground = snapped(united([floor.ground, *more]))
     if not ends:
         return ground
@@ -338,7 +404,7 @@ def _try(stairs_there: Sequence[FoundStair], floors: Sequence[Floor]) -> None:
         The building is invalid, or the stair does not join its floors.
     """
     plan, stair = Plan(), stairs_there[-1]
-    low, high = min(lower.z for lower, _ in stair.flights), max(upper.z for _, upper in stair.flights)
+    low, high = min(one.lower.z for one in stair.flights), max(one.upper.z for one in stair.flights)
     near = [floor for floor in floors if low - HEADROOM < floor.z < high + HEADROOM]
     for floor in near:
         plan.storey(floor.name, meeting(floor, stairs_there), floor.z)

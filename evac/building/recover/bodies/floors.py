@@ -28,6 +28,8 @@ HANGING = 1.5
 DEPTH = 0.02
 #: Ground narrower than this is dropped [m].
 NARROWEST = 0.4
+#: Largest gap between the opening of a door and the ground that it opens to [m].
+BESIDE = 0.1
 #: Minimum area of a part of a space without a slab that is reported as a void [m2].
 LEAST_VOID = 0.25
 
@@ -55,6 +57,7 @@ class _Height:
 
 def floors_of(
     bodies: Sequence[Body],
+    passages: Sequence[Body],
     storeys: Sequence[tuple[str, float]],
     *,
     ground: str,
@@ -68,6 +71,8 @@ def floors_of(
     Parameters
     ----------
     bodies : sequence of Body
+    passages : sequence of Body
+        Doors and openings that people pass through.
     storeys : sequence of (str, float [m])
         Names and heights, for the names of floors.
     ground : "auto", "spaces" or "slabs"
@@ -95,7 +100,8 @@ def floors_of(
             continue
         if height.spaces:
             steps = _in_other_spaces(height, tops, heights)
-            made, rooms = united([_of_spaces(height, slabs, name, gap, findings), steps]), _rooms(height)
+            halls = _halls(height, slabs, bodies, passages, name, findings)
+            made, rooms = united([_of_spaces(height, slabs, name, gap, findings), steps, halls]), _rooms(height)
             slabs = united([slabs, steps])
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
             continue
@@ -228,6 +234,30 @@ def _in_other_spaces(
     over = [plan for plan, z in tops if SAME_HEIGHT < z - height.z < STANDING]
     own = [plan for _, plan, _ in height.spaces]
     return without_slivers(cut(common(united(here), united(spaces)), united([*over, *own])), NARROWEST)
+
+
+def _halls(
+    height: _Height,
+    slabs: BaseGeometry,
+    bodies: Sequence[Body],
+    passages: Sequence[Body],
+    name: str,
+    findings: list[Finding],
+) -> BaseGeometry:
+    """Return the slabs that walls and spaces enclose without a space on them, if several doors open there."""
+    solid = [body for body in [*bodies, *passages] if body.kind in ("wall", "column", "opening")]
+    level = height.z + CUTS[2]
+    sections = [body.shadow() for body in solid if body.z_min < level < body.z_max]
+    around = united([plan for plan in [*sections, *(plan for _, plan, _ in height.spaces)] if not plan.is_empty])
+    enclosed = [shapely.Polygon(ring) for part in shapely.get_parts(around) for ring in part.interiors]
+    doors = [body.shadow() for body in passages if -THICKNESS <= body.z_min - height.z <= RECESS]
+    halls = []
+    for hall in (hall for ring in enclosed for hall in shapely.get_parts(common(ring, slabs))):
+        if hall.area > LEAST_VOID and sum(hall.distance(door) < BESIDE for door in doors) > 1:
+            halls.append(hall)
+            text = f"{hall.area:.2f} m2 of slab between doors are ground without a space"
+            findings.append(Finding("assumed", text, name, place_of(hall)))
+    return united(halls)
 
 
 def _rooms(height: _Height) -> list[tuple[str, BaseGeometry]]:

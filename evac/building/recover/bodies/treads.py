@@ -1,4 +1,4 @@
-"""Convert the level faces of stairs to runs of treads and landings."""
+"""Convert the faces of stairs and ramps to runs of treads and landings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.building.geometry.overlays import cut, united
 from evac.building.recover.bodies.body import Body, closed
+from evac.building.recover.bodies.edges import inclined_faces, straight_edges, winding_edges
 
 #: Range of the riser, the difference in height of consecutive treads [m].
 LEAST_RISER, MOST_RISER = 0.05, 0.25
@@ -23,50 +24,25 @@ CLEAR = 1.8
 LANDING = 2.2
 #: Minimum depth of a landing between flights in one direction; a shorter one is treated as a deep tread [m].
 SHORT = 1.0
-#: A run turns if the directions between its consecutive treads differ by more than this [degrees].
+#: A run winds if the directions between its consecutive treads differ from their mean by more than this [degrees].
 MOST_TURN = 25.0
 
 
 @dataclass(frozen=True)
 class Run:
-    """Consecutive treads in one direction."""
+    """Consecutive treads, or an inclined face."""
 
     names: tuple[str, ...]  # names of the bodies that the treads belong to
-    # list of (polygon, float [m]): plan and height of each tread, from bottom to top
+    # list of (polygon, float [m]): plan and height of each tread, from bottom to top; both ends of an inclined face
     treads: list[tuple[BaseGeometry, float]]
-    direction: FloatArray  # (2,) float64: unit vector uphill
-    riser: float  # [m]
-
-    def edge(self, upper: bool, *, before_last: bool = False) -> FloatArray:
-        """Return the front edge (2, 2) of the first tread, or the back edge of the last or second-to-last tread [m]."""
-        across = np.array([-self.direction[1], self.direction[0]])
-        sides = [shapely.get_coordinates(plan) @ across for plan, _ in self.treads]
-        ends_beside = [float(np.median([find(side) for side in sides])) for find in (np.min, np.max)]
-        treads = self.treads[:-1] if before_last else self.treads
-        along = shapely.get_coordinates(treads[-1][0] if upper else treads[0][0]) @ self.direction
-        level = along.max() if upper else along.min()
-        ends: FloatArray = np.array([level * self.direction + s * across for s in ends_beside])
-        return ends
+    edges: FloatArray  # (e, 2, 2) float64 [m]: front edge of each tread and back edge of the last one, right end first
+    riser: float  # [m]; 0 for an inclined face
+    winds: bool = False  # whether its treads turn
 
     @property
     def place(self) -> tuple[float, float]:
         """Where it is, for findings [m]."""
         x, y = self.treads[len(self.treads) // 2][0].centroid.coords[0]
-        return x, y
-
-
-@dataclass(frozen=True)
-class Turning:
-    """Treads of a spiral or winding stair, which do not lie on one plane."""
-
-    names: tuple[str, ...]
-    treads: list[tuple[BaseGeometry, float]]
-    degrees: float
-
-    @property
-    def place(self) -> tuple[float, float]:
-        """Where it is, for findings [m]."""
-        x, y = united([plan for plan, _ in self.treads]).centroid.coords[0]
         return x, y
 
 
@@ -80,10 +56,9 @@ class Landing:
 
 @dataclass
 class Treads:
-    """Parts of stairs: straight runs, turning runs, landings, short landings within runs, bodies without treads."""
+    """Parts of stairs: runs, landings, short landings within runs, and bodies without any of them."""
 
     runs: list[Run] = field(default_factory=list)
-    turning: list[Turning] = field(default_factory=list)
     landings: list[Landing] = field(default_factory=list)
     short: list[Landing] = field(default_factory=list)
     bare: list[Body] = field(default_factory=list)
@@ -101,14 +76,19 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
         landings = [face for face in faces if len(faces) > 2 and face[0].area > LANDING * usual]
         short = [face for face in landings if _depth(face[0]) < SHORT]
         chains = _chains([face for face in faces if face not in landings or face in short])
-        if any(len(chain) > 1 and isinstance(_run(body.name, chain), Turning) for chain in chains):
+        if any(len(chain) > 1 and _run(body.name, chain).winds for chain in chains):
             short = []
             chains = _chains([face for face in faces if face not in landings])
         treads.short += [Landing(*face) for face in short]
         treads.landings += [Landing(*face) for face in landings if face not in short]
         made = [_run(body.name, chain) for chain in chains if len(chain) > 1]
-        treads.runs += [item for item in made if isinstance(item, Run)]
-        treads.turning += [item for item in made if isinstance(item, Turning)]
+        if not made:
+            made = [
+                Run((body.name,), [(plan, z) for z in heights], edges, 0.0)
+                for plan, edges, heights in inclined_faces(body)
+            ]
+            treads.landings += [Landing(*face) for face in faces if made and face not in landings]
+        treads.runs += made
         treads.bare += [] if made else [body]
     return treads
 
@@ -155,30 +135,15 @@ def _chains(faces: Sequence[tuple[BaseGeometry, float]]) -> list[list[tuple[Base
     return chains
 
 
-def _run(name: str, chain: list[tuple[BaseGeometry, float]]) -> Run | Turning:
-    """Return a chain of treads as a run if it has one direction, otherwise as a turning run."""
-    middle = np.array([plan.centroid.coords[0] for plan, _ in chain])
-    z = np.array([height for _, height in chain])
+def _run(name: str, chain: list[tuple[BaseGeometry, float]]) -> Run:
+    """Return a chain of treads as a run, which winds if its treads turn."""
+    treads = [plan for plan, _ in chain]
+    middle = np.array([plan.centroid.coords[0] for plan in treads])
+    riser = float(np.median(np.diff([height for _, height in chain])))
     steps = np.diff(middle, axis=0)
     steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
     direction = steps.sum(axis=0)
     turn = np.degrees(np.arccos(np.clip(steps @ direction / max(np.hypot(*direction), 1e-9), -1.0, 1.0))).max()
     if turn > MOST_TURN:
-        return Turning((name,), chain, float(2.0 * turn))
-    direction = _squared(direction / np.hypot(*direction), chain)
-    return Run((name,), chain, direction, float(np.median(np.diff(z))))
-
-
-def _squared(direction: FloatArray, chain: Sequence[tuple[BaseGeometry, float]]) -> FloatArray:
-    """Return the direction perpendicular to the longest tread side that is roughly perpendicular to it."""
-    best, found = 0.0, direction
-    for plan, _ in chain:
-        corners = shapely.get_coordinates(plan.exterior)
-        sides = np.diff(corners, axis=0)
-        length = np.hypot(*sides.T)
-        across = np.stack([-sides[:, 1], sides[:, 0]], axis=1) / np.maximum(length, 1e-9)[:, None]
-        is_across = np.abs(across @ direction) > 0.9
-        if is_across.any() and length[is_across].max() > best + 1e-6:
-            row = int(np.flatnonzero(is_across)[length[is_across].argmax()])
-            best, found = float(length[row]), across[row] * np.sign(across[row] @ direction)
-    return found
+        return Run((name,), chain, winding_edges(treads, riser), riser, winds=True)
+    return Run((name,), chain, straight_edges(treads, direction / np.hypot(*direction)), riser)
