@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from evac.building.surface.surfacemesh import SurfaceMesh as SurfaceMesh
     from evac.case.case import Case as Case
     from evac.case.loading import load_case as load  # noqa: F401
+    from evac.conditions.law import SmokeLaw as SmokeLaw
+    from evac.conditions.source import ConditionSource as ConditionSource
     from evac.contract.hooks import hookimpl as hookimpl
     from evac.contract.registry import Registry as Registry
     from evac.export.exporter import Exporter as Exporter
@@ -64,6 +66,7 @@ _HOMES = {
     "BuildingError": "evac.base.errors",
     "Case": "evac.case.case",
     "Change": "evac.base.change",
+    "ConditionSource": "evac.conditions.source",
     "ContactModel": "evac.physics.contact.model",
     "EvacError": "evac.base.errors",
     "EvacWarning": "evac.base.errors",
@@ -85,6 +88,7 @@ _HOMES = {
     "ScenarioError": "evac.base.errors",
     "Simulation": "evac.simulation.simulation",
     "SimulationError": "evac.base.errors",
+    "SmokeLaw": "evac.conditions.law",
     "Solver": "evac.physics.contact.solver",
     "Study": "evac.study.study",
     "SurfaceMesh": "evac.building.surface.surfacemesh",

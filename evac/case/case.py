@@ -11,6 +11,7 @@ from pydantic import PrivateAttr, field_validator, model_validator
 from evac.base.keys import Parameters, Table, Title, key, wrong
 from evac.building.options import MOST_ITEMS
 from evac.case.events import EventSettings
+from evac.case.fire import ConditionSettings, DoseSettings, SmokeSettings
 from evac.case.places import PlaceSettings
 from evac.case.schema import (
     MOST_PEOPLE,
@@ -62,6 +63,11 @@ class Case(Table):
     event: tuple[EventSettings, ...] = key(
         "what changes during the run: a table [[event]] for each", "", (), max_length=MOST_ITEMS
     )
+    conditions: tuple[ConditionSettings, ...] = key(
+        "smoke, gases and heat: a table [[conditions]] for each source", "", (), max_length=MOST_ITEMS
+    )
+    smoke: SmokeSettings = key("what people do in smoke", "", SmokeSettings())
+    dose: DoseSettings | None = key("the dose that people take: a table [dose]", "", None)
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(

@@ -14,6 +14,7 @@ from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
 from evac.case.content import content_faults, read_table, with_own_classes
 from evac.case.events import event_faults
+from evac.case.fire import SmokeSettings
 from evac.case.overrides import apply, dotted
 from evac.case.places import place_faults
 from evac.case.presets import shipped_presets, with_preset
@@ -221,6 +222,7 @@ def _plugin_faults(content: dict[str, Any], registry: "Registry") -> list[Fault]
         tables = {name: table for name, table in contact.items() if name != "model"}
         faults += _table_faults(("contact",), tables, registry.contact_models, "contact model", ("model",))
         faults += _solver_faults(tables, registry)
+    faults += _fire_faults(content, registry)
     for kind, classes, word in (
         ("forces", registry.forces, "force"),
         ("behaviours", registry.behaviours, "behaviour"),
@@ -265,6 +267,31 @@ def _solver_faults(tables: dict[str, Any], registry: "Registry") -> list[Fault]:
             if isinstance(solver, str) and solver not in registry.solvers:
                 hint = _known_or_plugin(solver, registry.solvers)
                 faults.append(Fault(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}", True))
+    return faults
+
+
+def _fire_faults(content: dict[str, Any], registry: "Registry") -> list[Fault]:
+    """Check the sources of conditions and the law of speed in smoke that a case names, and their parameters."""
+    faults: list[Fault] = []
+    tables, sources = content.get("conditions"), registry.condition_sources
+    for index, table in enumerate(tables if isinstance(tables, list) else []):
+        name = table.get("source") if isinstance(table, dict) else None
+        if isinstance(name, str) and name not in sources:
+            text = f"unknown source {name!r}; {_known_or_plugin(name, sources)}"
+            faults.append(Fault(("conditions", index, "source"), text, True))
+        elif isinstance(name, str):
+            cls, own = sources[name], ("source", "start", "hold")
+            allowed = [*own, *cls.keys, *cls.declared()]
+            for key in (key for key in table if key not in (*own, *cls.keys) and table[key] is not None):
+                faults += _parameter_faults(("conditions", index, key), table[key], cls, allowed)
+    smoke = content.get("smoke")
+    if isinstance(smoke, dict):
+        law, keys = smoke.get("law"), SmokeSettings.model_fields
+        if isinstance(law, str) and law not in registry.smoke_laws:
+            text = f"unknown law {law!r}; {_known_or_plugin(law, registry.smoke_laws)}"
+            faults.append(Fault(("smoke", "law"), text, True))
+        tables = {name: table for name, table in smoke.items() if name not in keys}
+        faults += _table_faults(("smoke",), tables, registry.smoke_laws, "law", tuple(keys))
     return faults
 
 

@@ -60,6 +60,10 @@ def _table(table: type[Table], path: str, title: str) -> str:
         rows.append("| `radius`, ... |  |  |  | every key of `[presets.NAME]` below |")
     if path == "contact":
         rows.append("| `NAME` | table |  | none | parameters of contact model NAME, in use or not |")
+    if path == "smoke":
+        rows.append("| `NAME` | table |  | none | parameters of law NAME, in use or not |")
+    if path == "conditions":
+        rows.append("| ... |  |  |  | parameters of the source |")
     head = "| key | type | unit | default | meaning |\n|---|---|---|---|---|"
     return f"### {title}\n\n" + "\n".join([head, *rows])
 

@@ -19,6 +19,8 @@ TABLES = {
     "solver": 'solver = "{}" in the table of the contact model',
     "force": "[forces.{}]",
     "behaviour": "[behaviours.{}]",
+    "condition_source": '[[conditions]] source = "{}"',
+    "smoke_law": '[smoke] law = "{}"',
 }
 
 

@@ -12,7 +12,9 @@ from evac.base.parameters import Configurable
 from evac.building.importer import Importer
 from evac.case.case import Case
 from evac.case.loading import load_case
-from evac.conformance import behaviours, cases, classes, contact_models, files, forces, solvers
+from evac.conditions.law import SmokeLaw
+from evac.conditions.source import ConditionSource
+from evac.conformance import air, behaviours, cases, classes, contact_models, files, forces, solvers
 from evac.conformance.failures import run_check
 from evac.conformance.scenes import PLAIN
 from evac.export.exporter import Exporter
@@ -32,7 +34,8 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     Parameters
     ----------
     cls : type
-        A `ContactModel`, `Solver`, `Force`, `Behaviour`, `Recorder`, `Importer` or `Exporter`.
+        A `ContactModel`, `Solver`, `Force`, `Behaviour`, `Recorder`, `Importer`, `Exporter`,
+        `SmokeLaw` or `ConditionSource`.
     case : Case, optional
         Case that already uses the plugin; by default the shipped square room, changed to use the plugin. Without a
         case, an importer is checked with damaged files only.
@@ -78,8 +81,13 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
         if case is None:
             return
         run(files.check_surface, case, cls.name)
+    elif issubclass(cls, SmokeLaw):
+        for check in air.LAW_CHECKS:
+            run(check, cls(**values))
     if case is None:
         case = run(classes.check_registration, cls, values, pace)
+    if issubclass(cls, ConditionSource):
+        run(air.check_source, case, cls.name)
     if issubclass(cls, Behaviour):
         run(behaviours.check_declared_arrays, case, cls.name, ticks)
         if cls.keeps_distance:

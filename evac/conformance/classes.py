@@ -57,6 +57,11 @@ def check_registration(cls: type[Configurable], values: dict[str, Any], pace: Pa
     elif kind == "solver":
         name = solved_model().name
         changes = {"contact.model": name, f"contact.{name}.solver": cls.name}
+    elif kind == "smoke_law":
+        smoke = {"source": "prescribed", "values": {"extinction": 1.0}}
+        changes = {"smoke.law": cls.name, f"smoke.{cls.name}": values, "conditions": [smoke]}
+    elif kind == "condition_source":
+        changes = {"smoke.law": "none", "conditions": [{"source": cls.name, **values}]}
     if pace != PLAIN:
         changes |= {
             "simulation.step": pace.step,

@@ -9,6 +9,8 @@ import pluggy
 if TYPE_CHECKING:
     from evac.building.importer import Importer
     from evac.case.case import Case
+    from evac.conditions.law import SmokeLaw
+    from evac.conditions.source import ConditionSource
     from evac.contract.registry import Registry
     from evac.export.exporter import Exporter
     from evac.people.behaviour import Behaviour
@@ -60,6 +62,16 @@ def evac_importers() -> "Sequence[type[Importer]]":  # type: ignore[empty-body]
 @hookspec
 def evac_exporters() -> "Sequence[type[Exporter]]":  # type: ignore[empty-body]
     """Return exporter classes, which write recorded runs in formats of other programs."""
+
+
+@hookspec
+def evac_condition_sources() -> "Sequence[type[ConditionSource]]":  # type: ignore[empty-body]
+    """Return classes of sources of smoke, gases and heat."""
+
+
+@hookspec
+def evac_smoke_laws() -> "Sequence[type[SmokeLaw]]":  # type: ignore[empty-body]
+    """Return classes of laws of the speed in smoke."""
 
 
 @hookspec

@@ -55,7 +55,7 @@ class _Manager(pluggy.PluginManager):
 
 
 class Registry:
-    """All registered contact models, solvers, forces, behaviours, recorders, importers, exporters and shipped cases.
+    """All registered classes of plugins, by kind, and shipped cases.
 
     Parameters
     ----------
@@ -68,7 +68,8 @@ class Registry:
     ----------
     hook
         pluggy's caller of the hooks in `evac.contract.hooks`.
-    contact_models, solvers, forces, behaviours, recorders, importers, exporters : dict of str to class
+    contact_models, solvers, forces, behaviours, recorders, importers, exporters, condition_sources, smoke_laws :
+        dict of str to class
         Classes by name; do not modify.
     cases : dict of str to Path
         Folder of each shipped case.
@@ -94,6 +95,8 @@ class Registry:
         self.recorders: dict[str, type[Any]] = self._tables["recorder"]
         self.importers: dict[str, type[Any]] = self._tables["importer"]
         self.exporters: dict[str, type[Any]] = self._tables["exporter"]
+        self.condition_sources: dict[str, type[Any]] = self._tables["condition_source"]
+        self.smoke_laws: dict[str, type[Any]] = self._tables["smoke_law"]
         self.cases: dict[str, Path] = self._tables["case"]
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
@@ -118,7 +121,7 @@ class Registry:
         ----------
         kind : str
             ``"contact_model"``, ``"solver"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"``,
-            ``"exporter"`` or ``"case"``.
+            ``"exporter"``, ``"condition_source"``, ``"smoke_law"`` or ``"case"``.
 
         Raises
         ------

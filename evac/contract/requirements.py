@@ -21,6 +21,8 @@ BASES = {
     "recorder": ("evac.trajectory.recorder", "Recorder"),
     "importer": ("evac.building.importer", "Importer"),
     "exporter": ("evac.export.exporter", "Exporter"),
+    "condition_source": ("evac.conditions.source", "ConditionSource"),
+    "smoke_law": ("evac.conditions.law", "SmokeLaw"),
 }
 
 #: Kinds of plugins, and the hook that returns each.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import IntArray
+from evac.base.arrays import BoolArray, IntArray
 from evac.directions.fields import Fields
 from evac.physics.state import Crowd
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 EVERYBODY_OUT = "everybody out"
 EVERYBODY_SAFE = "everybody out or at a safe place"
+EVERYBODY_ABLE_OUT = "everybody out who can move"
 DURATION_OVER = "duration over"
 NO_PROGRESS = "no progress"
 INTERRUPTED = "interrupted"
@@ -55,6 +56,8 @@ class Ending:
         Those who have arrived at a refuge or an assembly area; nobody if not given.
     staying : (k,) int32, optional
         People who do not leave: for the end of a run, they do not count.
+    stopped : (people,) bool, optional
+        Those whom gases or heat have stopped: they do not count either. The owner changes the array.
     """
 
     def __init__(
@@ -64,11 +67,13 @@ class Ending:
         routes: int,
         arrived: NDArray[np.bool_] | None = None,
         staying: IntArray | None = None,
+        stopped: BoolArray | None = None,
     ) -> None:
         self._leaves = np.ones(people, np.bool_)
         if staying is not None:
             self._leaves[staying] = False
         self._settings = settings
+        self._stopped = np.zeros(people, np.bool_) if stopped is None else stopped
         self._arrived = np.zeros(people, np.bool_) if arrived is None else arrived
         self._steps_per_check = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
         seconds_per_check = self._steps_per_check * settings.step
@@ -96,7 +101,7 @@ class Ending:
         Returns
         -------
         str
-            `EVERYBODY_OUT`, `EVERYBODY_SAFE`, `DURATION_OVER`, `NO_PROGRESS` or an empty string.
+            `EVERYBODY_OUT`, `EVERYBODY_SAFE`, `EVERYBODY_ABLE_OUT`, `DURATION_OVER`, `NO_PROGRESS` or an empty string.
         """
         over = self.over(step, crowd)
         if over:
@@ -108,7 +113,9 @@ class Ending:
     def over(self, step: int, crowd: Crowd) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
         inside = (crowd.level >= 0) & self._leaves
-        if not np.count_nonzero(inside > self._arrived) and not np.isnan(crowd.arrival_time).any():
+        if not (inside & ~self._arrived & ~self._stopped).any() and not np.isnan(crowd.arrival_time).any():
+            if (inside & self._stopped).any():
+                return EVERYBODY_ABLE_OUT
             return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
         return DURATION_OVER if step >= self._settings.last_step else ""
 
@@ -125,7 +132,7 @@ class Ending:
         """
         time = step * self._settings.step
         standing = time - np.fmax(self._progress_at, crowd.arrival_time) >= min(STANDING, self._settings.no_progress)
-        standing &= (crowd.level >= 0) & ~self._arrived
+        standing &= (crowd.level >= 0) & ~self._arrived & ~self._stopped
         return np.flatnonzero(standing & (crowd.start_time <= time))
 
     def state(self) -> NDArray[np.float64]:
@@ -138,7 +145,7 @@ class Ending:
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
         """Return whether nobody has made progress or left for `no_progress`."""
-        inside = np.flatnonzero((crowd.level >= 0) & self._leaves & ~self._arrived)
+        inside = np.flatnonzero((crowd.level >= 0) & self._leaves & ~self._arrived & ~self._stopped)
         if not len(inside):
             return False
         place = crowd.route[inside], inside

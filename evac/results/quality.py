@@ -132,7 +132,8 @@ def _where(seen: Observation, levels: Sequence[str]) -> str:
 def remarks_of(results: "Results") -> tuple[str, ...]:
     """Return one line for each kind of people who did not leave as their route says; see `Results.remarks`."""
     people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
-    leaving = level[results.leaving]
+    stopped = set(results.stopped.tolist())
+    leaving = level[[row for row in results.leaving.tolist() if row not in stopped]]
     lines = []
     for place in (one for one in results.places if one.people):
         room = "" if place.capacity is None else f", which has room for {place.capacity}"
@@ -146,6 +147,9 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     if late := results.not_arrived:
         outside = f"; {results.waiting_outside} of them found no free place" if results.waiting_outside else ""
         lines.append(f"{_number(late)} of {people} had not come at the end{outside}")
+    if fallen := len(results.stopped):
+        first = min(results.exposure["stopped_at"][results.stopped].tolist())
+        lines.append(f"{_number(fallen)} stopped by gases or heat, the first at {first:.1f} s; they are still inside")
     if results.staying:
         lines.append(f"{_number(results.staying)} inside do not leave (leave = false)")
     if pushed := len(results.left_by_other_exits):

@@ -20,7 +20,7 @@ from evac.folder.tables import read_columns
 from evac.people.population import Group
 from evac.physics.state import Crowd, make_crowd
 from evac.results.record import Summary, read_summary
-from evac.results.results import CROSSINGS_COLUMNS, PEOPLE_COLUMNS, Results
+from evac.results.results import CROSSINGS_COLUMNS, EXPOSURE_COLUMNS, PEOPLE_COLUMNS, Results
 from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 if TYPE_CHECKING:
@@ -68,7 +68,8 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
     summary, settings = read_summary(place)
     if trajectory is not None:
         check_trajectory(trajectory, summary)
-    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS)
+    more = () if summary.conditions is None else EXPOSURE_COLUMNS
+    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more)
     levels, exits, portals = list(summary.levels), list(summary.exits), list(summary.portals)
     names = [group.name for group in summary.table.people]
     group = table.indices("group", names, optional=True)
@@ -119,6 +120,8 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         waiting_outside=summary.waiting_outside,
         resumed=summary.resumed,
         quickest=summary.quickest,
+        conditions=summary.conditions,
+        exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
         source=summary.source,
     )
     vars(results)["trajectory"] = trajectory  # the cached property, so that the file is not read again

@@ -159,6 +159,7 @@ class Summary(Record):
     plan: list[PlanRow]
     metrics: dict[str, Any]
     quickest: dict[str, Amount] | None = None
+    conditions: dict[str, Any] | None = None
     changes: list[Annotated[Change, BeforeValidator(Change.from_row)]]
     resumed: list[dict[str, Any]]
     plugin_files: list[str]

@@ -75,6 +75,9 @@ PEOPLE_COLUMNS = (
     "end_level",
 )
 
+#: Columns of people.csv in addition, of a case with conditions of the air: those of `Exposure`.
+EXPOSURE_COLUMNS = ("gas_dose", "heat_dose", "greatest_extinction", "greatest_irritants", "stopped_at")
+
 
 @cache
 def versions() -> Mapping[str, str]:
@@ -105,7 +108,7 @@ class Results:
         Person, portal and time of every crossing of a portal, in the order of the log; see
         `evac.analysis.occupancy.moves_of`.
     ended : str
-        ``"everybody out"``, ``"everybody out or at a safe place"``,
+        ``"everybody out"``, ``"everybody out or at a safe place"``, ``"everybody out who can move"``,
         ``"duration over"``, ``"no progress"``, ``"interrupted"`` or ``"failed"``.
     time : float
         Simulated time [s].
@@ -149,6 +152,10 @@ class Results:
         Checkpoints from which the run was resumed, in order.
     quickest : mapping of str to number, optional
         Updates of the routes with the strategy "quickest", see docs/results.md; None without such routes.
+    conditions : mapping, optional
+        Smoke, gases and heat, see docs/results.md; None in a case without them.
+    exposure : mapping of str to (n,) float64
+        The `EXPOSURE_COLUMNS` by name, in a case with conditions.
     source : str
         File of the case.
     """
@@ -189,6 +196,8 @@ class Results:
     waiting_outside: int = 0
     resumed: Sequence[Mapping[str, Any]] = ()
     quickest: Mapping[str, float] | None = None
+    conditions: Mapping[str, Any] | None = None
+    exposure: Mapping[str, FloatArray] = field(default_factory=dict)
     source: str = ""
 
     @classmethod
@@ -260,8 +269,14 @@ class Results:
         """One row per person, with the columns of people.csv (docs/results.md); exit data are missing if not out."""
         from pandas import DataFrame
 
-        columns = dict(zip(PEOPLE_COLUMNS, self._people_columns(), strict=True))
-        return DataFrame(columns).astype({"exit_time": float}).set_index("person")
+        columns = dict(zip(self.people_columns, self._people_columns(), strict=True))
+        times = dict.fromkeys({"exit_time", "stopped_at"} & columns.keys(), float)
+        return DataFrame(columns).astype(times).set_index("person")
+
+    @property
+    def people_columns(self) -> tuple[str, ...]:
+        """Names of the columns of people.csv."""
+        return PEOPLE_COLUMNS + (EXPOSURE_COLUMNS if self.exposure else ())
 
     @property
     def evacuated(self) -> int:
@@ -275,8 +290,13 @@ class Results:
 
     @property
     def is_complete(self) -> bool:
-        """Whether everybody who leaves is out or at a safe place, and nobody is still to come."""
-        return self.evacuated + self.at_places + self.staying == self.number_of_people
+        """Whether everybody who leaves is out or at a safe place, and nobody is still to come or has been stopped."""
+        return self.evacuated + self.at_places + self.staying == self.number_of_people and not len(self.stopped)
+
+    @cached_property
+    def stopped(self) -> IntArray:
+        """Rows of the people whom gases or heat have stopped."""
+        return np.flatnonzero(np.isfinite(self.exposure.get("stopped_at", np.zeros(0)))).astype(np.int32)
 
     @cached_property
     def _stays(self) -> NDArray[np.bool_]:
@@ -320,7 +340,9 @@ class Results:
     @property
     def not_started(self) -> int:
         """Number of people inside at the end whose response time was not over."""
-        return int(((self.crowd.level >= 0) & (self.crowd.start_time > self.time)).sum()) - self.staying
+        waits = (self.crowd.level >= 0) & (self.crowd.start_time > self.time) & ~self._stays
+        waits[self.stopped] = False
+        return int(waits.sum())
 
     @property
     def exit_status(self) -> int:
@@ -352,7 +374,7 @@ class Results:
         return time, np.arange(time.size)
 
     def _people_columns(self) -> list[list[Any]]:
-        """Return the columns of the people table, in the order of `PEOPLE_COLUMNS`."""
+        """Return the columns of the people table, in the order of `people_columns`."""
         crowd = self.crowd
         levels, exits = [*self.levels, None], [*self.exits, None]  # None: index -1
         routes = [str(route) for route in self.routes]
@@ -374,6 +396,7 @@ class Results:
             crowd.distance.tolist(),
             *crowd.position.T.tolist(),
             [levels[level] for level in crowd.level.tolist()],
+            *([value if value == value else None for value in self.exposure[name].tolist()] for name in self.exposure),
         ]
 
     def group_names(self) -> list[str]:
@@ -399,6 +422,7 @@ class Results:
             "not_arrived": self.not_arrived,
             "waiting_outside": self.waiting_outside,
             "staying": self.staying,
+            "stopped": len(self.stopped),
             "warnings": self.warnings,
             "quality_warnings": self.quality_warnings,
             "simulated_time": self.time,
@@ -415,6 +439,7 @@ class Results:
             "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
             "metrics": self.metrics,
             "quickest": self.quickest,
+            "conditions": self.conditions,
             "changes": [change.as_row() for change in self.changes],
             "resumed": self.resumed,
             PLUGIN_FILES: self.plugin_files,
@@ -458,7 +483,7 @@ class Results:
         """
         egress = zip(*(column.tolist() for column in self.egress()), strict=True)
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
-        write_csv(folder / PEOPLE_NAME, PEOPLE_COLUMNS, zip(*self._people_columns(), strict=True))
+        write_csv(folder / PEOPLE_NAME, self.people_columns, zip(*self._people_columns(), strict=True))
         if self.portals:
             names = list(self.portals)
             person, portal, time = (column.tolist() for column in self.crossings)

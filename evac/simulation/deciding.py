@@ -38,6 +38,8 @@ class Deciding:
         Displacement velocities [m/s], which behaviours can read.
     is_full : bool
         Whether behaviours that have no effect, or nothing to do at a tick, are called, too.
+    share : (n,) float64, optional
+        Share of the speed that smoke leaves each person, if there is any.
 
     Attributes
     ----------
@@ -61,9 +63,10 @@ class Deciding:
         outside: PeopleOutside | None,
         displacement_velocity: FloatArray,
         is_full: bool,
+        share: FloatArray | None = None,
     ) -> None:
         self._case, self._scene, self._population, self._is_full = case, scene, population, is_full
-        self._places = places
+        self._places, self._share = places, share
         self._crowd, self._outside = population.crowd, None if outside is None else outside.arrays
         self._displacement_velocity = displacement_velocity
         self.used: list[tuple[Behaviour, BehaviourScene]] = []
@@ -98,13 +101,16 @@ class Deciding:
         changed, self.version = self._scene.version != self.version, self._scene.version
         if changed:
             self._places.assign(self._scene.fields)
-        again = changed or bool(self._scene.building.slowed)  # the scene multiplies the speed factors
+        # The scene and smoke multiply the speed factors.
+        again = changed or bool(self._scene.building.slowed) or self._share is not None
         acting = [pair for pair in self.used if self.acts[pair[0].name] or again]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         if again or "speed_factor" in renewed:
             self._crowd.speed_factor[:] = 1.0
         if self._case.place:
             self._crowd.speed_factor[self._places.arrived] = 0.0
+        if self._share is not None:
+            self._crowd.speed_factor *= self._share
         if "extra_direction" in renewed:
             self._crowd.extra_direction[:] = 0.0
         if self._outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):

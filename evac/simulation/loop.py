@@ -66,6 +66,15 @@ class Loop:
             Operation("ending", "recording", self._end_run),
             Operation("progress", "output", self._show, lambda: self.progress is not None),
         ]
+        if (exposure := one.exposure) is not None:
+            act, begin = exposure.act, exposure.begin
+            breathe = Operation(
+                "conditions",
+                "behaviours",
+                lambda: act(one.time, one.fields),
+                begin=lambda: begin(one.time, one.fields),
+            )
+            self.operations.insert(5, breathe)
         if one.outside is not None:
             walk = one.outside.advance
             after = Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))

@@ -41,6 +41,7 @@ from evac.trajectory.recording import Recording, metrics
 
 if TYPE_CHECKING:
     from evac.case.case import Case
+    from evac.conditions.exposure import Exposure
 
 
 class Simulation:
@@ -81,6 +82,8 @@ class Simulation:
         The behaviours in use, each with the scene that it can access.
     places : Places
         The people who go to refuges and assembly areas, and those who have arrived.
+    exposure : Exposure or None
+        The doses that people take, and the speed that smoke leaves them, if the case has conditions of the air.
     outside : PeopleOutside or None
         The people who have left, if a behaviour keeps distances.
     plan : list of Part
@@ -159,16 +162,28 @@ class Simulation:
             self.scene.people, self.scene.places = self.population, self.places
             with naming(case.source):
                 self.timetable = Timetable(case.event, self.scene)
+            self.exposure = self._exposure()
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             self.displacement_velocity = self.population.crowd.velocity.copy()
             people = self.population, self.places, self.outside
-            self.deciding = Deciding(case, behaviours, self.scene, *people, self.displacement_velocity, self.full)
+            share = None if self.exposure is None else self.exposure.share
+            self.deciding = Deciding(
+                case, behaviours, self.scene, *people, self.displacement_velocity, self.full, share
+            )
             self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
         n = len(self.population.crowd.level)
         self.engine = assembly.make_engine(case, self.scene, n, self.forces, behaviours, self.full, self._threads)
+
+    def _exposure(self) -> "Exposure | None":
+        """Return the exposure of people to smoke, gases and heat; nothing is imported in a case without them."""
+        if not self.case.conditions:
+            return None
+        from evac.conditions.exposure import exposure_of
+
+        return exposure_of(self.case, self.building, self.population.crowd, self.population.groups)
 
     def _watch_people(self) -> None:
         """Keep the initial state of people, and begin to watch how they get on."""
@@ -176,7 +191,8 @@ class Simulation:
         self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
         self.watch = Watch(crowd.radius, settings.tick, self.case.output.every)
         staying, routes = self.population.staying, len(self.fields.routes)
-        self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying)
+        stopped = None if self.exposure is None else self.exposure.stopped
+        self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying, stopped)
 
     @property
     def building(self) -> Building:
@@ -320,6 +336,7 @@ class Simulation:
             waiting_outside=sum(len(one.waiting(self.population.crowd, self.time)) for one in self.population.sources),
             resumed=self.resumed,
             quickest=None if self.scene.quickest is None else self.scene.quickest.report(),
+            **({} if self.exposure is None else self.exposure.results()),
         )
         return replace(results, metrics=dict(metrics(self.registry, results)))
 

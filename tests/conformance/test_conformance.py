@@ -75,6 +75,16 @@ def test_a_behaviour_conforms(name):
     check_plugin(REGISTRY.behaviours[name], load_case(source, changes))
 
 
+@pytest.mark.parametrize("name", list(REGISTRY.smoke_laws))
+def test_a_law_of_speed_in_smoke_conforms(name):
+    check_plugin(REGISTRY.smoke_laws[name])
+
+
+def test_a_source_of_conditions_conforms():
+    table = {"source": "prescribed", "values": {"extinction": 1.0, "co": 90.0}}
+    check_plugin(REGISTRY.condition_sources["prescribed"], load_case("square_room", {"conditions": [table]}))
+
+
 @pytest.mark.parametrize("name", list(REGISTRY.importers))
 def test_an_importer_conforms(name):
     check_plugin(REGISTRY.importers[name], load_case("square_room") if name == "meshio" else None)
@@ -113,6 +123,7 @@ def test_built_ins_are_named_after_what_they_are():
     Solvers that have kernels in common share a module.
     """
     kinds = {
+        "conditions": REGISTRY.condition_sources,
         "contact": REGISTRY.contact_models,
         "force": REGISTRY.forces,
         "behaviour": REGISTRY.behaviours,

@@ -11,7 +11,7 @@ from shapely import Point
 
 import evac
 from evac.case.reference import reference
-from evac.results.results import EGRESS_COLUMNS, PEOPLE_COLUMNS
+from evac.results.results import EGRESS_COLUMNS, EXPOSURE_COLUMNS, PEOPLE_COLUMNS
 from evac.simulation.simulation import Simulation
 
 DOCUMENTS = (
@@ -177,4 +177,4 @@ def test_the_document_of_results_names_every_key_and_column(text):
     case = evac.load("square_room", {"simulation.duration": 0.5})
     summary = Simulation(case).run().summary()
     named = set(re.findall(r"`(\w+)`", text("docs/results.md")))
-    assert {*summary, *summary["contact"], *PEOPLE_COLUMNS, *EGRESS_COLUMNS} <= named
+    assert {*summary, *summary["contact"], *PEOPLE_COLUMNS, *EXPOSURE_COLUMNS, *EGRESS_COLUMNS} <= named

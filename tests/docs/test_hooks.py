@@ -88,6 +88,17 @@ def test_evac_behaviours(plugin):
     assert issubclass(registry.get("behaviour", "mine"), evac.Behaviour)
 
 
+def test_evac_condition_sources(plugin):
+    registry = Registry([plugin(CLASS.format(base="ConditionSource", hook="evac_condition_sources"))])
+    assert issubclass(registry.get("condition_source", "mine"), evac.ConditionSource)
+
+
+def test_evac_smoke_laws(plugin):
+    text = CLASS.replace("def cutoff(self)", "def speed(self, desired, extinction)")
+    registry = Registry([plugin(text.format(base="SmokeLaw", hook="evac_smoke_laws"))])
+    assert issubclass(registry.get("smoke_law", "mine"), evac.SmokeLaw)
+
+
 def test_evac_recorders(plugin):
     registry = Registry([plugin(CLASS.format(base="Recorder", hook="evac_recorders"))])
     assert issubclass(registry.get("recorder", "mine"), evac.Recorder)

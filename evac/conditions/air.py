@@ -1,0 +1,135 @@
+"""The air of a run: the sources of its conditions, read at places and times."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ScenarioError, naming, plugin_code
+from evac.building.model.building import Building
+from evac.building.model.elevation import PLANE, elevation
+from evac.conditions.quantities import QUANTITIES
+from evac.conditions.source import AT_ONCE, HEAD, ConditionSource, SourceScene
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+
+
+class Air:
+    """The conditions of the air in a building; where several sources apply, the last one does.
+
+    Parameters
+    ----------
+    case : Case
+    building : Building
+    sources : sequence of ConditionSource
+        One for each table `[[conditions]]`.
+    heads : dict of str to float
+        Mean height of the heads of each group above the floor [m].
+    needed : sequence of str
+        Quantities that the case asks for.
+
+    Attributes
+    ----------
+    quantities : tuple of str
+        Those that at least one source provides.
+    scenes : list of SourceScene
+        What each source may use, with the files that it has asked for.
+    """
+
+    def __init__(
+        self,
+        case: "Case",
+        building: Building,
+        sources: Sequence[ConditionSource],
+        heads: dict[str, float],
+        needed: Sequence[str],
+    ) -> None:
+        self._building, self._where = building, case.source
+        self.sources, self._settings = list(sources), case.conditions
+        self.scenes = [SourceScene(building, case.folder, one, heads, tuple(needed)) for one in case.conditions]
+        self._given: list[frozenset[str]] = []
+        for index, (source, scene) in enumerate(zip(self.sources, self.scenes, strict=True)):
+            what = f"source {source.name!r}: open"
+            with naming(f"{case.source}: conditions.{index}"), plugin_code(what, source):
+                given = frozenset(source.open(scene))
+                if unknown := sorted(given - QUANTITIES.keys()):
+                    raise ScenarioError(
+                        f"{what}: there are no quantities {', '.join(unknown)}; use those of docs/fire.md"
+                    )
+            self._given.append(given)
+        self.quantities = tuple(name for name in QUANTITIES if any(name in given for given in self._given))
+        self._planes = [_plane_of(building, level) for level in range(len(building.levels))]
+
+    @property
+    def last(self) -> float:
+        """Time of the run after which a source has no values [s]."""
+        ends = zip(self.sources, self._settings, strict=True)
+        return min((source.last - own.start for source, own in ends if not own.hold), default=np.inf)
+
+    def heads_at(self, level: IntArray, position: FloatArray, height: FloatArray | float) -> FloatArray:
+        """Return the heights z (n,) of the heads of people with body heights (n,) on levels (n,) [m]."""
+        ground = np.empty(len(level))
+        for index in np.unique(level).tolist():
+            rows, plane = np.flatnonzero(level == index), self._planes[index]
+            if plane is None:
+                ground[rows] = elevation(self._building, level[rows], position[rows])
+            else:
+                ground[rows] = plane[0] + position[rows] @ plane[1]
+        return ground + HEAD * np.asarray(height)
+
+    def at(
+        self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
+    ) -> FloatArray:
+        """Return the values (q, n) of quantities at places; those of clear air where no source applies.
+
+        Parameters
+        ----------
+        quantities : sequence of str
+        time : float
+            Time of the run [s].
+        level : (n,) int32
+        position : (n, 2) float64 [m]
+        height : (n,) float64 [m]
+            Height z of each place.
+
+        Raises
+        ------
+        ScenarioError
+            The time lies behind the end of a source whose last values do not hold.
+        PluginError
+            A source fails.
+        """
+        found = np.empty((len(quantities), len(level)))
+        for row, name in enumerate(quantities):
+            found[row] = QUANTITIES[name].clear
+        for index, (source, own, given) in enumerate(zip(self.sources, self._settings, self._given, strict=True)):
+            rows = [row for row, name in enumerate(quantities) if name in given]
+            if not rows:
+                continue
+            at = time + own.start
+            if at > source.last + AT_ONCE:
+                if not own.hold:
+                    raise ScenarioError(
+                        f"{self._where}: conditions.{index}: the values end at {source.last - own.start:g} s of the "
+                        "run, which lasts longer; compute them for longer, or set hold = true to keep the last values"
+                    )
+                at = source.last
+            with plugin_code(f"t = {time:.3f} s: source {source.name!r}", source):
+                values = source.at([quantities[row] for row in rows], at, level, position, height)
+            is_known = ~np.isnan(values)
+            if is_known.all():
+                found[rows] = values
+            else:
+                found[rows] = np.where(is_known, values, found[rows])
+        return found
+
+
+def _plane_of(building: Building, level: int) -> tuple[float, FloatArray] | None:
+    """Return height at the origin and gradient of a level that is a plane; None if it is not one."""
+    one = building.levels[level]
+    own = building.vertices[np.unique(one.triangles)]
+    gradient = np.tan(one.slope) * one.uphill
+    base = own[:, 2] - own[:, :2] @ gradient
+    return (float(base[0]), gradient) if np.abs(base - base[0]).max() <= PLANE else None

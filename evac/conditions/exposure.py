@@ -1,0 +1,272 @@
+"""What people are exposed to: the air at their heads, the dose that they take, and the speed that smoke leaves them."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.distributions import generator_for
+from evac.base.errors import ScenarioError, plugin_code
+from evac.base.parameters import did_you_mean
+from evac.base.saved import taken
+from evac.building.model.building import DOWN, FLAT, UP, Building
+from evac.conditions.air import Air
+from evac.conditions.dose import (
+    COMPROMISING,
+    COUNTED,
+    INCAPACITATING,
+    NEEDED,
+    gas_rate,
+    heat_rate,
+    irritant_concentration,
+)
+from evac.conditions.law import SmokeLaw, share_in_smoke
+from evac.conditions.quantities import IRRITANTS, QUANTITIES
+from evac.conditions.source import HEAD
+from evac.directions.fields import Fields
+from evac.people.population import Group
+from evac.physics.state import Crowd
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+    from evac.case.fire import DoseSettings
+
+#: Seconds of a minute: rates of doses are per minute.
+MINUTE = 60.0
+
+
+def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
+    """Return the quantities without which a case cannot be run: for the speed in smoke, and for the dose.
+
+    Raises
+    ------
+    ScenarioError
+        A quantity that is declared off does not exist.
+    """
+    dose, needed = case.dose, list[str]()
+    if law.needs_extinction:
+        needed.append("extinction")
+    if dose is None:
+        return tuple(needed)
+    if unknown := [name for name in dose.without if name not in QUANTITIES]:
+        hint = did_you_mean(unknown[0], list(QUANTITIES))
+        raise ScenarioError(f"{case.source}: dose.without: there is no quantity {unknown[0]!r}; {hint}")
+    needed += [*NEEDED[dose.form], *(["temperature"] if dose.heat != "none" else [])]
+    return tuple(name for name in needed if name not in dose.without)
+
+
+def exposure_of(case: "Case", building: Building, crowd: Crowd, groups: Sequence[Group]) -> "Exposure":
+    """Return the exposure of the people of a case, with its sources and its law of speed in smoke.
+
+    Raises
+    ------
+    EvacError
+        A source cannot be read, or lacks a quantity, or a plugin fails.
+    """
+
+    def made(word: str, kind: str, name: str, table: Mapping[str, Any]) -> Any:
+        cls = case.registry.get(kind, name)
+        with plugin_code(f"{word} {name!r}: cannot be made", cls):
+            return cls(**table)
+
+    law: SmokeLaw = made("law", "smoke_law", case.smoke.law, case.smoke.tables.get(case.smoke.law, {}))
+    sources = [made("source", "condition_source", one.source, one.parameters) for one in case.conditions]
+    heads = {people.name: HEAD * people.height.mean() for people in case.people}
+    air = Air(case, building, sources, heads, quantities_needed(case, law))
+    return Exposure(case, air, law, building, crowd, groups)
+
+
+class Exposure:
+    """The doses of all people, and the share of their speed that smoke leaves them.
+
+    Parameters
+    ----------
+    case : Case
+    air : Air
+    law : SmokeLaw
+    building : Building
+    crowd : Crowd
+    groups : sequence of Group
+
+    Attributes
+    ----------
+    air : Air
+    share : (n,) float64
+        Share of the desired speed that smoke leaves each person; 0 for those who have been stopped.
+    gas, heat : (n,) float64
+        Doses.
+    extinction, irritants : (n,) float64
+        Greatest extinction coefficient [1/m], and greatest fractional irritant concentration, so far.
+    stopped_at : (n,) float64
+        Time at which each person was stopped [s]; NaN for the others.
+    stopped : (n,) bool
+        Whether each person has been stopped.
+
+    Raises
+    ------
+    ScenarioError
+        A quantity is needed that no source provides.
+    """
+
+    def __init__(
+        self, case: "Case", air: Air, law: SmokeLaw, building: Building, crowd: Crowd, groups: Sequence[Group]
+    ) -> None:
+        self._case, self.air, self._law, self._crowd = case, air, law, crowd
+        self._dose: DoseSettings | None = case.dose
+        for name in quantities_needed(case, law):
+            if name not in air.quantities:
+                what = f"[smoke] law {law.name!r}" if name == "extinction" else "[dose]"
+                off = 'law = "none"' if name == "extinction" else f'dose.without = ["{name}"]'
+                raise ScenarioError(
+                    f"{case.source}: conditions: no source provides {name} ({QUANTITIES[name].doc}), which {what} "
+                    f"needs; add it to the data, or set {off} to declare that it has no effect"
+                )
+        wanted = {"extinction", *IRRITANTS}
+        if self._dose is not None:
+            wanted |= {*COUNTED[self._dose.form], "temperature", "radiation"} - {*self._dose.without}
+        self.quantities = tuple(name for name in air.quantities if name in wanted)
+        self._slows = bool(case.smoke.irritants) and any(name in self.quantities for name in IRRITANTS)
+        self._uphill = np.array([level.uphill for level in building.levels])
+        n = len(crowd.level)
+        self.share, self.gas, self.heat = np.ones(n), np.zeros(n), np.zeros(n)
+        self.extinction, self.irritants, self.stopped_at = np.zeros(n), np.zeros(n), np.full(n, np.nan)
+        self.stopped: BoolArray = np.zeros(n, np.bool_)
+        self._rates, self._time = np.full((2, n), np.nan), np.nan  # of gases and heat, when they were last found
+        self.threshold = np.full(n, np.inf if self._dose is None else self._dose.threshold)
+        if self._dose is not None and self._dose.susceptibility == "log-normal":
+            own = case.simulation.population_seed
+            for group in groups:
+                generator = generator_for(
+                    case.simulation.seed if own is None else own, "people", group.name, "susceptibility"
+                )
+                self.threshold[group.rows] *= np.exp(self._dose.sigma * generator.standard_normal(len(group.rows)))
+
+    def begin(self, time: float, fields: Fields) -> None:
+        """Find the conditions at the start, unless this run is resumed."""
+        if np.isnan(self._time):
+            self.act(time, fields)
+
+    def act(self, time: float, fields: Fields) -> None:
+        """Find the conditions at people's heads, and add the doses since they were last found.
+
+        Rates are linear in between, and the time at which a threshold is reached follows from that.
+
+        Parameters
+        ----------
+        time : float
+            Time of the run [s].
+        fields : Fields
+            The current directions: people on stairs go up or down.
+        """
+        crowd = self._crowd
+        rows = np.flatnonzero(crowd.level >= 0)
+        level, position = crowd.level[rows], crowd.position[rows]
+        heads = self.air.heads_at(level, position, crowd.height[rows])
+        values = self.air.at(self.quantities, time, level, position, heads)
+        air = dict(zip(self.quantities, values, strict=True))
+        if self._dose is not None and air:
+            self._add_doses(time, rows, air)
+        self._time = time
+        smoke = air.get("extinction", np.zeros(len(rows)))
+        self.extinction[rows] = np.maximum(self.extinction[rows], smoke)
+        irritants = irritant_concentration(air) if self._slows else None
+        with plugin_code(f"t = {time:.3f} s: law {self._law.name!r}", self._law):
+            self.share[rows] = share_in_smoke(self._law, self._desired(rows, fields), smoke, irritants)
+        np.isfinite(self.stopped_at, out=self.stopped)
+        self.share[self.stopped] = 0.0
+
+    def _desired(self, rows: IndexArray, fields: Fields) -> FloatArray:
+        """Return the desired speeds of people in clear air: on the flat, up or down [m/s]."""
+        crowd = self._crowd
+        uphill = self._uphill[crowd.level[rows]]
+        on_stairs = np.flatnonzero(uphill.any(axis=1))
+        use = np.full(len(rows), FLAT)
+        if len(on_stairs):
+            there = rows[on_stairs]
+            where = crowd.level[there], crowd.position[there], crowd.route[there], crowd.contact_radius[there]
+            climb = (fields.directions_at(*where) * uphill[on_stairs]).sum(axis=1)
+            use[on_stairs] = np.where(climb > 0.0, UP, np.where(climb < 0.0, DOWN, FLAT))
+        desired: FloatArray = crowd.speed[rows, use]
+        return desired
+
+    def _add_doses(self, time: float, rows: IndexArray, air: Mapping[str, FloatArray]) -> None:
+        """Add the doses since the last time, and stop those who reach their threshold."""
+        dose = self._dose
+        assert dose is not None
+        scale = COMPROMISING if dose.form == "iso" else INCAPACITATING
+        self.irritants[rows] = np.maximum(self.irritants[rows], irritant_concentration(air, scale))
+        heat = heat_rate(dose.heat, air) if dose.heat != "none" and "temperature" in air else np.zeros(len(rows))
+        rates = np.stack([gas_rate(dose.form, dose.activity, air), heat]) / MINUTE
+        before = self._rates[:, rows]
+        span = 0.0 if np.isnan(self._time) else time - self._time
+        gained = 0.5 * span * (np.where(np.isnan(before), rates, before) + rates)
+        self._rates[:, rows] = rates
+        for taken_so_far, gain in zip((self.gas, self.heat), gained, strict=True):
+            left = self.threshold[rows] - taken_so_far[rows]
+            taken_so_far[rows] += gain
+            reached = (gain >= left) & (left > 0.0)
+            reached |= (left <= 0.0) & np.isnan(self.stopped_at[rows])
+            since = np.divide(np.maximum(left, 0.0), gain, out=np.zeros_like(gain), where=gain > 0.0)
+            at = time - span + span * np.minimum(since, 1.0)
+            self.stopped_at[rows[reached]] = np.fmin(self.stopped_at[rows[reached]], at[reached])
+
+    def results(self) -> dict[str, Any]:
+        """Return what the results of a run say: ``exposure``, columns of people.csv, and ``conditions``."""
+        dose, inside = self._dose, self._crowd.level >= 0
+        report: dict[str, Any] = {
+            "sources": [one.source for one in self._case.conditions],
+            "law": self._law.name,
+            "quantities": self.quantities,
+            "findings": [line for source in self.air.sources for line in source.findings()],
+            "greatest_extinction": float(self.extinction.max(initial=0.0)),
+            "dose": None,
+        }
+        if dose is not None:
+            counted = COUNTED[dose.form] + (("temperature", "radiation") if dose.heat != "none" else ())
+            report["dose"] = {
+                "form": dose.form,
+                "heat": dose.heat,
+                "threshold": dose.threshold,
+                "susceptibility": dose.susceptibility,
+                "not_in_data": [name for name in counted if name not in self.quantities],
+                "gas_above_0.3": int((self.gas >= 0.3).sum()),
+                "gas_above_1": int((self.gas >= 1.0).sum()),
+                "heat_above_0.3": int((self.heat >= 0.3).sum()),
+                "heat_above_1": int((self.heat >= 1.0).sum()),
+                "greatest_gas": float(self.gas.max(initial=0.0)),
+                "greatest_heat": float(self.heat.max(initial=0.0)),
+                "stopped": int((self.stopped & inside).sum()),
+            }
+        exposure = {
+            "gas_dose": self.gas.copy(),
+            "heat_dose": self.heat.copy(),
+            "greatest_extinction": self.extinction.copy(),
+            "greatest_irritants": self.irritants.copy(),
+            "stopped_at": self.stopped_at.copy(),
+        }
+        return {"conditions": report, "exposure": exposure}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays that are needed to continue with the same bits."""
+        names = "share", "gas", "heat", "extinction", "irritants", "stopped_at"
+        state: dict[str, NDArray[Any]] = {name: getattr(self, name).copy() for name in names}
+        return state | {"rates": self._rates.copy(), "time": np.array(self._time)}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        shape = self.share.shape
+        self.share[:] = taken(state, "share", np.float64, shape, 0.0, 1.0)
+        for name in ("gas", "heat", "extinction", "irritants", "stopped_at"):
+            values = getattr(self, name)
+            values[:] = taken(state, name, np.float64, shape, 0.0, np.inf, nan=name == "stopped_at")
+        np.isfinite(self.stopped_at, out=self.stopped)
+        self._rates[:] = taken(state, "rates", np.float64, self._rates.shape, 0.0, np.inf, nan=True)
+        self._time = float(taken(state, "time", np.float64, (), 0.0, np.inf, nan=True))

@@ -1,0 +1,71 @@
+"""Speed in smoke: the base class of laws, and the effect of irritant gases on top of them."""
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from evac.base.arrays import FloatArray
+from evac.base.parameters import Configurable
+
+
+class SmokeLaw(Configurable, ABC):
+    """How fast people walk in smoke: the base class of such laws.
+
+    The same law is applied to people, and to the travel times of routes. Speeds that it returns are limited to those
+    between zero and the desired speed.
+    """
+
+    #: Whether the law was measured in irritant smoke, so that the effect of irritant gases is not added.
+    is_irritant: ClassVar[bool] = False
+
+    #: Whether it needs the extinction coefficient.
+    needs_extinction: ClassVar[bool] = True
+
+    @abstractmethod
+    def speed(self, desired: FloatArray, extinction: FloatArray) -> FloatArray:
+        """Return the speeds (n,) of people in smoke [m/s].
+
+        Parameters
+        ----------
+        desired : (n,) float64 [m/s]
+            Their desired speeds in clear air, on the flat or on the stairs on which they are, along the slope.
+        extinction : (n,) float64 [1/m]
+            Extinction coefficients K at their heads.
+        """
+
+
+def share_in_smoke(
+    law: SmokeLaw, desired: FloatArray, extinction: FloatArray, irritants: FloatArray | None
+) -> FloatArray:
+    """Return the share (n,) of the desired speeds that smoke and irritant gases leave.
+
+    The losses are added, and not both counted if the law was measured in irritant smoke.
+
+    Parameters
+    ----------
+    law : SmokeLaw
+    desired : (n,) float64 [m/s]
+    extinction : (n,) float64 [1/m]
+    irritants : (n,) float64, optional
+        Fractional irritant concentrations on the scale of incapacitation.
+    """
+    speed = np.clip(law.speed(desired, extinction), 0.0, desired)
+    share: FloatArray = np.divide(speed, desired, out=np.ones_like(desired), where=desired > 0.0)
+    if irritants is not None and not law.is_irritant:
+        share = np.clip(share - (1.0 - share_with_irritants(irritants)), 0.0, 1.0)
+    return share
+
+
+def share_with_irritants(concentration: FloatArray) -> FloatArray:
+    """Return the share (n,) of the speed that irritants leave, after eq. 63.13 of the SFPE Handbook.
+
+    This curve is a concept: it does not follow from measurements of walking.
+
+    Parameters
+    ----------
+    concentration : (n,) float64
+        Fractional irritant concentration on the scale of incapacitation.
+    """
+    share: FloatArray = (np.exp(-((1000.0 * concentration / 160.0) ** 2)) + 0.2 - 0.2 * concentration) / 1.2
+    return np.clip(share, 0.0, 1.0)

@@ -1,0 +1,153 @@
+"""Sources of the conditions of the air: the base class of such plugins."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ScenarioError, usable_path
+from evac.base.parameters import Configurable, did_you_mean
+
+if TYPE_CHECKING:
+    from evac.building.model.building import Building
+
+#: Height of the head, at which people breathe and see, over that of the body; 1.6 m for a body of 1.78 m.
+HEAD = 0.9
+
+#: Times that differ by less are the same [s].
+AT_ONCE = 1e-6
+
+
+@dataclass(frozen=True)
+class SourceScene:
+    """What a source may use.
+
+    Attributes
+    ----------
+    building : Building
+    folder : Path
+        The folder of the case.
+    settings : ConditionSettings
+        The table ``[[conditions]]`` of the source.
+    heads : mapping of str to float
+        Mean height of the heads of each group of people above the floor [m].
+    needed : tuple of str
+        The quantities that the case asks for.
+    files : list of Path
+        The files asked for with `file`.
+    """
+
+    building: "Building"
+    folder: Path
+    settings: Any
+    heads: dict[str, float]
+    needed: tuple[str, ...] = ()
+    files: list[Path] = field(default_factory=list)
+
+    def file(self, name: str) -> Path:
+        """Return the path of a data file, relative to the folder of the case.
+
+        Raises
+        ------
+        ScenarioError
+            There is no such file.
+        """
+        path = usable_path(self.folder / name, ScenarioError)
+        if not path.is_file():
+            raise ScenarioError(f"{path}: no such file; check the path")
+        self.files.append(path)
+        return path
+
+    def levels(self) -> list[int]:
+        """Return the indices of the levels that the table names, or those of the stairs; all if it names none.
+
+        Raises
+        ------
+        ScenarioError
+            There is no level and no stair of a name.
+        """
+        named, levels = self.settings.level, self.building.levels
+        if not named:
+            return [level.index for level in levels]
+        found = []
+        for name in (named,) if isinstance(named, str) else named:
+            own = [level.index for level in levels if name in (level.name, level.stair)]
+            if not own:
+                known = [level.name for level in levels] + [level.stair for level in levels if level.stair]
+                raise ScenarioError(f"level: there is no level or stair {name!r}; {did_you_mean(name, known)}")
+            found += own
+        return found
+
+
+class ConditionSource(Configurable):
+    """Provides quantities of the air at places and times: the base class of such plugins.
+
+    A source has either frames, and defines `frame`, or knows the values at any time, and defines `at`.
+
+    Attributes
+    ----------
+    times : (f,) float64
+        Times of the frames [s], ascending.
+    """
+
+    #: Keys of `[[conditions]]` that it uses, besides ``source``, ``start`` and ``hold``.
+    keys: ClassVar[tuple[str, ...]] = ()
+
+    times: FloatArray = np.zeros(1)
+
+    def open(self, scene: SourceScene) -> Sequence[str]:
+        """Read what is needed before the run, and return the names of the quantities that it provides.
+
+        Parameters
+        ----------
+        scene : SourceScene
+        """
+        raise NotImplementedError
+
+    def frame(
+        self, quantities: Sequence[str], index: int, level: IntArray, position: FloatArray, height: FloatArray
+    ) -> FloatArray:
+        """Return the values (q, n) of quantities in a frame at places, NaN where the source does not apply.
+
+        Parameters
+        ----------
+        quantities : sequence of str
+            Some of those that `open` returned.
+        index : int
+            Of the frame.
+        level : (n,) int32
+        position : (n, 2) float64 [m]
+        height : (n,) float64 [m]
+            Height z of each place, that of a head.
+        """
+        raise NotImplementedError
+
+    def at(
+        self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
+    ) -> FloatArray:
+        """Return the values (q, n) of quantities at a time [s], linear between frames; see `frame`."""
+        last = len(self.times) - 1
+        index = min(max(int(np.searchsorted(self.times, time + AT_ONCE, side="right")) - 1, 0), last)
+        values = self.frame(quantities, index, level, position, height)
+        if index == last or time <= self.times[index] + AT_ONCE:
+            return values
+        share = (time - self.times[index]) / (self.times[index + 1] - self.times[index])
+        after = self.frame(quantities, index + 1, level, position, height)
+        between: FloatArray = values + share * (after - values)
+        return between
+
+    @property
+    def last(self) -> float:
+        """Time after which there are no values [s]; inf if there are always values."""
+        return float(self.times[-1])
+
+    def findings(self) -> Sequence[str]:
+        """Return what should be known about the data before a run, such as what they cover, one line each."""
+        return ()
+
+    def deck(self, scene: SourceScene) -> Sequence[str]:
+        """Return lines for the input of the program that computes the data, as ``evac conditions deck`` prints them."""
+        return ()

@@ -1,0 +1,161 @@
+"""Conditions of the air that a case states itself, or a CSV file."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ScenarioError
+from evac.base.parameters import did_you_mean
+from evac.building.model.elevation import elevation
+from evac.conditions.quantities import QUANTITIES
+from evac.conditions.source import ConditionSource, SourceScene
+
+#: Greatest size of a CSV file [bytes].
+MOST_BYTES = 50_000_000
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Values on some levels: of each quantity (q, f) at the times (f,)."""
+
+    levels: list[int]
+    times: FloatArray
+    values: dict[str, FloatArray]
+
+
+class Prescribed(ConditionSource):
+    """Values that are the same everywhere on a level, in an area, or in a layer above the floor.
+
+    A CSV file has the columns time, any of the quantities, and level if it describes several levels; the lines of a
+    level are in the order of their times.
+    """
+
+    name = "prescribed"
+    keys = ("level", "area", "file", "times", "values", "above", "below")
+
+    def open(self, scene: SourceScene) -> Sequence[str]:
+        """Read the values."""
+        self._building, settings = scene.building, scene.settings
+        self._polygon = None
+        self._low = settings.above or 0.0
+        self._high = np.inf if settings.below is None else settings.below
+        if self._low >= self._high:
+            raise ScenarioError(f"below: {self._high:g} m is not higher than above, {self._low:g} m; raise it")
+        levels = scene.levels()
+        if settings.area is not None:
+            area = scene.building.area_named(settings.area)
+            if area is None:
+                names = [one.name for one in scene.building.areas]
+                raise ScenarioError(f"area: there is no area {settings.area!r}; {did_you_mean(settings.area, names)}")
+            self._polygon, levels = area.polygon, [area.level]
+            shapely.prepare(self._polygon)
+        if (settings.file is None) == (settings.values is None):
+            raise ScenarioError("values: give either the values (values), or a CSV file with them (file)")
+        if settings.file is None:
+            self._parts = [_part_of(levels, settings.times, settings.values)]
+        else:
+            if settings.times is not None:
+                raise ScenarioError("times: belongs to values; the file has times of its own")
+            self._parts = _parts_in(scene.file(settings.file), levels, scene)
+        return tuple(dict.fromkeys(name for part in self._parts for name in part.values))
+
+    @property
+    def last(self) -> float:
+        """Time after which there are no values [s]; inf for constant ones."""
+        return min(float(part.times[-1]) if len(part.times) > 1 else np.inf for part in self._parts)
+
+    def at(
+        self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
+    ) -> FloatArray:
+        """Return the values at a time, linear between those that are given."""
+        found = np.full((len(quantities), len(level)), np.nan)
+        for part in self._parts:
+            rows = np.flatnonzero(np.isin(level, part.levels))
+            if self._polygon is not None:
+                rows = rows[shapely.intersects_xy(self._polygon, *position[rows].T)]
+            if self._low > 0.0 or self._high < np.inf:
+                over = height[rows] - elevation(self._building, level[rows], position[rows])
+                rows = rows[(over >= self._low) & (over < self._high)]
+            for index, name in enumerate(quantities):
+                if name in part.values:
+                    found[index, rows] = np.interp(time, part.times, part.values[name])
+        return found
+
+
+def _part_of(levels: list[int], times: Sequence[float] | None, given: dict[str, Any]) -> _Part:
+    """Return the values of a table."""
+    at = np.zeros(1) if times is None else np.array(times, np.float64)
+    if not len(at) or at[0] != 0.0 or (np.diff(at) <= 0.0).any():
+        raise ScenarioError("times: must begin with 0 and increase")
+    if not given:
+        raise ScenarioError("values: there are none; write { extinction = 1.0 }, for example")
+    values = {}
+    for name, each in given.items():
+        own = np.atleast_1d(np.array(each, np.float64))
+        if len(own) not in (1, len(at)):
+            raise ScenarioError(f"values.{name}: {len(own)} values for {len(at)} times; give one for each")
+        _check(f"values.{name}", name, own)
+        values[name] = np.broadcast_to(own, len(at))
+    return _Part(levels, at, values)
+
+
+def _check(where: str, name: str, values: FloatArray) -> None:
+    """Refuse a quantity that does not exist, and values that it cannot have."""
+    if name not in QUANTITIES:
+        raise ScenarioError(f"{where}: there is no such quantity; {did_you_mean(name, list(QUANTITIES))}")
+    own = QUANTITIES[name]
+    wrong = ~((values >= own.least) & (values <= own.most))
+    if wrong.any():
+        raise ScenarioError(f"{where}: {values[wrong][0]:g} {own.unit} is outside [{own.least:g}, {own.most:g}]")
+
+
+def _parts_in(path: Path, levels: list[int], scene: SourceScene) -> list[_Part]:
+    """Return the values in a CSV file, by level."""
+    if path.stat().st_size > MOST_BYTES:
+        raise ScenarioError(f"{path}: larger than {MOST_BYTES / 1e6:g} MB; give fewer times")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            head, *lines = csv.reader(stream) or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+        raise ScenarioError(f"{path}: not a table in CSV: {error}; save it as CSV in UTF-8") from error
+    head = [name.strip() for name in head]
+    if "time" not in head or len(set(head)) < len(head):
+        raise ScenarioError(f"{path}: line 1: needs a column 'time', and each column once; got {', '.join(head)!r:.80}")
+    names = [name for name in head if name not in ("time", "level")]
+    by_level: dict[str, list[list[float]]] = {}
+    for number, line in enumerate(lines, start=2):
+        if not line:
+            continue
+        if len(line) != len(head):
+            raise ScenarioError(f"{path}: line {number}: {len(line)} values, but {len(head)} columns")
+        row = dict(zip(head, line, strict=True))
+        try:
+            values = [float(row[name]) for name in ("time", *names)]
+        except ValueError as error:
+            raise ScenarioError(f"{path}: line {number}: {error}") from error
+        by_level.setdefault(row.get("level", "").strip(), []).append(values)
+    parts = []
+    known = {level.name: level.index for level in scene.building.levels}
+    for level, rows in by_level.items():
+        if level and known.get(level) not in levels:
+            raise ScenarioError(f"{path}: level: there is no level {level!r}; {did_you_mean(level, list(known))}")
+        table = np.array(rows).T
+        with_values = {name: column for name, column in zip(names, table[1:], strict=True)}
+        try:
+            for name, column in with_values.items():
+                _check(name, name, column)
+            parts.append(_part_of([known[level]] if level else levels, tuple(table[0]), with_values))
+        except ScenarioError as error:
+            raise ScenarioError(f"{path}: {f'level {level!r}: ' if level else ''}{error}") from error
+    if not parts:
+        raise ScenarioError(f"{path}: has no lines with values")
+    return parts
+
+
+evac_interface = 3

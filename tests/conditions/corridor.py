@@ -1,0 +1,33 @@
+"""The corridor of NIST 2.5 and ISO 18, 100 m by 2 m, and rooms in which people stand in gases."""
+
+import evac
+
+
+def corridor(*conditions, speed=1.25, positions=((0.5, 1.0),), **tables):
+    """Return a case of people who walk through the corridor, with tables of conditions."""
+    outline = [[0, 0], [100, 0], [100, 2], [0, 2]]
+    exits = [{"name": "out", "storey": "f", "segment": [[100, 0], [100, 2]]}]
+    people = {"name": "p", "level": "f", "positions": [list(one) for one in positions], "speed": speed, "tau": 0.2}
+    table = {
+        "building": {"plan": {"storeys": [{"name": "f", "polygons": [outline]}], "exits": exits}},
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 3000.0},
+        "people": [{**people, "radius": 0.2, "height": 1.7}],
+        "conditions": list(conditions),
+        "smoke": {"routes": False},
+    }
+    return evac.load({**table, **tables})
+
+
+def prescribed(extinction=None, **more):
+    """Return a table of conditions that are prescribed."""
+    values = {} if extinction is None else {"extinction": extinction}
+    return {"source": "prescribed", "values": values | more.pop("values", {}), **more}
+
+
+def standing(dose=None, people=1, **values):
+    """Return a case of people who stand in gases."""
+    places = [[0.4 + 0.35 * (k % 280), 0.4 + 0.4 * (k // 280)] for k in range(people)]
+    group = {"name": "p", "level": "f", "positions": places, "radius": 0.1, "leave": False}
+    tables = {"people": [group], "smoke": {"law": "none"}, "dose": {"heat": "none", **(dose or {})}}
+    return corridor({"source": "prescribed", "values": values}, **tables)

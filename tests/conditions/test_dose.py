@@ -1,0 +1,118 @@
+"""Doses of gases and heat: numbers of FDS, ISO 20414 test 19, the SFPE Handbook and ISO 13571."""
+
+import math
+
+import numpy as np
+import pytest
+
+from evac.conditions.dose import gas_rate, heat_rate, irritant_concentration
+from evac.conditions.exposure import exposure_of
+from evac.people.population import Group
+from evac.physics.state import make_crowd
+from evac.simulation.simulation import Simulation
+from tests.conditions.corridor import standing
+
+
+def rate(form="fds", **air):
+    return float(gas_rate(form, "light", {name: np.array([float(value)]) for name, value in air.items()})[0])
+
+
+#: Mixtures of FDS's verification case FED_FIC, with dose and irritant concentration after 100 s.
+FED_FIC = [
+    ({"o2": 9.772709, "co2": 3.430594, "co": 3241.86}, 0.5994, 0.0),
+    ({"o2": 9.021848, "co2": 1.918864, "co": 2455.82, "no": 134.87, "hcn": 265.33}, 0.97403, 0.0),
+    (
+        {"o2": 20.9, "no2": 1.14, "hcl": 68.33, "hbr": 68.33, "hf": 52.15, "so2": 7.19, "acrolein": 2.70}
+        | {"formaldehyde": 13.49},
+        0.0082584,
+        0.8574,
+    ),
+    (
+        {"o2": 10.305454, "co2": 0.746276, "co": 1660.45, "no": 89.34, "no2": 0.57, "hcn": 203.96, "hcl": 34.17}
+        | {"hbr": 34.17, "hf": 26.07, "so2": 3.60, "acrolein": 1.35, "formaldehyde": 6.74},
+        0.51369,
+        0.4287,
+    ),
+]
+
+
+@pytest.mark.parametrize(("air", "dose", "concentration"), FED_FIC)
+def test_doses_and_irritants_are_those_of_fds(air, dose, concentration):
+    assert rate(**air) * 100.0 / 60.0 == pytest.approx(dose, rel=1e-4)
+    values = {name: np.array([value]) for name, value in air.items()}
+    assert irritant_concentration(values)[0] == pytest.approx(concentration, rel=1e-4)
+
+
+@pytest.mark.parametrize(("form", "time"), [("fds", 343.0), ("sfpe", 336.0), ("iso", 373.0)])
+def test_the_forms_differ(form, time):
+    assert 60.0 / rate(form, co=1000, hcn=100, co2=4, o2=17) == pytest.approx(time, abs=0.5)
+
+
+def test_activity_sets_the_breathing_rate():
+    air = {"co": np.array([1000.0])}
+    rest, light, heavy = (gas_rate("fds", activity, air)[0] for activity in ("rest", "light", "heavy"))
+    assert (rest / light, heavy / light) == pytest.approx((8.5 / 25.0 * 30.0 / 40.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("form", "minutes"),
+    [("clothed", (156.0, 24.7, 5.7, 2.0)), ("unclothed", (45.0, 7.9, 2.0, 0.75)), ("design", (98.0, 12.3, 2.7, 0.91))],
+)
+def test_times_in_hot_air(form, minutes):
+    found = 1.0 / heat_rate(form, {"temperature": np.array([60.0, 100.0, 150.0, 200.0])})
+    np.testing.assert_allclose(found, minutes, rtol=0.02)
+
+
+def test_radiation_adds_to_the_dose_of_heat_from_a_flux_on():
+    cold = {"temperature": np.zeros(3), "radiation": np.array([2.4, 2.5, 10.0])}
+    found = heat_rate("clothed", cold)
+    assert found[0] == pytest.approx(0.0, abs=1e-8)
+    np.testing.assert_allclose(1.0 / found[1:], 1.33 / np.array([2.5, 10.0]) ** 1.33)
+
+
+@pytest.mark.parametrize(
+    ("co2", "co", "o2", "time", "within"),
+    [
+        (2.0, 1000.0, 15.0, 981.7, 0.1),
+        (0.0, 0.0, 12.0, 1666.5, 0.3),  # the equation gives 1666.27 s at 12 % exactly
+        (0.0, 1000.0, 21.0, 1692.8, 0.1),
+        (3.43, 1000.0, 21.0, 846.5, 0.1),
+        (2.0, 5000.0, 18.0, 208.7, 0.1),  # NIST 2.6
+    ],
+)
+def test_people_who_stand_in_gases_are_stopped_when_iso_19_says(co2, co, o2, time, within):
+    exposure, fields = exposed(1, co2=co2, co=co, o2=o2)
+    for tick in range(int(time) + 2):
+        exposure.act(float(tick), fields)
+    assert exposure.stopped_at[0] == pytest.approx(60.0 / rate(co2=co2, co=co, o2=o2), abs=1e-6)
+    assert exposure.stopped_at[0] == pytest.approx(time, abs=within)
+
+
+def exposed(people, dose=None, seed=1, **air):
+    """Return the exposure of people who stand in gases, without a loop in which nobody moves."""
+    case = standing(dose, **air).change({"simulation.seed": seed})
+    simulation = Simulation(case, will_run=False)
+    crowd = make_crowd(np.full((people, 2), 1.0))
+    groups = [Group("p", np.arange(people, dtype=np.int32), {})]
+    return exposure_of(case, simulation.building, crowd, groups), simulation.fields
+
+
+def test_the_share_of_people_who_are_stopped_is_that_of_the_distribution():
+    """CO 1999.86 ppm and CO2 0.049992 % give the dose 1 at 785.4 s, and by 999 s stop 60.1 % of 10,000 people."""
+    air = {"co": 1999.86, "co2": 0.049992, "o2": 20.9}
+    assert 60.0 / rate(**air) == pytest.approx(785.49, abs=0.1)
+    exposure, fields = exposed(10_000, {"susceptibility": "log-normal"}, **air)
+    for time in np.arange(0.0, 1000.0, 9.0):
+        exposure.act(time, fields)
+    assert exposure.stopped.mean() == pytest.approx(0.601, abs=0.02)
+    logarithms = np.log(exposure.threshold)
+    assert abs(logarithms.mean()) < 4.0 * 0.94 / math.sqrt(10_000)
+    assert logarithms.std() == pytest.approx(0.94, rel=0.03)
+
+
+def test_thresholds_are_drawn_from_the_generator_of_the_group():
+    air = {"co": 1999.86, "co2": 0.049992, "o2": 20.9}
+    first, again, other = (exposed(5, {"susceptibility": "log-normal"}, seed, **air)[0].threshold for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).all()
+    assert (exposed(5, {"threshold": 0.3}, **air)[0].threshold == 0.3).all()

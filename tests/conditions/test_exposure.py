@@ -1,0 +1,149 @@
+"""People in smoke and gases: where and when the air is read, who is stopped, and what results say about it."""
+
+import ast
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import evac
+from evac.simulation.simulation import Simulation
+from tests.conditions.corridor import corridor, prescribed, standing
+from tests.runs import assert_same_bits, run_ticks
+
+#: People are stopped within a second by 10 % of CO.
+DOSE = {"heat": "none", "threshold": 0.05}
+
+
+def test_values_are_linear_between_times():
+    simulation = Simulation(corridor(prescribed(times=[0, 10, 20], values={"extinction": [0, 4, 0]}, hold=True)))
+    air, at = simulation.exposure.air, (np.zeros(1, np.int32), np.array([[50.0, 1.0]]), np.array([1.5]))
+    found = [air.at(("extinction",), time, *at)[0, 0] for time in (0.0, 2.5, 10.0, 15.0, 20.0, 99.0)]
+    np.testing.assert_allclose(found, [0.0, 1.0, 4.0, 2.0, 0.0, 0.0])
+
+
+def test_a_run_that_outlasts_its_data_fails_unless_they_hold():
+    table = prescribed(times=[0, 10], values={"extinction": [0, 1]})
+    with pytest.raises(evac.ScenarioError, match=r"conditions\.0: the values end at 10 s .* hold = true"):
+        Simulation(corridor(table)).run()
+    held = Simulation(corridor({**table, "hold": True}))
+    assert held.run().ended == "everybody out"
+    late = {**table, "start": 4.0}
+    with pytest.raises(evac.ScenarioError, match="the values end at 6 s"):
+        Simulation(corridor(late)).run()
+
+
+def test_people_read_the_air_where_they_are():
+    """A gradient of K made of ten areas: the speed follows it."""
+    areas = [{"name": f"a{k}", "level": "f", "polygon": [[10 * k, 0], [10 * k + 10, 0], [10 * k + 10, 2], [10 * k, 2]]}
+             for k in range(10)]  # fmt: skip
+    tables = [prescribed(float(k), area=f"a{k}") for k in range(10)]
+    case = corridor(*tables)
+    case = case.change({"building.areas": areas})
+    simulation = Simulation(case)
+    crowd, times = simulation.population.crowd, {}
+    while not simulation.ended:
+        before = crowd.position[0, 0]
+        simulation.advance_tick()
+        for x in range(2, 100, 5):
+            if before < x <= crowd.position[0, 0]:
+                times[x] = simulation.time - 0.1 * (crowd.position[0, 0] - x) / (crowd.position[0, 0] - before)
+    for k in range(1, 10):
+        speed = 5.0 / (times[10 * k + 7] - times[10 * k + 2])
+        assert speed == pytest.approx(1.25 * (1.0 - 0.057 / 0.706 * k), rel=1e-6)
+
+
+def test_a_child_walks_below_smoke_that_slows_others():
+    case = corridor(prescribed(5.0, above=1.3), positions=((0.5, 0.6), (0.5, 1.4)))
+    heights = {"people.p.height": {"list": [1.0, 1.8]}}
+    simulation = Simulation(case.change(heights))
+    results = simulation.run()
+    np.testing.assert_array_equal(results.exposure["greatest_extinction"], [0.0, 5.0])
+    assert results.crowd.exit_time[1] > 1.5 * results.crowd.exit_time[0]
+
+
+def stop_in_the_middle():
+    """Three people, of whom the one in the middle area is stopped at once, in the way of the one behind."""
+    area = {"name": "gas", "level": "f", "polygon": [[20, 0], [30, 0], [30, 2], [20, 2]]}
+    places = ((10.0, 1.0), (25.0, 1.0), (40.0, 1.0))
+    tables = {"dose": DOSE, "smoke": {"law": "none"}, "behaviours": {"walking": {}}}
+    deadly = prescribed(
+        area="gas", times=[0, 1, 2], values={"co": [100000, 100000, 0], "co2": 0.0, "o2": 20.9}, hold=True
+    )
+    return corridor(deadly, positions=places, **tables).change({"building.areas": [area]})
+
+
+def test_people_who_are_stopped_stay_and_are_passed_and_the_run_ends_without_them(tmp_path):
+    results = evac.run(stop_in_the_middle(), tmp_path / "result")
+    assert (results.ended, results.exit_status) == ("everybody out who can move", 3)
+    assert results.stopped.tolist() == [1]
+    assert results.people["stopped_at"].notna().tolist() == [False, True, False]
+    assert (results.evacuated, results.not_started, list(results.stuck)) == (2, 0, [])
+    assert results.people["gas_dose"].gt(0.05).tolist() == [False, True, False]
+    assert abs(results.crowd.position[1, 0] - 25.0) < 1.5
+    assert np.abs(results.crowd.position[1] - results.start_position[1]).max() < 1.5
+    assert results.crowd.distance[0] > 90.0  # it walked round
+    assert any("stopped" in line for line in results.remarks)
+    summary = results.summary()
+    assert summary["stopped"] == summary["conditions"]["dose"]["stopped"] == 1
+    read = evac.read_results(tmp_path / "result")
+    assert read.summary()["conditions"] == summary["conditions"]
+    assert read.people.equals(results.people)
+    assert read.exit_status == 3
+
+
+def test_a_run_in_smoke_is_resumed_with_the_same_bits(tmp_path):
+    case = stop_in_the_middle()
+    simulation, halfway = Simulation(case), Simulation(case)
+    for _ in range(30):
+        halfway.advance_tick()
+    other = Simulation(case)
+    other.restore(halfway.state())
+    whole, rest = simulation.run(), other.run()
+    assert_same_bits(simulation, other)
+    for name, values in whole.exposure.items():
+        np.testing.assert_array_equal(values, rest.exposure[name])
+
+
+def test_full_runs_have_the_same_bits():
+    lean, full = (Simulation(stop_in_the_middle(), full=full) for full in (False, True))
+    assert_same_bits(run_ticks(lean, 400), run_ticks(full, 400))
+
+
+@pytest.mark.parametrize(
+    ("case", "words"),
+    [
+        (lambda: standing(co=1.0, co2=1.0), ["o2", 'dose.without = ["o2"]']),
+        (lambda: standing({"heat": "clothed"}, co=1.0, co2=1.0, o2=20.0), ["temperature"]),
+        (lambda: corridor(prescribed(values={"co": 1.0})), ["extinction", 'law = "none"']),
+        (lambda: standing({"without": ["o3"]}, co=1.0), ["dose.without", "'o3'", "did you mean"]),
+    ],
+)
+def test_a_quantity_that_is_missing_is_refused_or_declared_off(case, words):
+    with pytest.raises(evac.ScenarioError) as error:
+        Simulation(case())
+    for word in words:
+        assert word in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_quantity_that_is_declared_off_is_told_in_the_summary():
+    simulation = Simulation(standing({"without": ["o2"]}, co=1.0, co2=1.0))
+    assert "o2" in simulation.results().summary()["conditions"]["dose"]["not_in_data"]
+
+
+SCRIPT = """
+import sys, evac
+results = evac.run(evac.load("square_room", {"simulation.duration": 1.0, "output.every": 0.5}), None)
+print([name for name in sys.modules if name.startswith("evac.conditions.")])
+"""
+
+
+def test_without_conditions_nothing_of_the_room_is_used():
+    """Plugins import the base classes of sources and laws, as they are registered."""
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
+    used = {"evac.conditions.law", "evac.conditions.source", "evac.conditions.quantities"}
+    assert set(ast.literal_eval(done.stdout.splitlines()[-1])) <= used
+    case = evac.load("square_room", {"conditions": [], "dose": {"threshold": 0.3}})
+    assert Simulation(case, will_run=False).exposure is None
