@@ -287,7 +287,8 @@ def _fire_faults(content: dict[str, Any], registry: "Registry") -> list[Fault]:
     smoke = content.get("smoke")
     if isinstance(smoke, dict):
         law, keys = smoke.get("law"), SmokeSettings.model_fields
-        if isinstance(law, str) and law not in registry.smoke_laws:
+        used = bool(content.get("conditions")) or law != keys["law"].default
+        if used and isinstance(law, str) and law not in registry.smoke_laws:
             text = f"unknown law {law!r}; {_known_or_plugin(law, registry.smoke_laws)}"
             faults.append(Fault(("smoke", "law"), text, True))
         tables = {name: table for name, table in smoke.items() if name not in keys}

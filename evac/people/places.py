@@ -190,7 +190,8 @@ class Places:
 
     def exit_routes(self, rows: NDArray[np.integer[Any]]) -> IntArray:
         """Return the routes of people to exits: of those who go to a place, the route that they had before."""
-        return np.where(self._meant[rows] >= 0, self._before[rows], self._crowd.route[rows])
+        routes: IntArray = np.where(self._meant[rows] >= 0, self._before[rows], self._crowd.route[rows])
+        return routes
 
     def set_exit_routes(self, rows: NDArray[np.integer[Any]], routes: IntArray) -> None:
         """Set the routes of people to exits; those who go to a place take them if they do so no more."""
