@@ -87,7 +87,7 @@ class IfcImporter(Importer):
         content = _content(path)
         read = read_products(content, CLASSES, library, float(self.product_time), float(self.time))
         if not read.entities:
-            raise ValueError("the file contains no building element")
+            raise ValueError("the file contains no building element; choose another file")
         findings += [Finding("warning", f"message of {library}: {line}") for line in read.said]
         elements = read.entities
         storeys = {
@@ -115,7 +115,9 @@ def _content(path: Path) -> bytes:
         with zipfile.ZipFile(path) as archive:
             members = [one for one in archive.infolist() if one.filename.lower().endswith(".ifc")]
             if len(members) != 1 or members[0].file_size > MOST_BYTES:
-                raise ValueError(f"the archive must hold one .ifc file of at most {MOST_BYTES:g} bytes")
+                raise ValueError(
+                    f"the archive must hold one .ifc file of at most {MOST_BYTES:g} bytes; import the file itself"
+                )
             content = archive.read(members[0])
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise ValueError("not an IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")

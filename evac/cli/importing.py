@@ -83,13 +83,14 @@ def _show(made: "Imported") -> None:
     """Show what is missing, a summary, the openings if there is no exit, the warnings, and the next command."""
     from collections import Counter
 
-    from evac.building.model.findings import KINDS
+    from evac.building.model.findings import KINDS, grouped
     from evac.cli.screen import show_facts, show_table, show_warnings
     from evac.importing.importing import PICTURE, REPORT
     from evac.importing.report import MOST_OPENINGS, opening_row
 
     building = made.building
     floors = [level for level in building.levels if level.kind == "floor"]
+    full = [room.number for room in made.rooms if room.number]
     count = Counter(finding.kind for finding in made.findings)
     for missing in made.missing:
         print(f"incomplete: {missing}", flush=True)
@@ -99,7 +100,7 @@ def _show(made: "Imported") -> None:
             "floors": f"{len(floors)}, {sum(level.polygon.area for level in floors):.1f} m2",
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
-            "people": f"{sum(room.number for room in made.rooms)} in {counted(len(made.rooms), 'room')}",
+            "people": f"{sum(full)} in {counted(len(full), 'room')}",
             "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
             **({"case": made.folder} if made.is_accepted else {}),
             "picture": made.folder / PICTURE,
@@ -112,7 +113,7 @@ def _show(made: "Imported") -> None:
         rows = [opening_row(made, k) for k in range(shown)]
         show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
     for kind in ("warning", "left out"):
-        show_warnings(str(finding) for finding in made.findings if finding.kind == kind)
+        show_warnings(grouped(finding for finding in made.findings if finding.kind == kind))
     if not made.is_accepted:
         show_warnings(["no case has been written, since the building is incomplete; --partial imports what there is"])
     elif not building.exits:

@@ -12,7 +12,7 @@ import numpy as np
 from evac.base.errors import BuildingError, EvacError, ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
-from evac.building.model.findings import Finding
+from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.surface.build import building_of, clean
@@ -46,7 +46,7 @@ class Imported:
     files: tuple[Path, ...]
     folder: Path  # folder with levels.png and report.md, and with case.toml and building.msh if the import is accepted
     building: Building
-    findings: tuple[Finding, ...]  # findings of the importer, on the building and on the case
+    findings: tuple[Finding, ...]  # findings of the importer, on the building and on the case, the worst first
     openings: tuple[Opening, ...]  # possible exits
     rooms: tuple[Room, ...]  # rooms in which people start
     options: dict[str, Any]  # values of all options of the importers and the building
@@ -129,8 +129,8 @@ def import_building(
         if people is None and density is None:
             text = f"{DENSITY:g} people per square metre in every room (--density, --people)"
             findings.append(Finding("assumed", text))
-        rooms, left_out = fill(written, find_rooms(written), people, DENSITY if density is None else density)
-        findings += left_out
+        rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
+        findings = sorted([*findings, *assumed], key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / MESH)
         missing = missing_parts(written, findings)
         made = Imported(
@@ -154,7 +154,7 @@ def import_building(
             made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
         text = report_text(made, draft / CASE)
         (draft / REPORT).write_text(text, encoding="utf-8", errors="replace")
-        _draw(made, draft)
+        _draw(made, draft, are_named=bool(mesh.openings))
         _publish(draft, place, (PICTURE, REPORT, *((MESH, CASE) if made.is_accepted else ())))
     return made
 
@@ -248,11 +248,11 @@ def _fault(draft: Path, folder: Path, registry: Registry) -> str:
     return ""
 
 
-def _draw(made: Imported, folder: Path) -> None:
-    """Draw every level, with numbered openings if there is no exit."""
+def _draw(made: Imported, folder: Path, *, are_named: bool) -> None:
+    """Draw every level, with numbered openings if the file names them, or there is no exit."""
     from evac.importing.report import MOST_OPENINGS
     from evac.pictures.annotated import Mark, draw_levels
 
-    offered = () if made.building.exits else made.openings[:MOST_OPENINGS]
+    offered = () if made.building.exits and not are_named else made.openings[:MOST_OPENINGS]
     marks = [Mark(f"{one.number}: {one.width:.2f} m", one.level, one.segment) for one in offered]
     draw_levels(made.building, folder / PICTURE, made.findings, marks, ", ".join(one.name for one in made.files))

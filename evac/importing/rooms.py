@@ -33,7 +33,7 @@ def find_rooms(building: Building) -> list[Room]:
 
 
 def fill(building: Building, rooms: list[Room], people: int | None, density: float) -> tuple[list[Room], list[Finding]]:
-    """Return the rooms with their numbers of people, and findings for rooms without people.
+    """Return the rooms with their numbers of people, 0 where no exit can be reached, and what was assumed.
 
     Parameters
     ----------
@@ -46,26 +46,19 @@ def fill(building: Building, rooms: list[Room], people: int | None, density: flo
     """
     open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
     used = [room for room in rooms if room.level in open_levels]
-    notes = []
-    for level in building.levels:
-        closed = [room.name for room in rooms if room.level == level.index and room not in used]
-        if closed:
-            x, y = level.polygon.representative_point().coords[0]
-            what = repr(closed[0]) if len(closed) == 1 else f"the {len(closed)} rooms, such as {closed[0]!r}"
-            text = f"no people in {what}: no exit can be reached"
-            notes.append(Finding("left out", text, level.name, (x, y)))
+    closed = [replace(room, number=0) for room in rooms if room not in used]
     if people is None:
         counts = [max(int(density * room.ground + 0.5), 1) for room in used]
-        return [replace(room, number=count) for room, count in zip(used, counts, strict=True)], notes
+        return [replace(room, number=count) for room, count in zip(used, counts, strict=True)] + closed, []
     areas = [room for room in used if room.key == "area"]
     around = _around(building, areas)
     if not around or people <= FULL * sum(room.ground for room in used):
-        return _divided(people, used), notes
+        return _divided(people, used) + closed, []
     areas = [replace(room, number=int(FULL * room.ground)) for room in areas]
     held = sum(room.number for room in areas)
     text = f"{held} people start in areas, {FULL:g} per square metre; the other {people - held} start on the floors"
-    notes.append(Finding("assumed", text, building.levels[areas[0].level].name))
-    return areas + _divided(people - held, [room for room in used if room.key == "level"] + around), notes
+    note = Finding("assumed", text, building.levels[areas[0].level].name)
+    return areas + _divided(people - held, [room for room in used if room.key == "level"] + around) + closed, [note]
 
 
 def _around(building: Building, areas: list[Room]) -> list[Room]:

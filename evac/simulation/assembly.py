@@ -282,6 +282,6 @@ def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -
         try:
             return method(path)
         except (ValueError, OSError) as error:
-            raise BuildingError(
-                f"{path}: cannot be read: {text_of(error)}; export the file again, or in another format"
-            ) from error
+            text = text_of(error)
+            remedy = "" if ";" in text else "; correct the file, or export it again"
+            raise BuildingError(f"{path}: cannot be read: {text}{remedy}") from error

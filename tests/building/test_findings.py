@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from evac.building.model.findings import Finding, as_findings, warnings_of
+from evac.building.model.findings import Finding, as_findings, grouped, warnings_of
 
 
 def test_a_finding_begins_with_its_place():
@@ -22,3 +22,11 @@ def test_only_warnings_are_shown_at_every_run():
 def test_unknown_kinds_and_places_are_refused(kind, place):
     with pytest.raises(ValueError, match="finding"):
         Finding(kind, "text", place=place)
+
+
+def test_findings_that_differ_in_names_and_numbers_are_told_once():
+    told = [Finding("left out", f"{area} m2 of 'room {area}' are a void", "a", (area, 0.0)) for area in (3.0, 4.5)]
+    assert grouped([*told, Finding("left out", "other", "b")]) == [
+        f"{told[0]} (and 1 more like this)",
+        "level 'b': other",
+    ]

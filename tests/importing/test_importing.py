@@ -10,6 +10,7 @@ import shapely.affinity
 
 import evac
 from evac import BuildingError, ScenarioError, import_building, read_building
+from evac.building.model.findings import KINDS
 from evac.importing.openings import find_openings
 from evac.importing.rooms import fill, find_rooms
 
@@ -95,9 +96,10 @@ def test_everything_in_a_file_is_kept(house, tmp_path):
         area.name: area.polygon.area for area in one.areas
     }
     assert np.allclose(one.walls, other.walls)
-    assert {room.name: room.number for room in made.rooms} == {"ground": 3, "office": 1, "store": 1}
-    (left,) = [finding for finding in made.findings if finding.kind == "left out"]
-    assert (left.level, "attic" in left.text) == ("attic", True)
+    assert {room.name: room.number for room in made.rooms} == {"ground": 3, "office": 1, "store": 1, "attic": 0}
+    assert '# [[people]]\n# name = "attic"' in text_of(made, "case.toml")
+    kinds = [finding.kind for finding in made.findings]
+    assert kinds == sorted(kinds, key=KINDS.index)
     assert made.fault.startswith(str(made.folder)) or made.fault == ""
 
 

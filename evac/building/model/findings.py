@@ -1,10 +1,14 @@
 """Findings: facts about a building with their places, from importers to warnings and pictures."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-#: Kinds of findings, in the order of a report. Warnings are shown at every run, the others when a file is imported;
+#: Kinds of findings, the worst first. Warnings are shown at every run, the others when a file is imported;
 #: what is missing, such as a stair that cannot be used, makes an import incomplete.
-KINDS = ("found", "assumed", "repaired", "left out", "warning", "missing")
+KINDS = ("missing", "warning", "left out", "assumed", "repaired", "found")
+#: What differs between findings that tell the same of several things: names in quotation marks, and numbers.
+OWN = re.compile(r"'[^']*'|-?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,15 @@ def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tup
 def warnings_of(findings: tuple[Finding, ...] | list[Finding]) -> tuple[str, ...]:
     """Return the texts of the warnings among findings."""
     return tuple(str(finding) for finding in findings if finding.kind == "warning")
+
+
+def grouped(findings: Iterable[Finding]) -> list[str]:
+    """Return the texts of findings, one for those that differ only in names, numbers and places, with their number."""
+    groups: dict[str, list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault(OWN.sub("", finding.text), []).append(finding)
+    more = [f" (and {len(own) - 1} more like this)" if len(own) > 1 else "" for own in groups.values()]
+    return [f"{own[0]}{others}" for own, others in zip(groups.values(), more, strict=True)]
 
 
 def away(distance: float) -> str:

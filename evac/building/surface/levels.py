@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order
 
 from evac.base.arrays import BoolArray, IndexArray
 from evac.base.errors import BuildingError
@@ -136,21 +134,28 @@ def _parts_that_turn(surface: Surface, label: IndexArray, one: IndexArray, other
     part = np.zeros(len(label), dtype=np.int64)
     heading = np.arctan2(surface.gradient[:, 1], surface.gradient[:, 0])
     inner = label[one] == label[other]
-    links = coo_array((np.ones(inner.sum()), (one[inner], other[inner])), (len(label), len(label))).tocsr()
+    pairs = np.column_stack([one[inner], other[inner]])
     for index in np.unique(label[surface.is_sloped]):
         cells = np.flatnonzero(label == index)
         mean = surface.gradient[cells].mean(axis=0)
-        turned = np.zeros(len(label))
         along = surface.gradient[cells] @ mean / np.hypot(*surface.gradient[cells].T)
         if (along >= np.cos(np.radians(MOST_TURN)) * np.hypot(*mean)).all():
             continue
         first = cells[surface.vertices[surface.triangles[cells], 2].mean(axis=1).argmin()]
-        order, before = breadth_first_order(links, first, directed=False)
-        for cell in order[1:]:
-            turned[cell] = turned[before[cell]] + np.angle(np.exp(1j * (heading[cell] - heading[before[cell]])))
-        span = float(np.degrees(np.ptp(turned[cells])))
-        count = int(np.ceil(span / PART - BEYOND))
-        share = count * np.degrees(turned[cells] - turned[cells].min()) / span
+        beside = defaultdict[int, list[int]](list)
+        for a, b in pairs[label[pairs[:, 0]] == index].tolist():
+            beside[a].append(b)
+            beside[b].append(a)
+        turned, waiting = {int(first): 0.0}, [int(first)]
+        while waiting:
+            cell = waiting.pop(0)
+            for near in beside[cell]:
+                if near not in turned:
+                    turned[near] = turned[cell] + float(np.angle(np.exp(1j * (heading[near] - heading[cell]))))
+                    waiting.append(near)
+        angle = np.degrees([turned[cell] for cell in cells.tolist()])
+        count = int(np.ceil(np.ptp(angle) / PART - BEYOND))
+        share = count * (angle - angle.min()) / np.ptp(angle)
         part[cells] = np.clip(np.ceil(share - BEYOND) - 1, 0, count - 1)
     return part
 

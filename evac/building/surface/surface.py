@@ -71,7 +71,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     is_sliver = (least_height(vertices[triangles]) <= weld) & ~_is_fitted(vertices, triangles)
     if is_sliver.any():
         text = f"{_count(is_sliver)} dropped as degenerate (height below building.weld)"
-        notes.append(Finding("warning", text, place=_first_place(vertices, triangles, is_sliver)))
+        notes.append(Finding("repaired", text, place=_first_place(vertices, triangles, is_sliver)))
     is_obstacle = _any_tag(tags, "obstacle", len(triangles))
     obstacles = {
         name: vertices[triangles[mask & ~is_sliver]] for name, mask in tags.items() if name.startswith("obstacle:")

@@ -13,7 +13,7 @@ from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, snapped
-from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, middle_of, opened, passages_of
+from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, ground_of, middle_of, passages_of
 from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
 from evac.building.recover.bodies.floors import Floor, floors_of
 
@@ -80,8 +80,10 @@ def plan_of_bodies(
             f"{', '.join(kinds) or 'nothing'}{lost}"
         )
     ways = doorways_of(passages, floors, [body for body in bodies if body.kind == "wall"], findings)
+    passable = [ground_of(way) for way in ways]
     for floor in floors:
-        floor.ground = opened(floor, ways)
+        own = [ground for way, ground in zip(ways, passable, strict=True) if way.floor is floor]
+        floor.ground = snapped(united([floor.ground, *own]))
     stairs = stairs_of(bodies, floors, rules.cut_slabs, findings)
     plan = Plan(source)
     plan.findings = findings
@@ -91,7 +93,8 @@ def plan_of_bodies(
             text = f"{polygon.area:.3f} m2 of floor added at the end of a stair"
             findings.append(Finding("repaired", text, floor.name, place_of(polygon)))
         floor.ground = meeting(floor, stairs)
-        plan.storey(floor.name, floor.ground, floor.z)
+        inner = [ground for way, ground in zip(ways, passable, strict=True) if way.floor is floor and way.sides == 2]
+        plan.storey(floor.name, cut(floor.ground, united(inner)), floor.z)
         slab = "" if floor.rooms else ", of slabs"
         plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
     for stair in stairs:
@@ -123,7 +126,9 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:
         is_exit = way in outer and way.floor in floors
         if is_exit:
             plan.exit(name, way.floor.name, way.segment)
-        elif way.sides == 1:
+        elif way.sides == 2:
+            plan.door(name, way.floor.name, way.segment, reach=way.reach)
+        else:
             plan.opening(way.floor.name, way.segment, name)
         width = float(np.hypot(*(way.segment[1] - way.segment[0])))
         kind = "door" if way.is_filled else "opening"

@@ -11,7 +11,7 @@ from evac.base.arrays import FloatArray
 from evac.building.geometry.overlays import common, united
 from evac.building.model.findings import Finding
 from evac.building.plan.outlines import normal, strip
-from evac.building.recover.bodies.body import Body, closed, snapped
+from evac.building.recover.bodies.body import Body, closed
 from evac.building.recover.bodies.floors import Floor
 
 #: Largest difference in height between the foot of a door and the floor that it stands on [m].
@@ -184,12 +184,9 @@ def middle_of(way: Doorway) -> tuple[float, float]:
     return x, y
 
 
-def opened(floor: Floor, ways: Sequence[Doorway]) -> BaseGeometry:
-    """Return the ground of a floor, extended by strips through its doors."""
-    strips = [floor.ground]
-    for way in (way for way in ways if way.floor is floor):
-        for side in (normal(way.segment), -normal(way.segment)):
-            passage = strip(floor.ground, way.segment, side, way.reach)
-            if passage is not None and not passage.polygon.is_empty:
-                strips.append(passage.polygon)
-    return snapped(united(strips))
+def ground_of(way: Doorway) -> BaseGeometry:
+    """Return the ground between a door and the rooms beside it."""
+    sides = [
+        strip(way.floor.ground, way.segment, side, way.reach) for side in (normal(way.segment), -normal(way.segment))
+    ]
+    return united([side.polygon for side in sides if side is not None and not side.polygon.is_empty])
