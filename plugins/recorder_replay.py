@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.saved import taken
+from evac.building.model.elevation import in_space
 from evac.contract.hooks import hookimpl
 from evac.folder.files import REPLAY_NAME
 from evac.trajectory.recorder import Recorder
@@ -38,7 +39,10 @@ class ReplayRecorder(Recorder):
         if self.motion is not None:
             crowd = simulation.population.crowd
             rows = np.flatnonzero(crowd.level >= 0).astype(np.int32)
-            self.motion.add(simulation.time, rows, crowd.level[rows], crowd.position[rows], crowd.contact_force[rows])
+            level, time = crowd.level[rows], simulation.time
+            velocity = in_space(self.motion.building, level, simulation.displacement_velocity[rows])
+            started = crowd.start_time[rows] <= time
+            self.motion.add(time, rows, level, crowd.position[rows], velocity, started, crowd.contact_force[rows])
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:

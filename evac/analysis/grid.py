@@ -65,6 +65,11 @@ class Grid(Cells):
         """Return the density of people at points (s, 2) in every cell, (ny, nx) [1/m2]."""
         return self.smoothed(self.gathered(position))
 
+    def density_at(self, position: FloatArray) -> FloatArray:
+        """Return the density of people at points (s, 2) in the cell of each of them, (s,) [1/m2]."""
+        density: FloatArray = self._smooth(self.gathered(position)) / self.spacing**2
+        return density.ravel()[self.cell(position)]  # a cell that is cut by a wall may be off the floor
+
     def covered(self, position: FloatArray, radius: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return pairs of bodies and covered cells of the floor: rows of `position`, and numbers of cells.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.analysis.grid import Grid
+from evac.analysis.measures import FORCE_SPAN, WAITING_SPEED, Measures, Measuring
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
@@ -20,9 +21,6 @@ SPACING = 0.2
 
 #: Radius R of the Gaussian kernel exp(-r^2 / R^2) / (pi R^2) [m]: it weighs an area of 2 pi R^2 = 3.1 m2.
 KERNEL_RADIUS = 0.7
-
-#: People slower than this count as waiting [m/s].
-WAITING_SPEED = 0.2
 
 #: Least kernel density, averaged over time, for a mean speed [1/m2].
 FEWEST = 1e-3
@@ -40,11 +38,13 @@ class Quantity(NamedTuple):
 QUANTITIES = {
     "density": Quantity("mean density", "1/m²", "mean over time of the density"),
     "max_density": Quantity("maximum density", "1/m²", "maximum density at any recorded time"),
-    "speed": Quantity("mean speed", "m/s", "mean speed of the people there, along the slope on stairs"),
+    "speed": Quantity("mean speed", "m/s", "mean speed of people who have started, along the slope on stairs"),
     "flow": Quantity("specific flow", "1/(m s)", "mean over time of density times velocity, length of the vector"),
-    "waiting": Quantity("waiting", "s/m²", f"time spent by people slower than {WAITING_SPEED:g} m/s, per area"),
+    "waiting": Quantity("waiting", "s/m²", f"time below {WAITING_SPEED:g} m/s after the response time, per area"),
     "time_to_clear": Quantity("time to clear", "s", "time at which the last body was there"),
-    "contact_pressure": Quantity("maximum contact pressure", "N/m", "maximum contact force over circumference"),
+    "contact_pressure": Quantity(
+        "maximum contact pressure", "N/m", f"maximum contact force, mean over {FORCE_SPAN:g} s, over circumference"
+    ),
     "usage": Quantity("usage", "people", "number of different people whose bodies passed"),
 }
 
@@ -72,18 +72,18 @@ class LevelMaps:
     max_density : (ny, nx) float64 [1/m2]
         Greatest rho at a recorded time.
     speed : (ny, nx) float64 [m/s]
-        sum rho_i v_i / sum rho_i over people and times, the local speed of the same source; v is along the slope.
-        NaN where the density is too low.
+        sum rho_i v_i / sum rho_i over times and people who have started, the local speed of the same source; v is along
+        the slope. NaN where the density of these people is too low.
     flow : (ny, nx) float64 [1/(m s)]
         Length of the mean over time of sum_i rho_i v_i, v in plan: the net specific flow.
     waiting : (ny, nx) float64 [s/m2]
-        Integral over time of the density of the people slower than ``waiting_speed``, including people who have not
-        started.
+        Integral over time of the density of the people who wait (`evac.analysis.measures.Measures`).
     time_to_clear : (ny, nx) float64 [s]
         Time at which a body last covered the cell: inf if one does at `end`, NaN if none ever did.
     contact_pressure : (ny, nx) float64 [N/m]
-        Greatest crowd pressure, which is contact force over circumference as in Helbing, Farkas and Vicsek (2000),
-        Nature 407, 487, of the bodies that covered the cell at recorded times; 0 if there was none.
+        Greatest crowd pressure, which is contact force (mean over `evac.analysis.measures.FORCE_SPAN`) over
+        circumference as in Helbing, Farkas and Vicsek (2000), Nature 407, 487, of the bodies that covered the cell at
+        recorded times; 0 if there was none.
     usage : (ny, nx) float64
         Number of different people whose bodies covered the cell.
 
@@ -205,10 +205,12 @@ def level_maps(
         raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded: {recorded}")
     time = trajectory.time[rows]
     sums = {level.index: _Sums(Grid(level, spacing, kernel_radius)) for level in chosen}
+    measuring = Measuring(trajectory.number_of_people, waiting_speed)
     for now, after, share in _steps(trajectory, rows.astype(np.int32)):
+        found = measuring.add(now["time"], now["person"], now["speed"], now["started"], now["contact_force"])
         for index, total in sums.items():
-            total.add_people(now, index, share, waiting_speed)
-            total.add_bodies(now, after, index, trajectory.radius)
+            total.add_people(now, index, share, found)
+            total.add_bodies(now, after, index, trajectory.radius, found.contact_force)
     return {level.name: sums[level.index].maps(level, time) for level in chosen}
 
 
@@ -235,7 +237,7 @@ class _Sums:
         self.grid = grid
         cells = grid.shape[0] * grid.shape[1]
         # All except the greatest density are linear in people, and are smoothed once at the end.
-        self.density, self.max_density, self.speed, self.waiting = np.zeros((4, *grid.shape))
+        self.density, self.started, self.max_density, self.speed, self.waiting = np.zeros((5, *grid.shape))
         self.flow = np.zeros((2, *grid.shape))
         self.last = np.full(cells, np.nan)
         self.pressure = np.zeros(cells)
@@ -243,29 +245,33 @@ class _Sums:
         self._new_visits: list[NDArray[np.int64]] = []
         self._new = 0  # number of visits that are not merged
 
-    def add_people(self, frame: Frame, level: int, share: float, waiting_speed: float) -> None:
+    def add_people(self, frame: Frame, level: int, share: float, found: Measures) -> None:
         """Add one frame to the maps of densities."""
         here = frame["level"] == level
         if not here.any():
             return
         gathered = self.grid.gathered
-        position, speed = frame["position"][here], frame["speed"][here]
+        position, started = frame["position"][here], found.started[here]
         density = gathered(position)
         np.maximum(self.max_density, self.grid.smoothed(density), out=self.max_density)
         self.density += share * density
-        self.speed += share * gathered(position, speed)
+        self.started += share * gathered(position[started])
+        self.speed += share * gathered(position[started], found.speed[here][started])
         for axis in range(2):
             self.flow[axis] += share * gathered(position, frame["velocity"][here, axis])
-        self.waiting += share * gathered(position[speed < waiting_speed])
+        self.waiting += gathered(position, found.waits[here])
 
-    def add_bodies(self, now: Frame, after: Frame | None, level: int, radius: FloatArray) -> None:
+    def add_bodies(
+        self, now: Frame, after: Frame | None, level: int, radius: FloatArray, contact_force: FloatArray
+    ) -> None:
         """Add the cells covered by the bodies in one frame and between it and the next one."""
         here = np.flatnonzero(now["level"] == level)
         if not here.size:
             return
         person, position = now["person"][here], now["position"][here]
         body, cell = self.grid.covered(position, radius[person])
-        np.maximum.at(self.pressure, cell, now["crowd_pressure"][here][body])
+        pressure = contact_force[here] / (2.0 * np.pi * radius[person])
+        np.maximum.at(self.pressure, cell, pressure[body])
         self._visit(person[body], cell, np.inf if after is None else now["time"])
         if after is None:
             return
@@ -298,9 +304,8 @@ class _Sums:
         self._merge_visits()
         grid = self.grid
         usage = np.bincount(self.visits % self.last.size, minlength=self.last.size).reshape(grid.shape)
-        density = grid.smoothed(self.density)
-        speed = np.full(grid.shape, np.nan)
-        np.divide(grid.smoothed(self.speed), density, out=speed, where=density > FEWEST)
+        started, speed = grid.smoothed(self.started), np.full(grid.shape, np.nan)
+        np.divide(grid.smoothed(self.speed), started, out=speed, where=started > FEWEST)
 
         def on_floor(values: FloatArray) -> FloatArray:
             return np.where(grid.on_floor, values, np.nan)
@@ -312,11 +317,11 @@ class _Sums:
             origin=grid.origin,
             start=float(time[0]),
             end=float(time[-1]),
-            density=on_floor(density),
+            density=on_floor(grid.smoothed(self.density)),
             max_density=on_floor(self.max_density),
             speed=on_floor(speed),
             flow=on_floor(np.hypot(grid.smoothed(self.flow[0]), grid.smoothed(self.flow[1]))),
-            waiting=on_floor(grid.smoothed(self.waiting) * (time[-1] - time[0])),
+            waiting=on_floor(grid.smoothed(self.waiting)),
             time_to_clear=on_floor(self.last.reshape(grid.shape)),
             contact_pressure=on_floor(self.pressure.reshape(grid.shape)),
             usage=on_floor(usage.astype(np.float64)),

@@ -8,6 +8,7 @@ import numpy as np
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
+from evac.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,22 @@ class Moves:
             greatest_number=int(number.max()),
             last_left=float(leaving[-1]) if gone else None,
         )
+
+
+def recorded_moves(trajectory: Trajectory) -> Moves:
+    """Return the changes of level between recorded times, each at the later one, for runs without a log of crossings.
+
+    People who have not come when the first frame was recorded start outside.
+    """
+    level = trajectory.level
+    frame, row = np.nonzero(level[1:] != level[:-1])
+    return Moves(
+        start=level[0],
+        row=row.astype(np.int32),
+        source=level[frame, row],
+        target=level[frame + 1, row],
+        time=trajectory.time[frame + 1],
+    )
 
 
 def moves_of(

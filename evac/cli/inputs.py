@@ -48,6 +48,12 @@ def declare_result(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("result", type=Path, metavar="RESULT", help="result folder or trajectory file")
 
 
+def declare_service(parser: argparse.ArgumentParser) -> None:
+    """Add --service to a command."""
+    what = "colour densities by the levels of service of Fruin or of Weidmann"
+    parser.add_argument("--service", choices=("fruin", "weidmann"), default="", help=what)
+
+
 def positive(text: str) -> int:
     """Parse a whole number, at least 1."""
     if not text.isdecimal() or int(text) < 1:

@@ -6,7 +6,7 @@ Each map is a picture with the plans of all storeys. Also works during a run and
 import argparse
 from pathlib import Path
 
-from evac.cli.inputs import declare_result, maps_of, trajectory_of
+from evac.cli.inputs import declare_result, declare_service, maps_of, trajectory_of
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -19,6 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", dest="end", type=float, metavar="S", help="up to this time [s]")
     parser.add_argument("--spacing", type=float, metavar="M", help="side of the cells of the grid [m] (0.2)")
     parser.add_argument("--kernel", type=float, metavar="M", help="radius of the Gaussian kernel [m] (0.7)")
+    declare_service(parser)
     what = "folder, or file for a single map: .png, .jpg, .svg or .pdf (default: RESULT/map_NAME.png)"
     parser.add_argument("--out", type=Path, metavar="PATH", help=what)
 
@@ -44,6 +45,6 @@ def execute(arguments: argparse.Namespace) -> int:
     if out.suffix and not out.is_dir() and (out.suffix.lower() not in FORMATS or len(quantities) > 1):
         advice = "several maps need a folder" if len(quantities) > 1 else f"use {', '.join(FORMATS)}, or a folder"
         raise ResultError(f"{out}: cannot draw to this file; {advice}")
-    for path in write_maps(trajectory, maps, quantities, out, arguments.level):
+    for path in write_maps(trajectory, maps, quantities, out, arguments.level, arguments.service):
         print(path)
     return 0

@@ -7,7 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from evac.cli.inputs import declare_result, trajectory_of
+from evac.cli.inputs import declare_result, declare_service, trajectory_of
 from evac.folder.files import FILM_NAME, PICTURE_NAME
 
 #: Width and height of pictures and of films [pixels].
@@ -28,6 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         default="group",
         help="quantity shown by the colours of people (group)",
     )
+    declare_service(parser)
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
     parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="simulated seconds per second (5)")
@@ -57,7 +58,8 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f"drawing {path}", file=sys.stderr, flush=True)
         is_film = path.suffix in FILMS
         size = tuple(arguments.size) if arguments.size else FILM_SIZE if is_film else PICTURE_SIZE
-        renderer = Renderer(trajectory, size, arguments.view, camera, arguments.level, arguments.colour_by)
+        colours = arguments.colour_by, arguments.service
+        renderer = Renderer(trajectory, size, arguments.view, camera, arguments.level, *colours)
         if is_film:
             render_animation(renderer, path, arguments.fps, arguments.speed)
         else:

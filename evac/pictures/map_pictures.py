@@ -10,7 +10,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
-from matplotlib.ticker import MaxNLocator
 
 from evac.analysis.lines import LineFlow, line_flows
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
@@ -18,19 +17,9 @@ from evac.building.model.building import Exit
 from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import Plans, draw_plans, outline
+from evac.pictures.scales import MAPS as SCALES
+from evac.pictures.scales import Scale, high_value
 from evac.trajectory.trajectory import Trajectory
-
-#: Name of the colours of each map in the palette, and whether the floor shows through low values; as in the replay.
-COLOURS = {
-    "density": ("density", True),
-    "max_density": ("density", True),
-    "speed": ("speed", False),
-    "flow": ("density", True),
-    "waiting": ("waiting time", True),
-    "time_to_clear": ("waiting time", False),
-    "contact_pressure": ("contact force", False),
-    "usage": ("density", False),
-}
 
 #: Colours of floors where a map has no value, and of cells that are never cleared.
 NO_VALUE, NEVER = "#eef0f3", "#7a0177"
@@ -48,6 +37,7 @@ def draw_map(
     maps: Mapping[str, LevelMaps] | None = None,
     levels: Sequence[str | int] | None = None,
     dpi: int = 120,
+    service: str = "",
 ) -> Figure:
     """Draw the map of one quantity on the plans of the storeys, with links as they are at the end of its time.
 
@@ -64,6 +54,8 @@ def draw_map(
     levels : sequence of str or int, optional
         Levels by name or index, each in its own plan; by default all levels, grouped by storey.
     dpi : int
+    service : str
+        ``"fruin"`` or ``"weidmann"``: levels of service as colours of densities.
 
     Returns
     -------
@@ -91,8 +83,8 @@ def draw_map(
     said = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
     title += textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
     plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False)
-    norm = Normalize(0.0, _top(grids.values()))
-    colours = _colours(quantity)
+    scale = SCALES[quantity].with_service(service)
+    top, colours, norm = scale.end(high_value([*grids.values()])), _colours(scale), Normalize(0.0, 1.0)
     for axes, shown in zip(plans.axes, plans.levels, strict=True):
         for level in shown:
             axes.add_patch(PathPatch(outline(level), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
@@ -101,7 +93,7 @@ def draw_map(
             clip = PathPatch(outline(level), transform=axes.transData)
             limits = axes.get_xlim(), axes.get_ylim()
             image = axes.imshow(
-                np.ma.masked_invalid(_drawn(maps[level.name], quantity, 2.0 * float(norm.vmax or 1.0))),
+                np.ma.masked_invalid(_drawn(maps[level.name], quantity, scale, top)),
                 origin="lower",
                 extent=maps[level.name].extent,
                 cmap=colours,
@@ -114,7 +106,7 @@ def draw_map(
             axes.set(xlim=limits[0], ylim=limits[1])
     if quantity == "flow":
         _label_lines(plans, line_flows(trajectory))
-    _add_scale(plans, ScalarMappable(norm, colours), f"{what.label} [{what.unit}]", what.unit == "people")
+    _add_scale(plans, ScalarMappable(norm, colours), scale, top)
     if any(np.isinf(grid).any() for grid in grids.values()):
         plans.figure.text(plans.side[0], 0.02, "not cleared", color=NEVER, fontsize=9, fontweight="bold")
     return plans.figure
@@ -126,12 +118,13 @@ def write_maps(
     quantities: Iterable[str],
     path: Path,
     levels: Sequence[str | int] | None = None,
+    service: str = "",
 ) -> list[Path]:
     """Write the pictures of maps: ``map_QUANTITY.png`` in a folder, or one file for one quantity.
 
     Parameters
     ----------
-    trajectory, maps, levels
+    trajectory, maps, levels, service
         As for `draw_map`.
     quantities : iterable of str
     path : Path
@@ -144,7 +137,7 @@ def write_maps(
     """
     written = []
     for quantity in quantities:
-        figure = draw_map(trajectory, quantity, maps, levels)
+        figure = draw_map(trajectory, quantity, maps, levels, service=service)
         is_file = path.suffix.lower() in FORMATS
         place = path if is_file else path / map_name(quantity)
         with writing("the map", place):
@@ -155,24 +148,16 @@ def write_maps(
     return written
 
 
-def _colours(quantity: str) -> Colormap:
+def _colours(scale: Scale) -> Colormap:
     """Return the colours of a map; where there is nothing, or little of some quantities, the floor shows through."""
-    name, is_veiled = COLOURS[quantity]
     share = np.linspace(0.0, 1.0, 256)
-    opacity = np.minimum(share / 0.4, 1.0) ** 0.8 if is_veiled else (share > 0.0).astype(float)
-    colours = ListedColormap(np.column_stack([palette.scale(name), 0.92 * opacity]))
+    opacity = np.minimum(share / 0.4, 1.0) ** 0.8 if scale.is_veiled else (share > 0.0).astype(float)
+    colours = ListedColormap(np.column_stack([scale.ramp(), 0.92 * opacity]))
     return colours.with_extremes(bad=(0, 0, 0, 0), over=NEVER)
 
 
-def _top(grids: Iterable[np.ndarray]) -> float:
-    """Return the upper end of the colour scale: the greatest finite value."""
-    tops = [float(grid[np.isfinite(grid)].max()) for grid in grids if np.isfinite(grid).any()]
-    top = max(tops, default=1.0)
-    return top if top > 0.0 else 1.0
-
-
-def _drawn(maps: LevelMaps, quantity: str, beyond: float) -> np.ndarray:
-    """Return a map for `imshow`: infinity as a value above the scale, and cells cut by the edge of the floor filled.
+def _drawn(maps: LevelMaps, quantity: str, scale: Scale, top: float) -> np.ndarray:
+    """Return a map for `imshow`: shares of the scale, infinity as 2, and cells cut by the edge of the floor filled.
 
     Cells whose centre is off the floor get the value of the nearest cell; the image is clipped to the floor.
     """
@@ -181,19 +166,21 @@ def _drawn(maps: LevelMaps, quantity: str, beyond: float) -> np.ndarray:
     grid = maps.array(quantity)
     row, column = distance_transform_edt(np.isnan(maps.density), return_distances=False, return_indices=True)
     filled = grid[row, column]
-    return np.where(np.isinf(filled), beyond, filled)
+    return np.where(np.isinf(filled), 2.0, scale.share(filled, top))
 
 
-def _add_scale(plans: Plans, colours: ScalarMappable, label: str, is_whole: bool) -> None:
-    """Add the colour bar at the right, with whole numbers for people."""
+def _add_scale(plans: Plans, colours: ScalarMappable, scale: Scale, top: float) -> None:
+    """Add the colour bar at the right."""
     left, bottom, _, height = plans.side
     inch = 1.0 / plans.figure.get_size_inches()
     tall = min(height, 4.0 * inch[1])
     axes = plans.figure.add_axes((left + 0.1 * inch[0], bottom + 0.5 * (height - tall), 0.16 * inch[0], tall))
-    bar = plans.figure.colorbar(colours, cax=axes, ticks=MaxNLocator(7, integer=is_whole, steps=[1, 2, 5, 10]))
+    shares, texts = zip(*scale.ticks(top), strict=True)
+    bar = plans.figure.colorbar(colours, cax=axes)
+    bar.set_ticks(shares, labels=texts)
     bar.outline.set_linewidth(0.5)
     bar.ax.tick_params(labelsize=9, labelcolor=palette.TEXT, color=palette.TEXT)
-    bar.set_label(label, fontsize=9, color=palette.TEXT)
+    bar.set_label(f"{scale.label} [{scale.unit}]", fontsize=9, color=palette.TEXT)
 
 
 def _label_lines(plans: Plans, flows: Mapping[str, LineFlow]) -> None:

@@ -33,7 +33,7 @@ STOPS = {
 
 
 def scale(quantity: str) -> FloatArray:
-    """Return the colour map of one of `MAPS`, (256, 3) with numbers from 0 to 1."""
+    """Return one of the colour maps `MAPS`, (256, 3) with numbers from 0 to 1."""
     stops = np.array(rgb(STOPS[MAPS[quantity]])) / 255.0
     at = np.linspace(0.0, len(stops) - 1.0, 256)
     return np.column_stack([np.interp(at, np.arange(len(stops)), channel) for channel in stops.T])

@@ -58,6 +58,8 @@ class Renderer:
     colour_by : str
         ``"group"``, ``"speed"``, ``"density"``, ``"contact_force"`` or ``"waiting"``: see
         `evac.pictures.colouring.colouring`.
+    service : str
+        ``"fruin"`` or ``"weidmann"``: levels of service as colours of densities.
 
     Raises
     ------
@@ -78,6 +80,7 @@ class Renderer:
         camera: Camera | None = None,
         levels: Sequence[str | int] | None = None,
         colour_by: str = "group",
+        service: str = "",
     ) -> None:
         if not len(trajectory):
             raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
@@ -85,7 +88,7 @@ class Renderer:
             raise ResultError(f"unknown view {view!r}; use {' or '.join(VIEWS)}")
         _check_size(size)
         self.trajectory = trajectory
-        self._colouring = colouring(trajectory, colour_by)
+        self._colouring = colouring(trajectory, colour_by, service)
         self._look = _looking(size, view, camera or Camera(), levels, self._colouring.has_legend)
         self._drawn: dict[Hashable, _Drawn] = {}
         largest = float(trajectory.radius.max(initial=0.0)) * self.view_at(float(trajectory.time[0])).scale
@@ -132,8 +135,8 @@ class Renderer:
         pen = Pen(picture)
         pen.title(str(self.trajectory.header.get("title", "")))
         colours = self._colouring
-        if colours.top is not None:
-            pen.colour_bar(view.side, colours.scale, colours.top, colours.label)
+        if colours.scale is not None:
+            pen.colour_bar(view.side, colours.scale, colours.top)
         elif colours.has_legend:
             pen.legend(view.side, colours.names, colours.colours)
         pen.scale_bar(view.scale)

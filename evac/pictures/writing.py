@@ -7,11 +7,11 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from evac.base.arrays import FloatArray
 from evac.pictures import palette
+from evac.pictures.scales import Scale
 
 WHITE = (255, 255, 255)
 
@@ -79,8 +79,9 @@ class Pen:
                 shown = shown[:-2] + "…"
             self.draw.text((left + 3 * dot, y), shown, palette.TEXT, letters, "lm")
 
-    def colour_bar(self, side: tuple[int, int, int, int], colours: NDArray[np.uint8], top: float, label: str) -> None:
-        """Draw a colour bar of colours (n, 3) from 0 to `top`."""
+    def colour_bar(self, side: tuple[int, int, int, int], scale: Scale, top: float) -> None:
+        """Draw the colour bar of a scale that ends at `top`."""
+        colours = (255.0 * scale.ramp()).round().astype(np.uint8)
         left, upper, _, lower = side
         tall = min(lower - upper, 20 * self.unit)
         high = (upper + lower + tall) // 2 - tall
@@ -88,12 +89,14 @@ class Pen:
             colour = tuple(colours[round((1.0 - k / max(tall - 1, 1)) * (len(colours) - 1))].tolist())
             self.draw.line([(left, high + k), (left + 1.2 * self.unit, high + k)], colour)
         letters = font(round(0.95 * self.unit))
-        step = round_length(top / 4.0)
-        for k in range(int(top / step + 1e-9) + 1):
-            y = high + tall * (1.0 - k * step / top)
+        lowest = math.inf
+        for share, text in scale.ticks(top):
+            y = high + tall * (1.0 - share)
             self.draw.line([(left + 1.2 * self.unit, y), (left + 1.5 * self.unit, y)], palette.TEXT)
-            self.draw.text((left + 1.8 * self.unit, y), f"{k * step:g}", palette.TEXT, letters, "lm")
-        for k, line in enumerate(label.split("\n")[::-1]):
+            if y <= lowest - self.unit:  # of levels of service that are close together, some have no room
+                self.draw.text((left + 1.8 * self.unit, y), text, palette.TEXT, letters, "lm")
+                lowest = y
+        for k, line in enumerate([f"[{scale.unit}]", scale.label]):
             self.draw.text((left, high - (0.8 + 1.3 * k) * self.unit), line, palette.TEXT, letters, "ls")
 
     def scale_bar(self, scale: float) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.analysis.occupancy import Moves, recorded_moves
 from evac.base.arrays import FloatArray, IntArray
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
@@ -28,6 +29,7 @@ class Account:
     group: IntArray  # index in `groups` of each person, -1 for none
     radius: FloatArray  # [m]
     height: FloatArray  # of the body [m]
+    moves: Moves
     speed: FloatArray | None = None  # desired speed on the flat [m/s]
     response_time: FloatArray | None = None  # [s]
     exit_used: IntArray | None = None  # index of the exit, -1 for people who are inside
@@ -54,6 +56,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         group=group,
         radius=crowd.radius,
         height=crowd.height,
+        moves=results.moves,
         speed=crowd.speed[:, 0],
         response_time=crowd.start_time,
         exit_used=crowd.exit_used,
@@ -76,6 +79,7 @@ def account_of_folder(trajectory: Trajectory) -> Account:
     """
     folder, header = trajectory.path.parent, trajectory.header
     known: dict[str, Any] = {name: getattr(trajectory, name) for name in ("groups", "group", "radius", "height")}
+    known["moves"] = recorded_moves(trajectory)
     if not (folder / SUMMARY_NAME).exists():
         facts = [("Seed", str(header.get("seed"))), ("Versions", _versions(header.get("versions", {})))]
         text = (

@@ -1,5 +1,6 @@
 """The building for the replay page, in whole centimetres from the origin of the replay."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -7,17 +8,22 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.analysis.maps import SPACING
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Level
+from evac.building.model.cells import Cells
 from evac.building.model.elevation import elevation
 from evac.replay.motion import GRAIN, is_even, level_plane
+
+#: Greatest number of cells of the maps of all levels, and along x on one of them: a texture has no more.
+MOST_CELLS, MOST_COLUMNS = 1_000_000, 4000
 
 #: Holes of a floor up to this area are drawn as furniture [m2].
 FURNITURE = 4.0
 
 
-def building_for_page(building: Building, origin: FloatArray) -> dict[str, Any]:
-    """Return levels, walls, furniture, portals, exits and stairs as lists of numbers and strings.
+def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str, Any], NDArray[np.uint8]]:
+    """Return levels, walls, furniture, portals, exits and stairs as lists of numbers and strings, and the floors.
 
     Parameters
     ----------
@@ -27,13 +33,26 @@ def building_for_page(building: Building, origin: FloatArray) -> dict[str, Any]:
 
     Returns
     -------
-    dict
+    page : dict
         ``vertices`` [x, y, z, ...] and all other lengths in centimetres; ``triangles`` of a level are vertex indices.
-        Planes z = c + a x + b y are in metres. ``segments`` are [x1, y1, z1, x2, y2, z2, ...].
+        Planes z = c + a x + b y are in metres. ``segments`` are [x1, y1, z1, x2, y2, z2, ...]. ``cell`` is the side
+        of the cells of maps, of which ``grid`` of a level has the lower left corner [m] and the numbers along x and y.
+    floors : (b,) uint8
+        Bits: whether the centre of each cell is on the floor, of all levels.
     """
-    return {
+    spacing = _spacing(building)
+    grids = [Cells(level, spacing) for level in building.levels]
+    on_floor = [
+        shapely.contains_xy(level.polygon, *cells.centres()).ravel()
+        for level, cells in zip(building.levels, grids, strict=True)
+    ]
+    page = {
+        "cell": spacing,
         "vertices": _grains(building.vertices, origin).ravel().tolist(),
-        "levels": [_level(building, level, origin) for level in building.levels],
+        "levels": [
+            _level(building, level, origin) | {"grid": [*(cells.origin - origin).tolist(), *cells.shape[::-1]]}
+            for level, cells in zip(building.levels, grids, strict=True)
+        ],
         "portals": [
             {
                 "name": portal.name,
@@ -58,6 +77,14 @@ def building_for_page(building: Building, origin: FloatArray) -> dict[str, Any]:
         ],
         "stairs": [{"name": name, "levels": list(levels)} for name, levels in building.stairs.items()],
     }
+    return page, np.packbits(np.concatenate(on_floor))
+
+
+def _spacing(building: Building) -> float:
+    """Return the side of the cells of maps [m]: that of `evac map`, or a multiple of it for large buildings."""
+    low_x, low_y, high_x, high_y = shapely.bounds([level.polygon for level in building.levels]).T
+    area, longest = float(((high_x - low_x) * (high_y - low_y)).sum()), float((high_x - low_x).max())
+    return SPACING * math.ceil(max(1.0, math.sqrt(area / MOST_CELLS) / SPACING, longest / MOST_COLUMNS / SPACING))
 
 
 def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, Any]:

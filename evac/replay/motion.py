@@ -5,16 +5,22 @@ The page decodes the streams (page/motion.js). All numbers are little-endian:
 - ``times``: float64, the time of each frame [s].
 - ``events``: int32. For each frame the number of people who were not in the previous frame, then their indices and
   their levels; the number of people who have left, and their indices; the number of people who have changed the level,
-  their indices and their levels.
+  their indices and their levels; the number of people for whom it has changed whether their response time is over,
+  and their indices.
 - ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: second differences in
-  centimetres. Before a person's first frame its positions count as zero, for its second frame as the first one.
+  centimetres of the position rounded down, to which the page adds half a centimetre. Before a person's first frame its
+  positions count as zero, for its second frame as the first one.
 - ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
-- ``forces``: bytes. For each frame, of everybody inside, the change of the force's code since the last frame: 0 below
-  `LEAST_FORCE`, else 1 + `PER_OCTAVE` log2(force / `LEAST_FORCE`), rounded.
+- ``speeds``, ``waited``, ``forces``: bytes. For each frame, of everybody inside, the change since the person's last
+  frame of the speed [cm/s], of the time that the person has waited [0.01 s], and of the code of the contact force,
+  which has two significant digits: 0 below `LEAST_FORCE`, 1 to 90 for 10 to 99 N, 91 to 180 for 100 to 990 N, and so
+  on. `evac.analysis.measures` defines all three.
+- ``headings``: bytes, as they are. For each frame, of everybody inside whose speed is not 0, the change of the
+  direction in plan since the person's last one, in parts of a circle of 256, modulo 256.
 - ``wide``: int32. Numbers that do not fit in a byte.
 
-A byte b of ``steps``, ``heights`` and ``forces`` encodes the number b / 2 if b is even and -(b + 1) / 2 if it is odd;
-255 encodes the next number of ``wide``.
+A byte b of the others encodes the number b / 2 if b is even and -(b + 1) / 2 if it is odd; 255 encodes the next number
+of ``wide``.
 """
 
 import zlib
@@ -24,29 +30,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.analysis.measures import Measuring
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.saved import SavedError, taken
+from evac.base.saved import SavedError, part_of, taken
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import PLANE, elevation
 
 #: Resolution of positions [m].
 GRAIN = 0.01
 
-#: Contact forces below this are stored as 0 [N]; above, their resolution is 26 %.
-LEAST_FORCE = 10.0
+#: Resolution of times that people have waited [s], and of speeds [m/s].
+MOMENT, PACE = 0.01, 0.01
 
-#: Number of force codes per factor of two.
-PER_OCTAVE = 1.5
+#: Contact forces below this are stored as 0 [N].
+LEAST_FORCE = 10.0
 _ESCAPE = 255
 #: Largest numbers in a saved state, so that differences do not overflow.
 MOST_FRAMES = 2**31 - 1
 MOST_CODE = 2**40
 #: Greatest number of bytes of a stream for a frame, and in addition for each person.
-LARGEST_FRAME, LARGEST_RECORD = 16, 24
+LARGEST_FRAME, LARGEST_RECORD = 20, 28
 #: Arrays that encoding of the next frame depends on.
-_STATE = ("level", "seen", "last", "before", "force")
+_STATE = ("level", "started", "seen", "last", "before", "speeds", "waited", "forces", "headings")
 
-STREAMS = ("times", "events", "steps", "heights", "forces", "wide")
+STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "headings", "wide")
 
 
 class _Stream:
@@ -93,11 +100,22 @@ class MotionPacker:
         self._seen = np.zeros(people, np.int32)  # frames of each person so far
         self._last = np.zeros((people, 2), np.int64)  # positions in the last two frames
         self._before = np.zeros((people, 2), np.int64)
-        self._force = np.zeros(people, np.int64)  # codes in the previous frame
+        self._started = np.zeros(people, np.int32)  # 1 of those whose response time was over
+        # In each person's last frame.
+        self._speeds, self._waited, self._forces, self._headings = np.zeros((4, people), np.int64)
+        self._measuring = Measuring(people)
         self._streams = {name: _Stream() for name in STREAMS}
 
     def add(
-        self, time: float, person: IntArray, level: IntArray, position: FloatArray, contact_force: FloatArray
+        self,
+        time: float,
+        person: IntArray,
+        level: IntArray,
+        position: FloatArray,
+        velocity: FloatArray,
+        started: NDArray[np.bool_],
+        contact_force: FloatArray,
+        is_shown: bool = True,
     ) -> None:
         """Add a frame with all people who are inside at one time.
 
@@ -109,12 +127,21 @@ class MotionPacker:
             Ascending indices.
         level : (c,) int32
         position : (c, 2) float64 [m]
+        velocity : (c, 3) float64 [m/s]
+            In space.
+        started : (c,) bool
         contact_force : (c,) float64 [N]
+        is_shown : bool
+            Otherwise, people are only measured.
         """
+        speed = np.linalg.norm(velocity, axis=1)
+        found = self._measuring.add(time, person, speed, started, contact_force)
+        if not is_shown:
+            return
         self.frames += 1
         self._write("times", np.array([time], "<f8"))
-        self._write("events", self._events(person, level))
-        at = np.rint((position - self.origin) / GRAIN).astype(np.int64)
+        self._write("events", self._events(person, level, started))
+        at = np.floor((position - self.origin) / GRAIN).astype(np.int64)  # so that nobody is in another cell of maps
         expected = np.where(self._seen[person, None] > 1, 2 * self._last[person] - self._before[person], 0)
         expected = np.where(self._seen[person, None] == 1, self._last[person], expected)
         self._numbers("steps", (at - expected).T.ravel())
@@ -123,10 +150,24 @@ class MotionPacker:
         uneven = np.flatnonzero(self._uneven[level])
         if uneven.size:
             self._numbers("heights", self._off_plane(level[uneven], position[uneven]))
-        octaves = np.log2(np.maximum(contact_force, LEAST_FORCE) / LEAST_FORCE)
-        codes = np.where(contact_force < LEAST_FORCE, 0, 1 + np.rint(PER_OCTAVE * octaves)).astype(np.int64)
-        self._numbers("forces", codes - self._force[person])
-        self._force[person] = codes
+        codes = {
+            "speeds": np.rint(found.speed / PACE).astype(np.int64),
+            "waited": np.rint(found.waited / MOMENT).astype(np.int64),
+            "forces": force_codes(found.contact_force),
+        }
+        for name, values in codes.items():
+            last = getattr(self, f"_{name}")
+            self._numbers(name, values - last[person])
+            last[person] = values
+        walks = codes["speeds"] > 0
+        heading = np.rint(np.arctan2(velocity[walks, 1], velocity[walks, 0]) * 128.0 / np.pi).astype(np.int64)
+        self._write("headings", ((heading - self._headings[person[walks]]) % 256).astype(np.uint8))
+        self._headings[person[walks]] = heading
+
+    @property
+    def longest_wait(self) -> float:
+        """Greatest time that a person has waited so far [s]."""
+        return float(self._measuring.waited.max(initial=0.0))
 
     def streams(self) -> dict[str, bytes]:
         """Return the compressed streams by name."""
@@ -136,6 +177,7 @@ class MotionPacker:
         """Return copies of all data needed to continue with the same bytes."""
         state: dict[str, NDArray[Any]] = {name: getattr(self, f"_{name}").copy() for name in _STATE}
         state["frames"] = np.array([self.frames])
+        state |= {f"measures.{name}": array for name, array in self._measuring.state().items()}
         return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -147,10 +189,12 @@ class MotionPacker:
             An array is not what `state` returns.
         """
         self.frames = int(taken(state, "frames", np.int64, (1,), 0, MOST_FRAMES)[0])
-        bounds = {"level": (-1, len(self._planes) - 1), "seen": (0, self.frames)}
+        bounds = {"level": (-1, len(self._planes) - 1), "seen": (0, self.frames), "started": (0, 1)}
         for name in _STATE:
             array = getattr(self, f"_{name}")
             array[:] = taken(state, name, array.dtype, array.shape, *bounds.get(name, (-MOST_CODE, MOST_CODE)))
+        with part_of(state, "measures.") as measures:
+            self._measuring.restore(measures)
         self._streams = {name: self._restored(state, name) for name in STREAMS}
 
     def _restored(self, state: Mapping[str, NDArray[Any]], name: str) -> _Stream:
@@ -166,16 +210,18 @@ class MotionPacker:
             raise SavedError(f"{key}: its length does not match {self.frames} frames")
         return _Stream(data)
 
-    def _events(self, person: IntArray, level: IntArray) -> NDArray[np.int32]:
-        """Return the people who are new, have left, or have changed the level since the previous frame."""
+    def _events(self, person: IntArray, level: IntArray, started: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Return the people who are new, have left, have changed the level or started since the previous frame."""
         now = np.full(len(self._level), -1, np.int32)
         now[person] = level
         new = np.flatnonzero((self._level < 0) & (now >= 0))
         gone = np.flatnonzero((self._level >= 0) & (now < 0))
         changed = np.flatnonzero((self._level >= 0) & (now >= 0) & (self._level != now))
         self._level[:] = now
-        parts = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
-        return np.concatenate(parts).astype("<i4")
+        begun = person[started != self._started[person]]
+        self._started[person] = started
+        moved = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
+        return np.concatenate([*moved, [begun.size], begun]).astype("<i4")
 
     def _off_plane(self, level: IntArray, position: FloatArray) -> NDArray[np.int64]:
         """Return heights above the planes of the levels [cm]."""
@@ -192,6 +238,15 @@ class MotionPacker:
 
     def _write(self, name: str, values: NDArray[np.generic]) -> None:
         self._streams[name].write(values.tobytes())
+
+
+def force_codes(force: FloatArray) -> NDArray[np.int64]:
+    """Return the codes of contact forces [N], see above."""
+    power = np.floor(np.log10(np.maximum(force, 1.0)))
+    digits = np.rint(force / 10.0 ** (power - 1.0))  # from 10 to 100
+    power, digits = np.where(digits == 100.0, power + 1.0, power), np.where(digits == 100.0, 10.0, digits)
+    codes: NDArray[np.int64] = np.where(power < 1.0, 0.0, 90.0 * (power - 1.0) + digits - 9.0).astype(np.int64)
+    return codes
 
 
 def level_plane(building: Building, level: Level) -> tuple[float, float, float]:

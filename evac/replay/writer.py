@@ -17,9 +17,10 @@ from evac.base.errors import ResultError
 from evac.building.model.links import building_at
 from evac.folder.files import replacing
 from evac.pictures import palette
+from evac.pictures.scales import LEAST, MAPS, PEOPLE, SERVICES, Scale
 from evac.replay.account import Account, account_of_folder
 from evac.replay.geometry import building_for_page
-from evac.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
+from evac.replay.motion import GRAIN, LEAST_FORCE, MOMENT, PACE, MotionPacker
 from evac.trajectory.trajectory import Trajectory
 
 #: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
@@ -72,8 +73,9 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
     """
     if not motion.frames:
         raise ResultError(f"{path}: nothing to replay; the run ended before its first output")
+    building, floors = building_for_page(motion.building, motion.origin)
     about = _about(account) | {
-        "building": building_for_page(motion.building, motion.origin),
+        "building": building,
         "origin": motion.origin.tolist(),
         "closed": [
             [time, sorted(building_at(motion.building, changes, time).closed)]
@@ -82,13 +84,15 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         "changes": [[change.time, str(change)] for change in changes],
         "grain": GRAIN,
         "tallest": MOST_HEIGHT,
+        "moment": MOMENT,
+        "pace": PACE,
         "least_force": LEAST_FORCE,
-        "codes_per_octave": PER_OCTAVE,
+        "longest_wait": motion.longest_wait,
     }
     text = json.dumps(about, separators=(",", ":"), allow_nan=False)
     scripts = "\n".join(_read(name) for name in SCRIPTS)
     streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
-    streams |= motion.streams()
+    streams |= {"floors": zlib.compress(floors.tobytes(), 9)} | motion.streams()
     head, tail = _template(account.title).split("<!--data-->")
     with replacing(path, "the replay") as new, new.open("w", encoding="utf-8", errors="backslashreplace") as file:
         file.write(head)
@@ -125,28 +129,32 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
     if every is not None and not 0.0 < every < np.inf:
         raise ResultError(f"every: the time between two states must be greater than 0, got {every:g}")
     motion = MotionPacker(trajectory.number_of_people, trajectory.building)
-    for k in _chosen(trajectory.time, every):
+    chosen = _chosen(trajectory.time, every)
+    for k in range(len(trajectory)):
         frame = trajectory[k]
         motion.add(
             frame["time"],
             frame["person"],
             frame["level"],
             frame["position"],
+            frame["velocity"],
+            frame["started"],
             frame["contact_force"],
+            is_shown=k in chosen,
         )
     write_page(path, motion, account_of_folder(trajectory), trajectory.changes)
     return motion.frames
 
 
-def _chosen(time: FloatArray, every: float | None) -> list[int]:
+def _chosen(time: FloatArray, every: float | None) -> set[int]:
     """Return the frames to show: the first, the last, and those nearest to the multiples of `every`."""
     if every is None:
-        return list(range(len(time)))
+        return set(range(len(time)))
     wanted = np.arange(time[0], time[-1], every)
     after = np.searchsorted(time, wanted)
     before = np.maximum(after - 1, 0)
     nearest = np.where(wanted - time[before] < time[after] - wanted, before, after)
-    return sorted({*nearest.tolist(), len(time) - 1})
+    return {*nearest.tolist(), len(time) - 1}
 
 
 def _about(account: Account) -> dict[str, Any]:
@@ -170,8 +178,10 @@ def _about(account: Account) -> dict[str, Any]:
             "none": palette.NO_GROUP,
             "exit": palette.EXIT,
             "closed": palette.CLOSED,
-            "maps": {quantity: palette.STOPS[name] for quantity, name in palette.MAPS.items()},
         },
+        "people_scales": {scale.label: _scale(scale) for scale in PEOPLE.values()},
+        "map_scales": {scale.label: _scale(scale) for scale in MAPS.values()},
+        "services": {name: service._asdict() for name, service in SERVICES.items()},
         "group": account.group.tolist(),
         "radius": whole(account.radius, 1000.0),
         "height": whole(account.height, 1000.0),
@@ -179,6 +189,23 @@ def _about(account: Account) -> dict[str, Any]:
         "response_time": whole(account.response_time, 100.0),
         "exit_used": None if account.exit_used is None else account.exit_used.tolist(),
         "exit_time": whole(account.exit_time, 100.0),
+        "moves": {
+            "start": account.moves.start.tolist(),
+            "person": account.moves.row.tolist(),
+            "target": account.moves.target.tolist(),
+            "time": whole(account.moves.time, 100.0),
+        },
+    }
+
+
+def _scale(scale: Scale) -> dict[str, Any]:
+    """Return a scale as plain JSON."""
+    return {
+        "unit": scale.unit,
+        "top": scale.top,
+        "stops": palette.STOPS[palette.MAPS[scale.colours]],
+        "isVeiled": scale.is_veiled,
+        "least": LEAST if scale.is_logarithmic else 0,
     }
 
 

@@ -27,6 +27,7 @@ class Rows(NamedTuple):
     time: float  # [s]
     person: NDArray[Any]  # (c,) unsigned or int32: those who are inside, in ascending order
     level: NDArray[Any]  # (c,) unsigned or int32
+    started: NDArray[np.bool_]  # (c,): whether the response time is over
     motion: NDArray[np.float32]  # (c, 5) float32: the numbers `FIELDS` from x on
     changes: tuple[Change, ...]  # changes of the scene since the frame before
     fields: tuple[NDArray[np.float32], ...]  # tuple of (m,) float32: values of the fields of behaviours
@@ -105,14 +106,15 @@ class FrameReader:
             raise FrameError(f"it has {batch.num_rows} rows instead of one")
         time, people, changes, *lists = batch.columns
         one, fields = people.flatten(), [values.flatten() for values in lists]
-        person, level, motion = one.flatten()
-        parts = (time, people, changes, one, person, level, motion, motion.flatten(), *lists, *fields)
+        person, level, started, motion = one.flatten()
+        parts = (time, people, changes, one, person, level, started, motion, motion.flatten(), *lists, *fields)
         if any(array.null_count for array in parts):
             raise FrameError("a value is missing")
         rows = Rows(
             time[0].as_py(),
             _numbers(person),
             _numbers(level),
+            _bits(started),
             _numbers(motion.flatten()).reshape(-1, len(FIELDS) - 2),
             (),
             tuple(_numbers(values) for values in fields),
@@ -164,6 +166,12 @@ class FrameReader:
         number = len(self.frames)
         cut = f"a copy cut to {self.end} bytes holds the {number} frames" if number else "no frame is"
         return damaged(self._path, f"frame {number} at byte {self.end} is damaged ({what}; {cut} before it)")
+
+
+def _bits(array: pa.Array) -> NDArray[np.bool_]:
+    """Return an array of truth values."""
+    bits = np.frombuffer(array.buffers()[1] or b"", np.uint8)
+    return np.unpackbits(bits, bitorder="little")[array.offset : array.offset + len(array)].astype(np.bool_)
 
 
 def _numbers(array: pa.Array) -> NDArray[Any]:

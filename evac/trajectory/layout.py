@@ -14,7 +14,7 @@ from evac.building.model.cells import LevelField
 from evac.folder.files import FORMER_TRAJECTORY, TRAJECTORY_KEY, TRAJECTORY_NAME
 from evac.folder.records import MARK, PREFIX, read_sealed, sealed
 
-FORMAT = 3
+FORMAT = 4
 
 #: Numbers that are recorded of each person; those from x on are in the column `motion`, and x and y are relative to the
 #: header's origin.
@@ -28,7 +28,12 @@ def columns(people: int, levels: int, fields: Sequence[LevelField] = ()) -> pa.S
     """Return the columns of the trajectory of so many people on so many levels, with fields of behaviours."""
     motion = pa.list_(_required("item", pa.float32()), len(FIELDS) - 2)
     person = pa.struct(
-        [_required("person", _row(people)), _required("level", _row(levels)), _required("motion", motion)]
+        [
+            _required("person", _row(people)),
+            _required("level", _row(levels)),
+            _required("started", pa.bool_()),
+            _required("motion", motion),
+        ]
     )
     return pa.schema(
         [

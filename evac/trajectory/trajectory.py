@@ -56,6 +56,8 @@ class Frame(TypedDict):
         Displacement in the last tick over its length, in space; the vertical component follows from the slope.
     speed : (c,) float64 [m/s]
         Magnitude of the velocity, on stairs along the slope.
+    started : (c,) bool
+        Whether the response time of each person is over.
     contact_force : (c,) float64 [N]
         Sum of the contact forces.
     crowd_pressure : (c,) float64 [N/m]
@@ -69,6 +71,7 @@ class Frame(TypedDict):
     z: FloatArray
     velocity: FloatArray
     speed: FloatArray
+    started: NDArray[np.bool_]
     contact_force: FloatArray
     crowd_pressure: FloatArray
 
@@ -206,22 +209,15 @@ class Trajectory:
         """Origin of the recorded positions in plan, (2,) [m]."""
         return np.array(self.header["origin"], np.float64)
 
-    @cached_property
-    def _climb(self) -> FloatArray:
-        """Gradient of the height of each level in plan, (levels, 2): velocity . climb is the vertical velocity."""
-        return np.array([np.tan(level.slope) * level.uphill for level in self.building.levels]).reshape(-1, 2)
-
     def __getitem__(self, k: int) -> Frame:
         """Return the people inside in frame `k`; negative indices count from the end."""
-        from evac.building.model.elevation import elevation
+        from evac.building.model.elevation import elevation, in_space
 
         rows = self.rows[k]
         motion = rows.motion.astype(np.float64)
         person, level = rows.person.astype(np.int32), rows.level.astype(np.int32)
         position = motion[:, :2] + self.origin
-        plan_velocity = motion[:, 2:4]
-        rise = np.einsum("ij,ij->i", plan_velocity, self._climb[level])
-        velocity = np.column_stack([plan_velocity, rise])
+        velocity = in_space(self.building, level, motion[:, 2:4])
         return Frame(
             time=float(self.time[k]),
             person=person,
@@ -230,6 +226,7 @@ class Trajectory:
             z=elevation(self.building, level, position),
             velocity=velocity,
             speed=np.linalg.norm(velocity, axis=1),
+            started=rows.started,
             contact_force=motion[:, 4],
             crowd_pressure=motion[:, 4] / (2.0 * np.pi * self.radius[person]),
         )

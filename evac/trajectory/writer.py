@@ -122,7 +122,7 @@ class TrajectoryWriter:
         self._whole: list[tuple[pa.DataType, np.dtype[Any]]] = [
             (kind.type, np.dtype(kind.type.to_pandas_dtype())) for kind in (self._one[0], self._one[1])
         ]
-        self._motion = self._one[2].type
+        self._motion = self._one[3].type
 
     def append(
         self,
@@ -171,7 +171,8 @@ class TrajectoryWriter:
                     f"t = {time:.3f} s: a value of field {field.name!r} is too large to be recorded; use another unit"
                 )
         text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
-        batch = self._batch(time, rows, crowd.level[rows], motion, text, values)
+        whole, started = (rows, crowd.level[rows]), crowd.start_time[rows] <= time
+        batch = self._batch(time, whole, started, motion, text, values)
         with writing(f"the trajectory at {time:.3f} s", self.path):
             self._write(sealed(batch.serialize().to_pybytes(), self.length))
         self.frames += 1
@@ -180,18 +181,19 @@ class TrajectoryWriter:
     def _batch(
         self,
         time: float,
-        person: IndexArray,
-        level: IntArray,
+        whole: tuple[IndexArray, IntArray],
+        started: NDArray[np.bool_],
         motion: NDArray[np.float32],
         changes: bytes,
         fields: Sequence[NDArray[np.float32]],
     ) -> pa.RecordBatch:
         """Return a batch of one frame, made from buffers because `pyarrow.array` would import pandas."""
-        count = len(person)
+        count = len(motion)
         rows = [
             _array(kind, count, np.asarray(values, dtype))
-            for (kind, dtype), values in zip(self._whole, (person, level), strict=True)
+            for (kind, dtype), values in zip(self._whole, whole, strict=True)
         ]
+        rows += [_array(self._one[2].type, count, np.packbits(started, bitorder="little"))]
         people = pa.Array.from_buffers(
             self._one, count, [None], children=[*rows, _vectors(self._motion, count, motion)]
         )

@@ -61,9 +61,10 @@ def test_a_quantity_colours_the_people(trajectory, name):
     assert share_of_hue(image, ODD) < 1e-4
     found = colouring(trajectory, name)
     frame = trajectory[2]
-    values = {"speed": frame["speed"], "contact_force": frame["contact_force"] / 1e3}.get(name)
-    if values is not None:
-        expected = found.scale[np.clip(255 * values / found.top, 0, 255).astype(int)]
+    shares = {"speed": frame["speed"] / 2.0, "contact_force": np.log10(np.maximum(frame["contact_force"], 10) / 10) / 3}
+    if name in shares:
+        colours = np.round(255 * palette.scale(found.scale.colours))
+        expected = colours[np.clip(255 * shares[name] + 1e-9, 0, 255).astype(int)]
         np.testing.assert_array_equal(found.of(frame), expected)
 
 
@@ -72,7 +73,7 @@ def test_waiting_counts_the_time_at_which_people_stood(written):
     trajectory = written(np.stack([stands, walks], axis=1), interval=2.0)
     waiting = colouring(trajectory, "waiting")
     assert waiting.top == 8.0
-    scale = waiting.scale
+    scale = np.round(255 * palette.scale("waiting time"))
     for k in range(5):
         expected = scale[[int(255 * 2.0 * k / 8.0), 0]]
         np.testing.assert_array_equal(waiting.of(trajectory[k]), expected)

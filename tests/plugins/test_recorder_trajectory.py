@@ -48,6 +48,7 @@ def simulation(tmp_path):
         height=np.array([1.2, 1.6, 1.8]),
         position=np.array([[1.0, 1.0], [2.0, 1.0], [3.0, 1.0]]) + CORNER,
         contact_force=np.zeros(3),
+        start_time=np.zeros(3),
     )
     groups = (SimpleNamespace(name="pair", rows=np.array([0, 1], np.int32)),)
     return SimpleNamespace(

@@ -17,7 +17,7 @@ SCHEMA = columns(2, 5)
 
 @dataclass
 class Frame:
-    """A frame: its time, the numbers of the people inside, seven for each, the text of its changes, and fields."""
+    """A frame: its time, the numbers of the people inside, eight for each, the text of its changes, and fields."""
 
     time: float
     people: list[list[float]]
@@ -52,12 +52,10 @@ class Parts:
 
     def _batch(self, frame: Frame) -> pa.RecordBatch:
         kinds = self.schema.field("people").type.value_type
-        person, level = (
-            np.array([p[k] for p in frame.people], kinds.field(k).type.to_pandas_dtype()) for k in range(2)
-        )
-        motion = pa.array(np.array([p[2:] for p in frame.people], "<f4").ravel())
+        whole = [np.array([p[k] for p in frame.people], kinds.field(k).type.to_pandas_dtype()) for k in range(3)]
+        motion = pa.array(np.array([p[3:] for p in frame.people], "<f4").ravel())
         # Of types that allow no missing values, as the schema says.
-        children = [pa.array(person), pa.array(level), pa.FixedSizeListArray.from_arrays(motion, type=kinds[2].type)]
+        children = [*map(pa.array, whole), pa.FixedSizeListArray.from_arrays(motion, type=kinds[3].type)]
         people = pa.StructArray.from_arrays(children, fields=list(kinds))
         rows = pa.ListArray.from_arrays(pa.array([0, len(people)], pa.int32()), people, self.schema.types[1])
         fields = [
@@ -80,7 +78,7 @@ def parts_of(data: bytes) -> Parts:
         frames = []
         for batch in stream:
             (row,) = batch.to_pylist()
-            people = [[p["person"], p["level"], *p["motion"]] for p in row["people"]]
+            people = [[p["person"], p["level"], p["started"], *p["motion"]] for p in row["people"]]
             frames.append(Frame(row["time"], people, row["changes"], [*row.values()][3:]))
         return Parts(header, stream.schema.remove_metadata(), frames)
 

@@ -159,7 +159,7 @@ def test_what_is_not_finite_is_not_written(descent, tmp_path):
         (with_header(b'{"format":2}'), r"format 2\b"),
         (with_header(b'{"format":true}'), r"format True\b"),
         (with_header(b"[]"), r"format \[\]"),
-        (with_header(b'{"format":3}'), "header's fields .* None"),
+        (with_header(b'{"format":4}'), "header's fields .* None"),
         (b"", "empty"),
     ],
 )
@@ -180,12 +180,13 @@ def test_file_is_what_the_document_says(descent):
     run = descent(people=3, frames=3)
     table = pa.ipc.open_stream(run.path).read_all()
     header = json.loads(table.schema.metadata[b"evac.trajectory"])
-    assert (header["format"], tuple(header["fields"])) == (3, FIELDS)
+    assert (header["format"], tuple(header["fields"])) == (4, FIELDS)
     assert table.column_names == ["time", "people", "changes"]
     assert table["time"].to_pylist() == [0.0, 0.5, 1.0]
     assert [len(people) for people in table["people"].to_pylist()] == [3, 3, 2]
     one = table["people"][2][1].as_py()
     x, y, velocity_x, velocity_y, force = one["motion"]
+    assert [person["started"] for person in table["people"][2].as_py()] == [True, False]
     assert (one["person"], one["level"], x + header["origin"][0], y) == (1, 2, pytest.approx(15.02), 0.75)
     assert (velocity_x, velocity_y, force) == (1.0, 0.0, 100.0)
 
@@ -240,7 +241,7 @@ from evac.trajectory.trajectory import read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
 header = read_trajectory(Path({str(run.path)!r})).header
 crowd = SimpleNamespace(
-    level=np.zeros(140, np.int32), position=np.ones((140, 2)), contact_force=np.ones(140)
+    level=np.zeros(140, np.int32), position=np.ones((140, 2)), contact_force=np.ones(140), start_time=np.zeros(140)
 )
 writer = TrajectoryWriter(Path({str(path)!r}), header, np.zeros(2))
 for k in range(10**9):

@@ -82,7 +82,7 @@ def test_every_changed_byte_of_the_header_is_found(changed):
             read_trajectory(write(wrong))
 
 
-PERSON = [0, 0, 1, 1, 0, 0, 0]
+PERSON = [0, 0, 1, 1, 1, 0, 0, 0]
 
 
 def change(**odd):
@@ -97,15 +97,15 @@ def change(**odd):
         ([(np.inf, [])], "frame 0 .* time"),
         ([(1.0, []), (1.0, [])], "frame 1 .* time"),
         ([(1.0, []), (0.5, [])], "frame 1 .* time"),
-        ([(0.0, [[0, 0, np.nan, 1, 0, 0, 0]])], "x of record 0"),
-        ([(0.0, [[0, 0, 1, 1, 0, np.inf, 0]])], "velocity_y of record 0"),
-        ([(0.0, [[0, 0, 1, 1, 0, 0, np.nan]])], "contact_force of record 0"),
+        ([(0.0, [[0, 0, 1, np.nan, 1, 0, 0, 0]])], "x of record 0"),
+        ([(0.0, [[0, 0, 1, 1, 1, 0, np.inf, 0]])], "velocity_y of record 0"),
+        ([(0.0, [[0, 0, 1, 1, 1, 0, 0, np.nan]])], "contact_force of record 0"),
         ([(0.0, [[2, *PERSON[1:]]])], "person"),
         ([(0.0, [PERSON, PERSON])], "person"),
         ([(0.0, [[1, *PERSON[1:]], PERSON])], "person"),
         ([(0.0, [PERSON] * 3)], "frame 0"),
         ([(0.0, [[0, 5, *PERSON[2:]]])], "level"),
-        ([(0.0, [[0, 0, 1e5, 1, 0, 0, 0]])], "person 0 .* outside"),
+        ([(0.0, [[0, 0, 0, 1e5, 1, 0, 0, 0]])], "person 0 .* outside"),
         ([(1.0, [], "{")], "changes"),
         ([(1.0, [], "[" * 10**5)], "changes"),
         ([(1.0, [], "[3]")], "changes"),

@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Level
 
 #: Largest distance of the vertices of a level from a plane for which it is treated as one plane [m].
@@ -34,6 +34,12 @@ def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> Floa
         here = level_of == index
         height[here] = level_elevation(building.vertices, building.levels[index], points[here])
     return height
+
+
+def in_space(building: Building, level: IntArray, velocity: FloatArray) -> FloatArray:
+    """Return velocities in space (n, 3) of people on levels (n,) with velocities in plan (n, 2), along the slopes."""
+    gradient = np.array([np.tan(level.slope) * level.uphill for level in building.levels]).reshape(-1, 2)
+    return np.column_stack([velocity, np.einsum("ij,ij->i", velocity, gradient[level])])
 
 
 def level_elevation(vertices: FloatArray, level: Level, position: FloatArray) -> FloatArray:

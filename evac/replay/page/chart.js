@@ -7,13 +7,12 @@ class Chart {
   constructor(node, record, series, seek) {
     Object.assign(this, { node, record, series, seek });
     const at = (times) => (time) => countUpTo(times, time);
-    const inFrame = (counts) => (time) => counts[record.frameAt(time)];
     const named = (list, values) => list.map((one) => ({ name: one.name, value: values(one) }));
     this.curves = {
       "people out": [{ name: "all", value: at(series.out), isTotal: true }, ...(series.exits.length > 1 ? named(series.exits, (one) => at(one.times)) : [])],
-      "entered each stair": named(series.stairs, (one) => at(one.times)),
-      "on each stair": named(series.stairs, (one) => inFrame(one.inside)),
-      "on each level": named(series.storeys, (one) => inFrame(one.inside)),
+      "entered each stair": named(series.stairs, (one) => at(one.entered)),
+      "on each stair": named(series.stairs, (one) => (time) => one.inside.at(time)),
+      "on each level": named(series.storeys, (one) => (time) => one.inside.at(time)),
     };
     for (const [name, curves] of Object.entries(this.curves)) if (!curves.length) delete this.curves[name];
     const pick = (event) => {

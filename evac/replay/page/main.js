@@ -12,12 +12,12 @@ const SHADOWED = 3000;  // So many people have shadows.
 async function start() {
   const about = JSON.parse(new TextDecoder().decode(await inflate("about")));
   const streams = await inflateMotion();
-  const motion = unpackMotion(streams, about.building.levels, about.group.length, about.grain);
+  const motion = unpackMotion(streams, about);
   const record = new Record(about, motion);
   const storeys = findStoreys(about.building.levels);
   const layout = new Layout(about.building, about.grain, storeys);
-  const density = new Density(layout, QUANTITIES.density.greatest);
-  const maps = new Maps(record, density), layers = ["plain", "density now", ...Object.keys(MAPS)];
+  const density = new Density(about.building, new Uint8Array(await inflate("floors")), about.people_scales.density.top);
+  const maps = new Maps(record, density), layers = ["plain", "density now", ...Object.keys(about.map_scales)];
   const series = new Series(record, storeys);
   const people = new People(record, density);
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
@@ -25,7 +25,7 @@ async function start() {
   const panel = new Panel(record, series, layout, people);
   const state = {
     time: record.begin, isPlaying: false, speed: 1, quantity: "group", isPlan: false, storey: -1, spread: layout.clearSpread(TILT),
-    layer: "plain", selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
+    layer: "plain", service: "", selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
   };
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
@@ -67,23 +67,27 @@ async function start() {
 
   function recolour() {
     by("colour").value = state.quantity;
-    panel.showLegend(state.quantity, state.highlighted, (index) => { state.highlighted = index; recolour(); });
+    showLayer();
+    panel.showLegend(state.quantity, state.service, state.highlighted, (index) => { state.highlighted = index; recolour(); });
     redraw();
   }
 
   // Shows a map on the floors; those of the whole run are computed when the first of them is chosen.
   function showLayer() {
-    const { layer } = state, isNow = layer === "density now", map = isNow ? MAPS["mean density"] : MAPS[layer];
+    const { layer } = state, isNow = layer === "density now";
+    const map = served(isNow ? { ...about.people_scales.density, isVeiled: true } : about.map_scales[layer], state.service, about.services);
     by("layer").value = layer;
     by("layer-legend").hidden = !map;
+    by("service").value = state.service;
+    by("service-tool").hidden = !map?.isDensity && state.quantity !== "density";
     state.isLayered = Boolean(map) && (isNow || maps.share === 1);
     if (map && !isNow) maps.find(showLayer);
     if (state.isLayered) {
-      stage.setScale(layered(people.ramps[map.colours], map.isVeiled));
-      stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer), map.isVeiled);
-      const stops = onFloor(about.colours.maps[map.colours], look.floors[0], map.isVeiled);
-      const [name, most] = isNow ? ["Density", density.greatest] : [layer[0].toUpperCase() + layer.slice(1), maps.ends[layer]];
-      by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(stops, most, map.unit)}`;
+      const top = map.top ?? maps.ends[layer];
+      stage.setScale(layered(ramp(map), map.isVeiled));
+      stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
+      const name = isNow ? "Density" : layer[0].toUpperCase() + layer.slice(1);
+      by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors[0]), map, top)}`;
     } else by("layer-legend").innerHTML = `<div class="ends"><span>Computing maps: ${Math.round(100 * maps.share)} %</span></div>`;
     felt = 0;
     redraw();
@@ -128,7 +132,7 @@ async function start() {
       density.update(now);
       if (isNow) stage.setLayer(density, density.bytes, true);
     }
-    people.update(now, layout, state.quantity, state.highlighted, state.selected);
+    people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     stage.draw(camera, people, { ...look, layer: state.isLayered, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, closed, selectedPlace(now));
     updateScale(camera, canvas.clientHeight);
@@ -142,7 +146,7 @@ async function start() {
     panel.tellPerson(state.selected, state.time, now);
     chart.update(state.time);
     by("slider").value = state.time;
-    by("slider").setAttribute("aria-valuetext", `${seconds(state.time)}, ${now.count} people inside`);
+    by("slider").setAttribute("aria-valuetext", `${seconds(state.time)}, ${series.inside.at(state.time)} people inside`);
   }
 
   function play(time) {
@@ -174,12 +178,11 @@ async function start() {
     look: redraw,
     restart() {
       pause();
-      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", isPlan: false, storey: -1, layer: "plain", highlighted: null });
+      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", isPlan: false, storey: -1, layer: "plain", service: "", highlighted: null });
       for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
       act.speed(1);
       select(null);
       recolour();
-      showLayer();
       turnBack();
       arrange();
       fit();
@@ -213,15 +216,15 @@ async function start() {
     climb(by) { act.storey(Math.max(-1, state.storey + by >= storeys.length ? -1 : state.storey < 0 && by < 0 ? storeys.length - 1 : state.storey + by)); },
     storey(storey) { if (storeys.length > 1) { state.storey = storey; arrange(); fit(); } },
     spread(spread) { state.spread = spread; arrange(); fit(); },
-    recolour() { const all = Object.keys(QUANTITIES); act.colour(all[(all.indexOf(state.quantity) + 1) % all.length]); },
+    recolour() { const all = ["group", ...Object.keys(about.people_scales)]; act.colour(all[(all.indexOf(state.quantity) + 1) % all.length]); },
     colour(quantity) { state.quantity = quantity; recolour(); },
+    service(service) { state.service = service; recolour(); },
     nextLayer() { act.layer(layers[(layers.indexOf(state.layer) + 1) % layers.length]); },
     layer(layer) { state.layer = layer; showLayer(); },
     theme() {
       document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
       applyTheme();
       recolour();
-      showLayer();
       if (state.selected !== null) select(state.selected);
     },
     select,
@@ -264,8 +267,9 @@ async function start() {
     };
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
     by("storey-tool").hidden = storeys.length < 2;
-    options("colour", Object.entries(QUANTITIES).map(([name, { label }]) => [name, label]));
+    options("colour", ["group", ...Object.keys(about.people_scales)].map((name) => [name, name[0].toUpperCase() + name.slice(1)]));
     options("layer", layers.map((name) => [name, name]));
+    options("service", [["", "none"], ...Object.entries(about.services).map(([name, { source }]) => [name, source])]);
     options("curve", Object.keys(chart.curves).map((name) => [name, name]));
     options("speed", SPEEDS.map((speed) => [speed, `${speed}×`]));
     by("speed").value = state.speed;
@@ -288,6 +292,7 @@ async function start() {
     on("layer", "change", () => act.layer(by("layer").value));
     on("fit", "click", fit);
     on("colour", "change", () => act.colour(by("colour").value));
+    on("service", "change", () => act.service(by("service").value));
     on("curve", "change", () => {
       chart.show(by("curve").value, (name, index) => panel.lineColour(name === "people out" ? index - 1 : index));
       redraw();

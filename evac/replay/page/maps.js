@@ -1,19 +1,7 @@
 // Maps of the whole run on the floors: the quantities of `evac map`, computed in slices when the first one is chosen.
 
 const SLICE = 25;  // The page stays usable while maps are computed: a slice takes about so long [ms].
-const FEWEST = 1e-3;  // Below this mean density a mean speed is not given [1/m²].
-
-// Quantities of maps, with the colours that each is drawn in; those of densities let the floor show through.
-const MAPS = {
-  "mean density": { unit: "1/m²", colours: "density", isVeiled: true },
-  "maximum density": { unit: "1/m²", colours: "density", isVeiled: true },
-  "mean speed": { unit: "m/s", colours: "speed" },
-  "specific flow": { unit: "1/(m s)", colours: "density", isVeiled: true },
-  "waiting": { unit: "s/m²", colours: "waiting time", isVeiled: true },
-  "time to clear": { unit: "s", colours: "waiting time" },
-  "contact pressure": { unit: "N/m", colours: "contact force" },
-  "usage": { unit: "people", colours: "density" },
-};
+const FEWEST = 1e-3;  // Below this mean density of people who have started a mean speed is not given [1/m²].
 
 class Maps {
   constructor(record, density) {
@@ -25,7 +13,7 @@ class Maps {
     if (this.begun) return;
     this.begun = true;
     const size = this.density.sums.length;
-    const values = Object.fromEntries(Object.keys(MAPS).map((name) => [name, new Float32Array(size)]));
+    const values = Object.fromEntries(Object.keys(this.record.map_scales).map((name) => [name, new Float32Array(size)]));
     let since = performance.now();
     for (const share of this.steps(values)) {
       if (performance.now() - since < SLICE) continue;
@@ -49,13 +37,14 @@ class Maps {
       for (let c = 0; c < sums.length; c++) if (sums[c] > greatest[c]) greatest[c] = sums[c];
       yield 0.5 * k / record.frames;
     }
-    const { order, start, frame } = this.byPerson();
+    const { order, start, frame } = this.byPerson(), parts = this.partsOf(order, frame);
     const linear = ["mean density", "mean speed", "waiting"].map((name) => values[name]);
+    linear.push(new Float32Array(sums.length));  // of those who have started
     const flows = [0, 1].map(() => new Float32Array(sums.length)), stamp = new Int32Array(sums.length).fill(-1);
     for (let p = 0; p < record.people; p++) {
       const rows = order.subarray(start[p], start[p + 1]);
       this.addPerson(rows, frame, linear, flows);
-      this.addBody(p, rows, frame, values, stamp);
+      this.addBody(p, rows, frame, parts, values, stamp);
       yield 0.5 + 0.5 * p / record.people;
     }
     this.finish(values, linear, flows);
@@ -84,62 +73,69 @@ class Maps {
     return 0.5 * (times[Math.min(last, k + 1)] - times[Math.max(0, k - 1)]) / (times[last] - times[0]);
   }
 
-  // Density, speed and waiting of one person, at the nearest node: they are smoothed together, at the end.
-  addPerson(rows, frame, [densities, speeds, waiting], flows) {
-    const { density, record } = this, { x, y, z, level, times } = record.motion;
-    for (let i = 0; i < rows.length; i++) {
-      const row = rows[i], from = rows[Math.max(0, i - 1)], to = rows[Math.min(rows.length - 1, i + 1)];
-      const span = times[frame[to]] - times[frame[from]];
-      const [vx, vy, vz] = span ? [(x[to] - x[from]) / span, (y[to] - y[from]) / span, (z[to] - z[from]) / span] : [0, 0, 0];
-      const speed = Math.hypot(vx, vy, vz), node = density.node(level[row], x[row], y[row]);
-      const weight = this.shareOf(frame[row]) / density.cover[node];
-      densities[node] += weight;
-      speeds[node] += weight * speed;
-      flows[0][node] += weight * vx;
-      flows[1][node] += weight * vy;
-      if (speed < SLOW) waiting[node] += weight;
+  // In how many parts ways to the next frame are divided, for each frame and level: the longest one has parts of a cell.
+  partsOf(order, frame) {
+    const { motion: { person, level, x, y }, frames, building } = this.record, parts = new Uint16Array(frames * building.levels.length).fill(1);
+    for (let i = 0; i + 1 < order.length; i++) {
+      const row = order[i], next = order[i + 1];
+      if (person[row] !== person[next] || frame[next] !== frame[row] + 1 || level[row] !== level[next]) continue;
+      const at = frame[row] * building.levels.length + level[row];
+      parts[at] = Math.max(parts[at], Math.ceil(Math.hypot(x[next] - x[row], y[next] - y[row]) / this.density.cell));
     }
+    return parts;
+  }
+
+  // Density, speed and waiting of one person, in its cell: they are smoothed together, at the end.
+  addPerson(rows, frame, [densities, speeds, waiting, begun], flows) {
+    const { density, record } = this, { x, y, level, speed, heading, waited, started } = record.motion, { levels } = record.building;
+    rows.forEach((row, i) => {
+      const node = density.node(level[row], x[row], y[row]), one = 1 / density.cover[node], weight = this.shareOf(frame[row]) * one;
+      const angle = heading[row] * Math.PI / 128, toward = [Math.cos(angle), Math.sin(angle)];
+      const [, a, b] = levels[level[row]].plane, inPlan = speed[row] / Math.hypot(1, a * toward[0] + b * toward[1]);
+      densities[node] += weight;
+      if (started[row]) begun[node] += weight;
+      if (started[row]) speeds[node] += weight * speed[row];
+      flows.forEach((flow, axis) => { flow[node] += weight * inPlan * toward[axis]; });
+      if (i) waiting[node] += one * (waited[row] - waited[rows[i - 1]]);
+    });
   }
 
   // What one body covers, on straight ways between recorded states.
-  addBody(p, rows, frame, values, stamp) {
-    const { density, record } = this, { x, y, level, times } = record.motion, radius = record.radius[p] / 1000;
-    const clear = values["time to clear"], pressure = values["contact pressure"], usage = values.usage;
+  addBody(p, rows, frame, partsOf, values, stamp) {
+    const { density, record } = this, { x, y, level, times, force } = record.motion, radius = record.radius[p] / 1000;
+    const clear = values["time to clear"], pressure = values["maximum contact pressure"], usage = values.usage;
     rows.forEach((row, i) => {
-      const isOn = i + 1 < rows.length && level[rows[i + 1]] === level[row], next = isOn ? rows[i + 1] : row;
-      const parts = Math.max(1, Math.ceil(Math.hypot(x[next] - x[row], y[next] - y[row]) / density.cell));
-      const force = record.forceOf(row) / (2 * Math.PI * radius);
+      const next = i + 1 < rows.length && frame[rows[i + 1]] === frame[row] + 1 && level[rows[i + 1]] === level[row] ? rows[i + 1] : row;
+      const parts = next === row ? 1 : partsOf[frame[row] * record.building.levels.length + level[row]];
+      const isLast = frame[row] === record.frames - 1, load = force[row] / (2 * Math.PI * radius);
       for (let part = 0; part < parts; part++) {
-        const u = part / parts, time = times[frame[row]] + u * (times[frame[next]] - times[frame[row]]);
+        const u = part / parts, time = isLast ? Infinity : times[frame[row]] + u * (times[frame[next]] - times[frame[row]]);
         density.covered(level[row], x[row] + u * (x[next] - x[row]), y[row] + u * (y[next] - y[row]), radius, (node) => {
           if (stamp[node] !== p) usage[node]++;
           stamp[node] = p;
           clear[node] = Math.max(clear[node], time, 1e-6);  // 0 is "nobody was ever here".
-          if (!part) pressure[node] = Math.max(pressure[node], force);
+          if (!part) pressure[node] = Math.max(pressure[node], load);
         });
       }
     });
   }
 
-  finish(values, [densities, speeds, waiting], flows) {
-    const { density, record } = this, length = record.end - record.begin;
-    for (const grid of [densities, speeds, waiting, ...flows]) density.smooth(grid);
+  finish(values, [densities, speeds, waiting, begun], flows) {
+    for (const grid of [densities, speeds, waiting, begun, ...flows]) this.density.smooth(grid);
     for (let c = 0; c < densities.length; c++) {
-      speeds[c] = densities[c] > FEWEST ? speeds[c] / densities[c] : 0;
-      waiting[c] *= length;
+      speeds[c] = begun[c] > FEWEST ? speeds[c] / begun[c] : 0;
       values["specific flow"][c] = Math.hypot(flows[0][c], flows[1][c]);
     }
   }
 
-  // A round number that 99 % of what is not zero on the floors stays below.
+  // A round number that 99 % of the finite values above zero on the floors stay below.
   upperEnd(values) {
-    const sorted = values.filter((value, c) => value > 0 && this.density.inside[c]).sort();
-    return sorted.length ? roundUp(sorted[Math.floor(0.99 * (sorted.length - 1))]) : 1;
+    const sorted = values.filter((value, c) => value > 0 && value < Infinity && this.density.inside[c]).sort();
+    return roundUp(sorted[Math.floor(0.99 * (sorted.length - 1))]);
   }
 
   // Values from 1 to 255 up to the end of the scale; 0 is no value.
-  bytes(name) {
-    const scale = 255 / this.ends[name];
-    return Uint8Array.from(this.values[name], (value) => value > 0 ? Math.max(1, Math.min(255, scale * value)) : 0);
+  bytes(name, scale, top) {
+    return Uint8Array.from(this.values[name], (value) => value > 0 ? Math.max(1, 255 * shareOf(scale, top, value)) : 0);
   }
 }

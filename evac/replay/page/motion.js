@@ -1,14 +1,17 @@
 // Where everybody was: takes apart what evac/replay/motion.py has packed.
 
 async function inflateMotion() {
-  const names = ["times", "events", "steps", "heights", "forces", "wide"];
-  const [times, events, steps, heights, forces, wide] = await Promise.all(names.map(inflate));
+  const names = ["times", "events", "steps", "heights", "speeds", "waited", "forces", "headings", "wide"];
+  const [times, events, steps, heights, speeds, waited, forces, headings, wide] = await Promise.all(names.map(inflate));
   return {
     times: new Float64Array(times),
     events: new Int32Array(events),
     steps: new Uint8Array(steps),
     heights: new Uint8Array(heights),
+    speeds: new Uint8Array(speeds),
+    waited: new Uint8Array(waited),
     forces: new Uint8Array(forces),
+    headings: new Uint8Array(headings),
     wide: new Int32Array(wide),
   };
 }
@@ -23,28 +26,33 @@ function firstRows(streams) {
     const gone = events[at += 1 + 2 * entered];
     at += 1 + gone;
     at += 1 + 2 * events[at];
+    at += 1 + events[at];
     inside += entered - gone;
     first[k + 1] = first[k] + inside;
   }
   return first;
 }
 
-// Rows of everybody inside, frame after frame: person, level, position [m], contact force as it was packed.
-function unpackMotion(streams, levels, people, grain) {
+// Rows of everybody inside, frame after frame: person, level, position [m], speed [m/s], direction in plan, time waited so
+// far [s], contact force [N], and whether the response time is over.
+function unpackMotion(streams, { building: { levels }, group, grain, pace, moment }) {
+  const people = group.length;
   const first = firstRows(streams);
   const rows = first[first.length - 1];
   const motion = {
-    times: streams.times, first, force: new Uint8Array(rows),
+    times: streams.times, first, started: new Uint8Array(rows), heading: new Uint8Array(rows),
     person: new Uint32Array(rows), level: new Uint16Array(rows),
     x: new Float32Array(rows), y: new Float32Array(rows), z: new Float32Array(rows),
+    speed: new Float32Array(rows), waited: new Float32Array(rows), force: new Float32Array(rows),
   };
-  const { events, steps, heights, forces, wide } = streams;
+  const { events, steps, heights, headings, wide } = streams;
   const levelOf = new Int32Array(people).fill(-1);
   const seen = new Uint8Array(people);
-  const code = new Uint8Array(people);
+  const begun = new Uint8Array(people), turned = new Uint8Array(people);
+  const codes = ["speeds", "waited", "forces"].map((name) => [streams[name], new Int32Array(people)]);
   const last = [new Int32Array(people), new Int32Array(people)];
   const before = [new Int32Array(people), new Int32Array(people)];
-  let event = 0, step = 0, lift = 0, wider = 0;
+  let event = 0, step = 0, lift = 0, wider = 0, turn = 0;
   const number = (byte) => byte === 255 ? wide[wider++] : byte & 1 ? -(byte + 1) / 2 : byte / 2;
 
   for (let k = 0; k + 1 < first.length; k++) {
@@ -57,11 +65,15 @@ function unpackMotion(streams, levels, people, grain) {
     const moved = events[event++];
     for (let i = 0; i < moved; i++) levelOf[events[event + i]] = events[event + moved + i];
     event += 2 * moved;
+    const other = events[event++];
+    for (let i = 0; i < other; i++) begun[events[event + i]] ^= 1;
+    event += other;
 
     let row = first[k];
     for (let p = 0; p < people; p++) {
       if (levelOf[p] < 0) continue;
       motion.person[row] = p;
+      motion.started[row] = begun[p];
       motion.level[row++] = levelOf[p];
     }
     for (const axis of [0, 1]) {
@@ -71,7 +83,7 @@ function unpackMotion(streams, levels, people, grain) {
         const expected = seen[p] > 1 ? 2 * last[axis][p] - before[axis][p] : seen[p] ? last[axis][p] : 0;
         before[axis][p] = last[axis][p];
         last[axis][p] = expected + number(steps[step++]);
-        target[row] = grain * last[axis][p];
+        target[row] = grain * (last[axis][p] + 0.5);
       }
     }
     for (row = first[k]; row < first[k + 1]; row++) {
@@ -81,9 +93,21 @@ function unpackMotion(streams, levels, people, grain) {
       motion.z[row] = c + a * motion.x[row] + b * motion.y[row];
       if (level.uneven) motion.z[row] += grain * number(heights[lift++]);
     }
+    const [speeds, waited, forces] = codes.map(([bytes, last]) => {
+      for (row = first[k]; row < first[k + 1]; row++) last[motion.person[row]] += number(bytes[row]);
+      return last;
+    });
     for (row = first[k]; row < first[k + 1]; row++) {
-      motion.force[row] = code[motion.person[row]] += number(forces[row]);
+      const p = motion.person[row];
+      motion.speed[row] = pace * speeds[p];
+      motion.waited[row] = moment * waited[p];
+      motion.force[row] = forceOf(forces[p]);
+      if (speeds[p]) turned[p] += headings[turn++];
+      motion.heading[row] = turned[p];
     }
   }
   return motion;
 }
+
+// Contact force of a code, with two significant digits [N].
+const forceOf = (code) => code ? (10 + (code - 1) % 90) * 10 ** Math.floor((code - 1) / 90) : 0;

@@ -45,11 +45,10 @@ class Panel {
   }
 
   // The legend; a click on a group shows it alone.
-  showLegend(quantity, highlighted, highlight) {
-    const { colours } = this.record;
+  showLegend(quantity, service, highlighted, highlight) {
     if (quantity !== "group") {
-      const { unit } = QUANTITIES[quantity], most = this.people.greatestOf(quantity);
-      by("legend").innerHTML = bar(colours.maps[quantity], most, unit);
+      const scale = this.people.scaleOf(quantity, service);
+      by("legend").innerHTML = bar(onFloor({ ...scale, isVeiled: false }, [0, 0, 0]), scale, scale.top);
       return;
     }
     const list = document.createElement("ul");
@@ -69,7 +68,7 @@ class Panel {
     const { series, record } = this;
     by("time").textContent = seconds(time);
     const out = countUpTo(series.out, time);
-    by("inside").textContent = now.count;
+    by("inside").textContent = series.inside.at(time);
     by("outside").textContent = out;
     const changes = record.changes.filter(([since]) => since <= time + 1e-9).slice(-4).map(([, words]) => words);
     if (changes.join() !== this.changes) {
@@ -83,11 +82,11 @@ class Panel {
       this.exits[index][0].textContent = countUpTo(times, time);
       this.exits[index][1].textContent = flowAt(times, time, record.begin).toFixed(1);
     });
-    series.stairs.forEach(({ times, inside }, index) => {
-      this.stairs[index][0].textContent = countUpTo(times, time);
-      this.stairs[index][1].textContent = inside[now.frame];
+    series.stairs.forEach(({ entered, inside }, index) => {
+      this.stairs[index][0].textContent = countUpTo(entered, time);
+      this.stairs[index][1].textContent = inside.at(time);
     });
-    series.storeys.forEach(({ inside }, index) => { this.storeys[index][0].textContent = inside[now.frame]; });
+    series.storeys.forEach(({ inside }, index) => { this.storeys[index][0].textContent = inside.at(time); });
   }
 
   // Who somebody is, and where and how fast at the time shown.
@@ -99,11 +98,11 @@ class Panel {
     const left = record.outTime[p] < Infinity, exit = record.building.exits[record.outBy[p]];
     const facts = [["Group", group]];
     if (isInside) {
-      const force = record.forceOf(now.row[i]);
+      const row = now.row[i], force = record.motion.force[row];
       facts.push(["Level", record.building.levels[now.level[i]].name]);
-      facts.push(["Speed", `${this.people.valueOf("speed", now, i).toFixed(2)} m/s`]);
-      facts.push(["Contact force", force ? `about ${short(Number(force.toPrecision(2)))} N` : `below ${record.least_force} N`]);
-      facts.push(["Waited so far", seconds(record.waiting()[now.row[i]])]);
+      facts.push(["Speed", `${record.motion.speed[row].toFixed(2)} m/s`]);
+      facts.push(["Contact force", force ? `${short(force)} N` : `below ${record.least_force} N`]);
+      facts.push(["Waited so far", seconds(record.motion.waited[row])]);
     } else {
       facts.push(["Level", time < record.outTime[p] ? "not inside yet" : "out"]);
     }
@@ -121,7 +120,15 @@ class Panel {
 // Colours of exits, stairs and levels in charts; colour-blind people tell them apart.
 const LINES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a939e"];
 
-const bar = (stops, most, unit) => `<div class="bar" style="background:${gradient(stops)}"></div>`
-  + `<div class="ends"><span>0</span><span>${short(most / 2)}</span><span>≥ ${short(most)} ${unit}</span></div>`;
+// The bar of a scale with its colours, and numbers or levels of service below it.
+function bar(stops, { unit, least, edges, letters }, top) {
+  const bands = edges && [...letters].map((letter, k) => {
+    const [from, to] = [k ? edges[k - 1] : 0, Math.min(top, edges[k] ?? top)];
+    return `<span style="left:${100 * from / top}%" title="${k ? edges[k - 1] : 0} ${unit} or more">${to - from > 0.03 * top ? letter : ""}</span>`;
+  });
+  const numbers = least ? [least, Math.sqrt(least * top), top].map((value) => Number(value.toPrecision(2))) : [0, top / 2, top];
+  return `<div class="bar" style="background:${gradient(stops)}"></div>` + (bands ? `<div class="bands">${bands.join("")}</div>`
+    : `<div class="ends"><span>${least ? "≤ " : ""}${short(numbers[0])}</span><span>${short(numbers[1])}</span><span>≥ ${short(numbers[2])} ${unit}</span></div>`);
+}
 
 const short = (value) => value >= 1000 ? value.toLocaleString("en").replaceAll(",", "\u202f") : value;

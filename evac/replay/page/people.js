@@ -1,13 +1,7 @@
 // People: the colour of each, and the bytes that are handed to WebGL; who is where the pointer is.
 
-// What people can be coloured by, with the range of the scale. `null` is found from the data.
-const QUANTITIES = {
-  group: { label: "Group" },
-  speed: { label: "Speed", unit: "m/s", greatest: 2 },
-  density: { label: "Density", unit: "1/m²", greatest: 5 },
-  "contact force": { label: "Contact force", unit: "N", greatest: null },
-  "waiting time": { label: "Waiting time", unit: "s", greatest: null },
-};
+// The measures of people, and the columns of the motion that have them.
+const COLUMNS = { speed: "speed", "contact force": "force", "waited so far": "waited" };
 
 class People {
   constructor(record, density) {
@@ -25,41 +19,25 @@ class People {
     const { colours } = record;
     this.groups = [...colours.groups, colours.none].map((hex) => packed(parts(hex)));
     this.faded = [...colours.groups, colours.none].map(() => packed([176, 184, 193]));
-    this.ramps = Object.fromEntries(Object.entries(colours.maps).map(([name, stops]) => [name, ramp(stops)]));
-    this.greatest = {};
   }
 
-  // The upper end of a quantity's scale: a round number that 99 % of the greatest values stay below.
-  greatestOf(quantity) {
-    if (QUANTITIES[quantity].greatest) return QUANTITIES[quantity].greatest;
-    if (this.greatest[quantity]) return this.greatest[quantity];
-    const { record } = this, peaks = new Float32Array(record.people);
-    const values = quantity === "waiting time" ? record.waiting() : null;
-    record.motion.person.forEach((p, row) => {
-      const value = values ? values[row] : record.motion.force[row];
-      if (value > peaks[p]) peaks[p] = value;
-    });
-    const sorted = peaks.filter((value) => value > 0).sort();
-    let most = sorted.length ? sorted[Math.floor(0.99 * (sorted.length - 1))] : 1;
-    if (!values) most = sorted.length ? record.forceOfCode(most) : 100;
-    this.greatest[quantity] = roundUp(most);
-    return this.greatest[quantity];
+  // The scale of a quantity; the longest time that anybody waited ends that of waiting.
+  scaleOf(quantity, service) {
+    const { people_scales: scales, services, longest_wait } = this.record;
+    const scale = served(scales[quantity], service, services);
+    return { ...scale, top: scale.top ?? roundUp(longest_wait) };
   }
 
   // Value of a quantity of the i-th person of `now`.
   valueOf(quantity, now, i) {
-    const { record } = this;
-    if (quantity === "speed") return record.speeds(now.frame)[now.row[i] - record.motion.first[now.frame]];
     if (quantity === "density") return this.density.sums[this.density.node(now.level[i], now.x[i], now.y[i])];
-    if (quantity === "contact force") return record.forceOf(now.row[i]);
-    return record.waiting()[now.row[i]];
+    return this.record.motion[COLUMNS[quantity]][now.row[i]];
   }
 
-  update(now, layout, quantity, highlighted, selected) {
+  update(now, layout, quantity, service, highlighted, selected) {
     const { record, bodies, words } = this;
     const isGroup = quantity === "group";
-    const scale = isGroup ? null : this.ramps[quantity];
-    const factor = isGroup ? 1 : 255 / this.greatestOf(quantity);
+    const scale = isGroup ? null : this.scaleOf(quantity, service), colours = scale && ramp(scale);
     let k = 0;
     this.marked = -1;
     for (let i = 0; i < now.count; i++) {
@@ -72,7 +50,7 @@ class People {
       bodies[4 * k + 3] = record.radius[p] / 1000;
       const group = record.group[p] < 0 ? this.groups.length - 1 : record.group[p];
       const fades = highlighted !== null && group !== highlighted;
-      let colour = isGroup ? this.groups[group] : scale[Math.max(0, Math.min(255, Math.round(factor * this.valueOf(quantity, now, i))))];
+      let colour = isGroup ? this.groups[group] : colours[Math.floor(255 * shareOf(scale, scale.top, this.valueOf(quantity, now, i)))];
       if (fades) colour = this.faded[group];
       if (p === selected) this.marked = k;
       words[k] = colour & 0xffffff | Math.round(255 * record.height[p] / 1000 / this.tallest) << 24;
@@ -94,8 +72,9 @@ class People {
   }
 }
 
-// The end of a scale: a round number.
+// The end of a scale: a round number; 1 for 0.
 function roundUp(most) {
+  if (!(most > 0)) return 1;
   const power = 10 ** Math.floor(Math.log10(most));
   return Number(([1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((k) => k * power >= most * 0.999) * power).toPrecision(2));
 }

@@ -1,6 +1,4 @@
-// The run: everybody at any time, and what follows from positions: speeds, waiting times, times of leaving.
-
-const SLOW = 0.2;  // Whoever is slower waits [m/s].
+// The run: everybody at any time, and times of leaving.
 
 class Record {
   constructor(about, motion) {
@@ -10,7 +8,6 @@ class Record {
     this.frames = motion.times.length;
     this.begin = motion.times[0];
     this.end = motion.times[this.frames - 1];
-    this.cached = new Map();
     this.findExits();
     this.now = this.room(this.people);
   }
@@ -128,56 +125,6 @@ class Record {
     now.frame = k;
     return now;
   }
-
-  // Speed of each row of a frame [m/s], along the slope: from the frame before to the frame after.
-  speeds(k) {
-    const known = this.cached.get(k);
-    if (known) return known;
-    const { first, person, x, y, z, times } = this.motion;
-    const a = Math.max(0, k - 1), b = Math.min(this.frames - 1, k + 1);
-    const speeds = new Float32Array(first[k + 1] - first[k]);
-    let before = first[a], after = first[b];
-    for (let row = first[k]; row < first[k + 1]; row++) {
-      const p = person[row];
-      while (before < first[a + 1] && person[before] < p) before++;
-      while (after < first[b + 1] && person[after] < p) after++;
-      const from = before < first[a + 1] && person[before] === p ? before : row;
-      const to = after < first[b + 1] && person[after] === p ? after : row;
-      const span = times[to === row ? k : b] - times[from === row ? k : a];
-      const way = Math.hypot(x[to] - x[from], y[to] - y[from], z[to] - z[from]);
-      speeds[row - first[k]] = span > 0 ? way / span : 0;
-    }
-    if (this.cached.size > 64) this.cached.clear();
-    this.cached.set(k, speeds);
-    return speeds;
-  }
-
-  // Time that each row's person has been slower than SLOW since its response [s].
-  waiting() {
-    if (this.waited) return this.waited;
-    const { first, person, x, y, z, times } = this.motion;
-    this.waited = new Float32Array(person.length);
-    const last = new Int32Array(this.people).fill(-1);
-    for (let k = 0; k < this.frames; k++) {
-      const span = k ? times[k] - times[k - 1] : 0;
-      for (let row = first[k]; row < first[k + 1]; row++) {
-        const p = person[row], from = last[p];
-        last[p] = row;
-        if (from < 0) continue;
-        const way = Math.hypot(x[row] - x[from], y[row] - y[from], z[row] - z[from]);
-        const waits = way < SLOW * span && times[k - 1] >= this.responseOf(p);
-        this.waited[row] = this.waited[from] + (waits ? span : 0);
-      }
-    }
-    return this.waited;
-  }
-
-  responseOf(p) { return this.response_time ? this.response_time[p] / 100 : 0; }
-
-  // Contact force of a row [N], and of a code.
-  forceOf(row) { return this.forceOfCode(this.motion.force[row]); }
-
-  forceOfCode(code) { return code ? this.least_force * 2 ** ((code - 1) / this.codes_per_octave) : 0; }
 
   closedAt(time) {
     let closed = [];

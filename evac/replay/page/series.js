@@ -1,9 +1,24 @@
-// Curves over time: who got out by which exit, who is on which stair and storey.
+// Numbers of people over time, all counted from the same moves: who changed to which level, or came in or left, and when.
+
+// A number of people that changes at times.
+class Count {
+  constructor(number) {
+    this.times = [];
+    this.numbers = [number];
+  }
+
+  add(time, change) {
+    this.times.push(time);
+    this.numbers.push(this.numbers.at(-1) + change);
+  }
+
+  at(time) { return this.numbers[countUpTo(this.times, time)]; }
+}
 
 class Series {
   constructor(record, storeys) {
     this.record = record;
-    const { exits, stairs } = record.building;
+    const { exits, stairs, levels } = record.building;
     const order = [...record.outTime.keys()].filter((p) => record.outTime[p] < Infinity);
     order.sort((a, b) => record.outTime[a] - record.outTime[b]);
     const timesOf = (people) => Float64Array.from(people, (p) => record.outTime[p]);
@@ -11,26 +26,25 @@ class Series {
     this.exits = exits.map((exit, index) => ({
       name: exit.name, times: timesOf(order.filter((p) => record.outBy[p] === index)),
     }));
-    this.stairs = stairs.map((stair) => ({ name: stair.name, times: [], inside: new Uint32Array(record.frames) }));
-    this.storeys = storeys.map((storey) => ({ name: storey.name, inside: new Uint32Array(record.frames) }));
-    this.follow();
+    const onStair = levels.map((_, index) => stairs.findIndex((stair) => stair.levels.includes(index)));
+    this.inside = this.place("inside", levels.map(() => true)).inside;
+    this.stairs = stairs.map(({ name }, stair) => this.place(name, onStair.map((of) => of === stair)));
+    this.storeys = storeys.map(({ name }, storey) => this.place(name, levels.map((level, index) => level.storey === storey && onStair[index] < 0)));
   }
 
-  // Counts, frame by frame, who is on each stair and storey, and when somebody steps onto a stair.
-  follow() {
-    const { record } = this, { levels, stairs } = record.building;
-    const { first, person, level, times } = record.motion;
-    const stairOf = levels.map((one, index) => stairs.findIndex((stair) => stair.levels.includes(index)));
-    const last = new Int32Array(record.people).fill(-1);
-    for (let k = 0; k < record.frames; k++) {
-      for (let row = first[k]; row < first[k + 1]; row++) {
-        const stair = stairOf[level[row]];
-        this.storeys[levels[level[row]].storey].inside[k]++;
-        if (stair >= 0) this.stairs[stair].inside[k]++;
-        if (stair >= 0 && last[person[row]] !== stair) this.stairs[stair].times.push(times[k]);
-        last[person[row]] = stair;
-      }
-    }
+  // Who is at a place that consists of levels, and when each person is there for the first time.
+  place(name, isPart) {
+    const { start, person, target, time } = this.record.moves, here = start.map((level) => level >= 0 && isPart[level]);
+    const inside = new Count(here.filter(Boolean).length), entered = start.flatMap((_, p) => here[p] ? [-Infinity] : []), known = here.slice();
+    person.forEach((p, k) => {
+      const enters = target[k] >= 0 && isPart[target[k]];
+      if (enters === here[p]) return;
+      inside.add(time[k] / 100, enters ? 1 : -1);
+      if (enters && !known[p]) entered.push(time[k] / 100);
+      here[p] = enters;
+      known[p] ||= enters;
+    });
+    return { name, inside, entered };
   }
 }
 

@@ -1,0 +1,112 @@
+"""What is measured of people at recorded times; maps, pictures, the replay and reports have it from here."""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.saved import taken
+
+#: People slower than this wait [m/s].
+WAITING_SPEED = 0.2
+
+#: Contact forces, which vary from step to step, are means over the recorded times of this interval [s].
+FORCE_SPAN = 1.0
+
+#: Largest numbers in a saved state: times [s] and forces [N].
+MOST = 1e12
+
+
+class Measures(NamedTuple):
+    """What is measured of the c people inside at a recorded time, in the order in which they were given.
+
+    Attributes
+    ----------
+    speed : (c,) float64 [m/s]
+        Displacement in the last tick over its length, on stairs along the slope.
+    started : (c,) bool
+        Whether the response time is over.
+    waits : (c,) float64 [s]
+        Time since the recorded time before, of people who are now slower than the waiting speed and who had started
+        by then; 0 of all others.
+    waited : (c,) float64 [s]
+        Sum of `waits` until now.
+    contact_force : (c,) float64 [N]
+        Mean of the contact forces at the recorded times of the last `FORCE_SPAN`.
+    """
+
+    speed: FloatArray
+    started: NDArray[np.bool_]
+    waits: FloatArray
+    waited: FloatArray
+    contact_force: FloatArray
+
+
+class Measuring:
+    """Measures people at one recorded time after the other.
+
+    Parameters
+    ----------
+    people : int
+    waiting_speed : float [m/s]
+        People slower than this wait.
+
+    Attributes
+    ----------
+    waited : (people,) float64 [s]
+        Time for which each person has waited so far.
+    """
+
+    def __init__(self, people: int, waiting_speed: float = WAITING_SPEED) -> None:
+        self.waited: FloatArray = np.zeros(people)
+        self._waiting_speed = waiting_speed
+        self._had_started = np.zeros(people, np.bool_)  # at the recorded time before
+        self._forces: deque[tuple[float, FloatArray]] = deque()  # -1 of people who are not inside
+        self._last = math.inf
+
+    def add(
+        self, time: float, person: IntArray, speed: FloatArray, started: NDArray[np.bool_], contact_force: FloatArray
+    ) -> Measures:
+        """Return the measures of the people inside at a time [s], given by their rows (c,)."""
+        waits = np.where((speed < self._waiting_speed) & started & self._had_started[person], time - self._last, 0.0)
+        self.waited[person] += waits
+        self._had_started[:] = False
+        self._had_started[person] = started
+        self._last = time
+        forces = np.full(len(self.waited), -1.0)
+        forces[person] = contact_force
+        self._forces.append((time, forces))
+        while self._forces[0][0] <= time - FORCE_SPAN + 1e-9:
+            self._forces.popleft()
+        recent = np.array([one[person] for _, one in self._forces])
+        mean = np.maximum(recent, 0.0).sum(axis=0) / (recent >= 0.0).sum(axis=0)
+        return Measures(speed, started, waits, self.waited[person], mean)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all data on which the measures of later times depend."""
+        return {
+            "waited": self.waited.copy(),
+            "had_started": self._had_started.copy(),
+            "force_times": np.array([time for time, _ in self._forces]),
+            "forces": np.array([forces for _, forces in self._forces]).reshape(len(self._forces), len(self.waited)),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        people = self.waited.shape
+        self.waited[:] = taken(state, "waited", np.float64, people, 0.0, MOST)
+        self._had_started[:] = taken(state, "had_started", np.bool_, people, False, True)
+        times = taken(state, "force_times", np.float64, (None,), 0.0, MOST)
+        forces = taken(state, "forces", np.float64, (len(times), *people), -1.0, MOST)
+        self._forces = deque(zip(times.tolist(), forces.copy(), strict=True))
+        self._last = float(times[-1]) if times.size else math.inf

@@ -1,0 +1,149 @@
+"""Colour scales of people and of maps: one table for pictures, maps, the replay and reports."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evac.analysis.maps import QUANTITIES
+from evac.base.arrays import FloatArray
+from evac.base.errors import ResultError
+from evac.base.parameters import did_you_mean
+from evac.pictures import palette
+
+#: Lower end of logarithmic scales.
+LEAST = 10.0
+
+#: Share of the values of a map that the upper end of its scale is above, if the table has none.
+MOST_VALUES = 0.99
+
+
+class Service(NamedTuple):
+    """Levels of service: densities at which one ends and the next begins [1/m2], and their letters."""
+
+    source: str
+    edges: tuple[float, ...]
+    letters: str
+
+
+#: Levels of service of walkways. Those of Fruin are areas of 35, 25, 15, 10 and 5 square feet per person.
+SERVICES = {
+    "fruin": Service(
+        "Fruin (1971), walkways", tuple(round(1.0 / (0.3048**2 * area), 2) for area in (35, 25, 15, 10, 5)), "ABCDEF"
+    ),
+    "weidmann": Service("Weidmann (1993)", (0.1, 0.3, 0.45, 0.6, 0.75, 1.0, 1.5, 2.0), "ABCDEFGHI"),
+}
+
+#: Upper end of scales of densities [1/m2].
+DENSITY_TOP = 5.0
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A colour scale, from 0, or from `LEAST` if it is logarithmic."""
+
+    label: str
+    unit: str
+    colours: str  # name of the colour map in the palette
+    top: float | None = None  # upper end; None: a round number, from the values
+    is_veiled: bool = False  # whether low values let the floor show through
+    is_logarithmic: bool = False
+    service: str = ""  # name of the levels of service that replace its colours
+
+    def with_service(self, service: str) -> "Scale":
+        """Return the scale of a density with levels of service, and other scales as they are.
+
+        Raises
+        ------
+        ResultError
+            There are no such levels of service.
+        """
+        if service and service not in SERVICES:
+            raise ResultError(f"unknown levels of service {service!r}; {did_you_mean(service, list(SERVICES))}")
+        if self.unit != "1/m²" or not service:
+            return self
+        return Scale(self.label, self.unit, self.colours, DENSITY_TOP, service=service)
+
+    def end(self, most: float) -> float:
+        """Return the upper end of the scale for values of which `most` is the greatest, or a high one."""
+        return self.top or round_up(most)
+
+    def share(self, values: FloatArray, top: float) -> FloatArray:
+        """Return where values are on the scale, from 0 to 1."""
+        if self.is_logarithmic:
+            values = np.log(np.maximum(values, LEAST) / LEAST)
+            top = math.log(top / LEAST)
+        return np.clip(values / top, 0.0, 1.0)
+
+    def ramp(self) -> FloatArray:
+        """Return the colours of the scale, (256, 3) with numbers from 0 to 1."""
+        colours = palette.scale(self.colours)
+        if not self.service:
+            return colours
+        edges = SERVICES[self.service].edges
+        band = np.searchsorted(edges, np.linspace(0.0, DENSITY_TOP, 256), "right")
+        bands: FloatArray = colours[np.rint(255.0 * band / len(edges)).astype(int)]
+        return bands
+
+    def ticks(self, top: float) -> list[tuple[float, str]]:
+        """Return where ticks are, from 0 to 1, and their texts."""
+        if self.service:
+            service = SERVICES[self.service]
+            lower = (0.0, *service.edges)
+            return [(edge / top, f"{letter} {edge:g}") for letter, edge in zip(service.letters, lower, strict=True)]
+        if self.is_logarithmic:
+            decades = math.floor(math.log10(top / LEAST) + 1e-9)
+            values = [LEAST * 10.0**k for k in range(decades + 1)]
+        else:
+            step = 10.0 ** math.floor(math.log10(top / 3.0))
+            step = next(step * k for k in (1.0, 2.0, 5.0, 10.0) if top / (step * k) <= 6.0)
+            step = max(1.0, step) if self.unit == "people" else step
+            values = [step * k for k in range(int(top / step + 1e-9) + 1)]
+        return list(zip(self.share(np.array(values), top).tolist(), (f"{value:g}" for value in values), strict=True))
+
+
+#: Scales of people, by quantity.
+PEOPLE = {
+    "speed": Scale("speed", "m/s", "speed", 2.0),
+    "density": Scale("density", "1/m²", "density", DENSITY_TOP),
+    "contact_force": Scale("contact force", "N", "contact force", 10_000.0, is_logarithmic=True),
+    "waiting": Scale("waited so far", "s", "waiting time"),
+}
+
+
+def _of_map(name: str, colours: str, top: float | None = None, **kind: Any) -> Scale:
+    return Scale(QUANTITIES[name].label, QUANTITIES[name].unit, colours, top, **kind)
+
+
+#: Scales of maps, by quantity.
+MAPS = {
+    "density": _of_map("density", "density", is_veiled=True),
+    "max_density": _of_map("max_density", "density", DENSITY_TOP, is_veiled=True),
+    "speed": _of_map("speed", "speed", 2.0),
+    "flow": _of_map("flow", "density", is_veiled=True),
+    "waiting": _of_map("waiting", "waiting time", is_veiled=True),
+    "time_to_clear": _of_map("time_to_clear", "waiting time"),
+    "contact_pressure": _of_map("contact_pressure", "contact force", 10_000.0, is_logarithmic=True),
+    "usage": _of_map("usage", "density"),
+}
+
+
+def high_value(grids: Sequence[FloatArray]) -> float:
+    """Return the value that `MOST_VALUES` of the positive, finite values of maps are below; 0 if there are none."""
+    values = np.concatenate([grid[np.isfinite(grid) & (np.nan_to_num(grid) > 0.0)] for grid in grids])
+    return float(np.quantile(values, MOST_VALUES, method="lower")) if values.size else 0.0
+
+
+def round_up(value: float) -> float:
+    """Return the round number at or above a value, which ends a scale; 1 for 0.
+
+    >>> round_up(0.37), round_up(41.0), round_up(8.0)
+    (0.4, 50.0, 8.0)
+    """
+    if value <= 0.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    found = next(k * power for k in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if k * power >= value * 0.999)
+    return float(f"{found:.2g}")

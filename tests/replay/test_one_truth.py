@@ -1,0 +1,148 @@
+"""Numbers of a run, wherever they are shown, against code that reads its files with nothing of evac."""
+
+import csv
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+import evac
+from evac.pictures.colouring import colouring
+from evac.pictures.scales import PEOPLE
+
+CASES = ("primary_school", "square_room")
+
+
+@pytest.fixture(scope="module", params=CASES)
+def run(request, tmp_path_factory):
+    """A run of a case: its folder, and what was recorded of it."""
+    folder = tmp_path_factory.mktemp("truth") / "result"
+    changes = {"output.picture": False, "output.animation": False, "simulation.seed": 3}
+    evac.run(evac.load(request.param, changes), folder)
+    table = pa.ipc.open_stream((folder / "trajectory.evac").read_bytes()).read_all()
+    header = json.loads(table.schema.metadata[b"evac.trajectory"])
+    return SimpleNamespace(
+        folder=folder,
+        header=header,
+        frames=list(zip(table["time"].to_pylist(), table["people"].to_pylist(), strict=True)),
+        people=rows_of(folder / "people.csv"),
+        crossings=rows_of(folder / "crossings.csv"),
+        summary=json.loads((folder / "summary.json").read_text()),
+    )
+
+
+def rows_of(path):
+    """Rows of a table; none if there is no such file."""
+    return list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
+
+
+def times_of_levels(run):
+    """When each person is on which level: (from, to, person, level), from the tables alone."""
+    levels = {portal: use["levels"] for portal, use in run.summary["portals"].items()}
+    for number, person in enumerate(run.people):
+        since, level = 0.0, person["start_level"]
+        for crossing in run.crossings:
+            if int(crossing["person"]) == number:
+                yield since, float(crossing["time"]), number, level
+                first, second = levels[crossing["portal"]]
+                since, level = float(crossing["time"]), second if level == first else first
+        yield since, float(person["exit_time"] or np.inf), number, level
+
+
+def speed_of(run, one):
+    """Speed along the slope."""
+    level = run.header["building"]["levels"][one["level"]]
+    velocity = np.array(one["motion"][2:4])
+    return float(np.hypot(np.hypot(*velocity), np.tan(level["slope"]) * (velocity @ level["uphill"])))
+
+
+def waited_until(run, last):
+    """Time waited by each person until a frame."""
+    waited = np.zeros(len(run.people))
+    for (before, there), (time, here) in zip(run.frames[:last], run.frames[1 : last + 1], strict=True):
+        ready = {one["person"] for one in there if float(run.people[one["person"]]["response_time"]) <= before}
+        for one in here:
+            if one["person"] in ready and speed_of(run, one) < 0.2:
+                waited[one["person"]] += time - before
+    return waited
+
+
+def table_of(browser, name):
+    """Cells of a table of the page, by the first one of each row."""
+    return browser.run(
+        f"""Object.fromEntries([...document.querySelectorAll('#{name} tbody tr')].map(
+              ({{ cells: [first, ...others] }}) => [first.innerText, others.map((cell) => cell.innerText)]))"""
+    )
+
+
+def test_numbers_of_the_replay_are_those_of_the_run(browser, run):
+    browser.open(run.folder / "replay.html")
+    stays = list(times_of_levels(run))
+    levels_of = [(level["stair"], level["name"]) for level in run.header["building"]["levels"]]
+    stairs = {name: {level for stair, level in levels_of if stair == name} for name in run.summary["stairs"]}
+    for k in np.linspace(0, len(run.frames) - 2, 6).astype(int).tolist():
+        time = run.frames[k][0] + 0.123  # nobody is told apart by rounding
+        browser.run(f"replay.act.seek({time})")
+        browser.settle()
+        there = [(person, level) for since, until, person, level in stays if since <= time < until]
+        assert browser.text("#inside") == str(len(there))
+        assert browser.text("#outside") == str(len(run.people) - len(there))
+        shown = table_of(browser, "stairs")
+        for name, levels in stairs.items():
+            entered = {person for since, _, person, level in stays if since <= time and level in levels}
+            assert shown[name] == [str(len(entered)), str(sum(level in levels for _, level in there))]
+        storeys = table_of(browser, "storeys")
+        if len(storeys) > 1:
+            assert sum(int(count) for (count,) in storeys.values()) + sum(
+                int(count) for _, count in shown.values()
+            ) == len(there)
+        for name, (out, _) in table_of(browser, "exits").items():
+            left = [one for one in run.people if one["exit"] == name and float(one["exit_time"]) <= time]
+            assert out == str(len(left))
+
+
+def test_people_of_the_replay_and_of_pictures_have_the_measures_of_the_trajectory(browser, run):
+    browser.open(run.folder / "replay.html")
+    trajectory = evac.read_trajectory(run.folder)
+    colours = {name: colouring(trajectory, name) for name in ("speed", "contact_force", "waiting")}
+    random = np.random.default_rng(1)
+    for k in random.choice(len(run.frames) - 1, 7, replace=False).tolist():
+        time, there = run.frames[k]
+        if not there:
+            continue
+        one = there[int(random.integers(len(there)))]
+        person, waited = one["person"], waited_until(run, k)
+        recent = [
+            other["motion"][4]
+            for then, people in run.frames[: k + 1]
+            for other in people
+            if other["person"] == person and then > time - 1.0 + 1e-9
+        ]
+        force = float(f"{np.mean(recent):.2g}")
+        browser.run(f"replay.act.seek({time}); replay.act.select({person})")
+        browser.settle()
+        facts = browser.run(
+            "Object.fromEntries([...document.querySelectorAll('#person-facts dt')].map((name) => "
+            "[name.innerText, name.nextSibling.innerText.replaceAll('\\u202f', '')]))"
+        )
+        assert facts["Speed"] == f"{speed_of(run, one):.2f} m/s"
+        assert facts["Waited so far"] == f"{waited[person]:.1f} s"
+        assert facts["Contact force"] == (f"{force:g} N" if force >= 10 else "below 10 N")
+        assert facts["Level"] == run.header["building"]["levels"][one["level"]]["name"]
+        assert facts["Exit time"] == f"{float(run.people[person]['exit_time']):.2f} s"
+        row = [other["person"] for other in there].index(person)
+        expected = {"speed": speed_of(run, one), "contact_force": float(np.mean(recent)), "waiting": waited[person]}
+        for name, value in expected.items():
+            scale, top = PEOPLE[name], colours[name].top
+            ramp = np.round(255 * scale.ramp()).astype(np.uint8)
+            shade = ramp[int(255 * scale.share(np.array(value), top) + 1e-6)]
+            assert colours[name].of(trajectory[k])[row].tolist() == shade.tolist()
+
+
+def test_waiting_of_maps_is_the_time_that_people_waited(run):
+    waited = waited_until(run, len(run.frames) - 1)
+    maps = evac.read_trajectory(run.folder).maps().values()
+    assert sum(float(np.nansum(one.waiting)) * one.spacing**2 for one in maps) == pytest.approx(waited.sum(), rel=0.03)
+    assert waited.sum() > 1.0
