@@ -27,7 +27,7 @@ class _Choosers:
     """People who choose between the same routes.
 
     ``strategies`` and ``changed_to`` are their strategies before and after ``change_at`` [s];
-    ``exits`` are the permitted destinations, each a tuple of names.
+    ``exits`` are the permitted destinations, each a tuple of names; ``steepest`` is that of their route in the case.
     """
 
     rows: IntArray
@@ -35,11 +35,12 @@ class _Choosers:
     strategies: tuple[str, ...]
     change_at: float
     changed_to: tuple[str, ...]
+    steepest: float | None
 
     def offered(self, changed: bool) -> list[Route]:
         """Return the routes that they choose between."""
         strategies = self.changed_to if changed else self.strategies
-        return [Route(exits, strategy) for strategy in strategies for exits in self.exits]
+        return [Route(exits, strategy, self.steepest) for strategy in strategies for exits in self.exits]
 
 
 class RouteChoice(Behaviour):
@@ -176,7 +177,8 @@ class RouteChoice(Behaviour):
                 )
             rows = group.rows[route[group.rows] == index]
             changed_to = (self.change_to,) if self.change_to else strategies
-            choosers.append(_Choosers(rows, possible, strategies, change_at, changed_to))
+            steepest = self._scene.fields.routes[index].steepest
+            choosers.append(_Choosers(rows, possible, strategies, change_at, changed_to, steepest))
         return choosers
 
     @staticmethod

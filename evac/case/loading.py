@@ -356,10 +356,10 @@ def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path, regi
             faults.append(Fault(("people", index, "name"), f"{name!r} names two groups; rename one"))
         seen |= {name} if isinstance(name, str) else set()
     if case is not None:
-        faults += place_faults(case, names)
         used = [name for name, table in case.behaviours.items() if table is not False]
         known = registry.behaviours
         faults += event_faults(case, any(name not in known or known[name].hears_alarms for name in used))
+        faults += place_faults(case, names, any(name not in known or known[name].follows_signs for name in used))
     building = content.get("building")
     mesh = building.get("mesh") if isinstance(building, dict) else None
     if isinstance(mesh, str) and mesh and not os.path.exists(folder / mesh):

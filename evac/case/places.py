@@ -1,10 +1,14 @@
-"""The section `[[place]]` of case.toml: areas with a task in the evacuation."""
+"""The section `[[place]]` of case.toml: areas with a task in the evacuation, and signs."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from evac.base.keys import Fault, Name, Table, Whole, key
+from pydantic import Field, model_validator
+
+from evac.base.defaults import SIGN_RANGE
+from evac.base.keys import Coordinate, Fault, Name, Point, Real, Table, Whole, key, wrong
 from evac.base.parameters import did_you_mean
+from evac.building.options import check_level
 from evac.case.schema import MOST_PEOPLE
 
 if TYPE_CHECKING:
@@ -15,18 +19,42 @@ class PlaceSettings(Table):
     """`[[place]]`: an area with a task in the evacuation."""
 
     name: Name = key("name of the place")
-    kind: Literal["refuge", "assembly"] = key(
+    kind: Literal["refuge", "assembly", "sign"] = key(
         "refuge: people whose group has `steepest` or `turns = false`, and who have no way out of the building that is "
         "as wide as they are, go there and stay; assembly: groups go there that name it in `assembly`, or that an "
-        "event sends there"
+        "event sends there; sign: shows people the way to an exit, if a behaviour follows signs, such as `familiarity`"
     )
-    area: str = key("name of the area of the building")
+    area: str | None = key("name of the area of the building, of a refuge or assembly area", "", None)
     capacity: Whole | None = key(
         "greatest number of people; if not given, there is no limit", "", None, ge=1, le=MOST_PEOPLE
     )
+    position: Point | None = key("position of a sign [x, y], some 0.1 m in front of its wall", "m", None)
+    z: Coordinate | None = key("height of the ground under a sign; this or `level`", "m", None)
+    level: str | None = key("name of the level of a sign; this or `z`", "", None)
+    exit: str | None = key("name of the exit that a sign shows", "", None)
+    range: Annotated[Real, Field(gt=0, le=1000)] | None = key(
+        f"distance from which a sign is seen; if not given, {SIGN_RANGE:g} m. EN 1838 has 200 times the height of signs "
+        "that are lit from inside, and 100 times that of others",
+        "m",
+        None,
+    )
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Self:
+        own = ("position", "exit") if self.kind == "sign" else ("area",)
+        others = ("area", "capacity") if self.kind == "sign" else ("position", "exit", "level", "z", "range")
+        for name in own:
+            if getattr(self, name) is None:
+                raise wrong(name, f"missing; a place of kind {self.kind} needs it")
+        for name in others:
+            if getattr(self, name) is not None:
+                raise wrong(name, f"a place of kind {self.kind} has no {name}; remove it")
+        if self.kind == "sign":
+            check_level("the level of the sign", self.level, self.z)
+        return self
 
 
-def place_faults(case: "Case", groups: Sequence[Any]) -> list[Fault]:
+def place_faults(case: "Case", groups: Sequence[Any], follows_signs: bool) -> list[Fault]:
     """Return the faults of places, and of groups and events that name them.
 
     Parameters
@@ -34,11 +62,16 @@ def place_faults(case: "Case", groups: Sequence[Any]) -> list[Fault]:
     case : Case
     groups : sequence of str
         Names of the groups in the order of the tables.
+    follows_signs : bool
+        Whether a behaviour in use does, or may do so because it is not known yet.
     """
     faults: list[Fault] = []
     for index, place in enumerate(case.place):
-        if any(place.name == other.name or place.area == other.area for other in case.place[:index]):
+        if any(place.name == other.name or place.area == other.area is not None for other in case.place[:index]):
             faults.append(Fault(("place", index, "name"), f"{place.name!r}: another place has this name or area"))
+        if place.kind == "sign" and not follows_signs:
+            text = "no behaviour of the case follows signs; add one, such as [behaviours.familiarity]"
+            faults.append(Fault(("place", index, "kind"), text))
     known = [place.name for place in case.place if place.kind == "assembly"]
     for group in case.people:
         for name in group.assembly:

@@ -69,6 +69,9 @@ class Behaviour(Configurable):
     #: Whether it acts on the changes "alarm" of the scene; a case with an alarm needs such a behaviour.
     hears_alarms: ClassVar[bool] = False
 
+    #: Whether it leads people by the places of kind "sign"; a case with a sign needs such a behaviour.
+    follows_signs: ClassVar[bool] = False
+
     #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
     group_keys: ClassVar[tuple[str, ...]] = ()
 

@@ -9,18 +9,25 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.defaults import SIGN_RANGE
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import taken
 from evac.building.model.building import Area, Building, Place
+from evac.building.options import Placed
+from evac.building.surface.places import find_level
 from evac.directions.routes import Route
 from evac.people.groups import route_of
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.case.case import Case
+    from evac.case.places import PlaceSettings
     from evac.case.schema import GroupSettings
     from evac.directions.fields import Fields
+
+#: Distance from a level within which a sign may be, so that it may hang on a wall [m].
+ON_WALL = 0.5
 
 #: Speed along the way below which people have come to a stop, and stay where they are in a place [m/s].
 STANDS = 0.1
@@ -60,19 +67,41 @@ def with_places(case: "Case", building: Building) -> Building:
     Raises
     ------
     ScenarioError
-        One line for each place whose area does not exist.
+        One line for each place whose area or exit does not exist, or which is not on its level.
+    BuildingError
+        The level of a sign does not exist.
     """
-    areas, problems, places = [area.name for area in building.areas], list[str](), list[Place]()
+    places, problems = list[Place](), list[str]()
     for one in case.place:
-        if areas.count(one.area) != 1:
-            hint = did_you_mean(one.area, areas) if areas else "there are no areas: add one to building.areas"
-            problems.append(f"{case.source}: place.{one.name}.area: no single area is named {one.area!r}; {hint}")
-        else:
-            area = building.areas[areas.index(one.area)]
-            places.append(Place(one.name, one.kind, area.level, area.polygon, one.area, one.capacity))
+        try:
+            places.append(_sign(building, one) if one.kind == "sign" else _area(building, one))
+        except ScenarioError as error:
+            problems.append(f"{case.source}: place.{one.name}.{error}")
     if problems:
         raise ScenarioError("\n".join(problems))
     return replace(building, places=tuple(places))
+
+
+def _area(building: Building, place: "PlaceSettings") -> Place:
+    areas = [area.name for area in building.areas]
+    assert place.area is not None
+    if areas.count(place.area) != 1:
+        hint = did_you_mean(place.area, areas) if areas else "there are no areas: add one to building.areas"
+        raise ScenarioError(f"area: no single area is named {place.area!r}; {hint}")
+    area = building.areas[areas.index(place.area)]
+    return Place(place.name, place.kind, area.level, area.polygon, place.area, place.capacity)
+
+
+def _sign(building: Building, place: "PlaceSettings") -> Place:
+    assert place.position is not None
+    assert place.exit is not None
+    exits, point = [exit_.name for exit_ in building.exits], shapely.Point(place.position)
+    if place.exit not in exits:
+        raise ScenarioError(f"exit: no exit is named {place.exit!r}; {did_you_mean(place.exit, exits)}")
+    level = find_level(building, Placed(level=place.level, z=place.z), f"place {place.name!r}", point)
+    if not shapely.dwithin(level.polygon, point, ON_WALL):
+        raise ScenarioError(f"position: {list(place.position)} is not on level {level.name!r}; move it")
+    return Place(place.name, place.kind, level.index, point, exit=place.exit, range=place.range or SIGN_RANGE)
 
 
 def routes_to_places(case: "Case", people: "GroupSettings") -> dict[str, Route]:
@@ -87,7 +116,7 @@ def routes_to_places(case: "Case", people: "GroupSettings") -> dict[str, Route]:
         if one.kind == "strategy" and one.target == people.name and isinstance(one.value, tuple):
             sent |= {*one.value}
     return {
-        place.name: replace(own, refuge=place.area)
+        place.name: replace(own, refuge=place.area or "")
         for place in case.place
         if (place.kind == "assembly" and place.name in sent) or (place.kind == "refuge" and is_limited(people))
     }
@@ -146,7 +175,8 @@ class Places:
     """
 
     def __init__(self, case: "Case", building: Building, routes: Sequence[Route], crowd: Crowd) -> None:
-        self._places, self._crowd = building.places, crowd
+        self._places = tuple(place for place in building.places if place.kind != "sign")
+        self._crowd = crowd
         self._index = {place.name: index for index, place in enumerate(self._places)}
         self._ways = [
             {self._index[name]: routes.index(route) for name, route in routes_to_places(case, people).items()}

@@ -6,7 +6,7 @@ import numpy as np
 
 from evac.building.model.building import FLAT
 from evac.directions.sampling import column_of, sample_travel_time
-from evac.jit import Bytes, Floats, Ints, Pairs, Struct, inner, kernel
+from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Pairs, Struct, inner, kernel
 from evac.physics.contact.cells import Cells, line_at, make_cells, sort_by_level
 from evac.physics.contact.neighbours import levels_in_reach
 from evac.physics.drive import desired_direction, desired_speed
@@ -214,3 +214,52 @@ def notice(
             if not is_hidden(world, level[i], x, y, level[j], position[j, 0], position[j, 1]):
                 notices[i] = 1
                 break
+
+
+@kernel
+def notice_signs(
+    world: World,
+    position: Pairs,
+    level: Ints,
+    asks: Bytes,
+    sign_at: Pairs,
+    sign_level: Ints,
+    sign_range: Floats,
+    notices: ByteGrid,
+) -> None:
+    """Mark in `notices` (people, signs) the signs in sight of the people who ask, within the range of each sign [m]."""
+    for i in range(level.shape[0]):
+        if not asks[i]:
+            continue
+        x, y = position[i, 0], position[i, 1]
+        for j in range(sign_level.shape[0]):
+            if not notices[i, j] and is_in_sight(
+                world, level[i], x, y, sign_level[j], sign_at[j, 0], sign_at[j, 1], sign_range[j]
+            ):
+                notices[i, j] = 1
+
+
+@kernel
+def watch_walkers(
+    world: World, position: Pairs, level: Ints, asks: Bytes, goal: Ints, reach: float, count: FloatGrid
+) -> None:
+    """Count in `count` (people, goals) the people in sight within `reach` [m] who walk to each goal; -1 is none."""
+    for i in range(level.shape[0]):
+        if not asks[i]:
+            continue
+        x, y = position[i, 0], position[i, 1]
+        for j in range(level.shape[0]):
+            if (
+                goal[j] >= 0
+                and j != i
+                and is_in_sight(world, level[i], x, y, level[j], position[j, 0], position[j, 1], reach)
+            ):
+                count[i, goal[j]] += 1.0
+
+
+@inner
+def is_in_sight(world, a, ax, ay, b, bx, by, reach):  # type: ignore[no-untyped-def]
+    """Return whether a place b is within `reach` [m] of a, and no wall hides it, also through portals."""
+    if (bx - ax) ** 2 + (by - ay) ** 2 > reach * reach:
+        return False
+    return reaches(world, a, ax, ay, b, bx, by) and not is_hidden(world, a, ax, ay, b, bx, by)

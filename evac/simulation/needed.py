@@ -44,12 +44,16 @@ class Part:
 
 
 def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> tuple[Route, ...]:
-    """Return the routes that people can take, each once; `full` adds one of every strategy."""
-    wanted = list(routes_of(case))
+    """Return the routes that people can take, each once; `full` adds one of every strategy.
+
+    There is each route of a behaviour without the slopes that groups do not use, too.
+    """
+    wanted, slopes = list(routes_of(case)), [people.steepest for people in case.people if people.steepest is not None]
     wanted += [route for people in case.people for route in routes_to_places(case, people).values()]
     for behaviour in behaviours:
         with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
-            wanted.extend(behaviour.routes())
+            routes = behaviour.routes()
+        wanted += [replace(route, steepest=own) for route in routes for own in (route.steepest, *slopes)]
     wanted.extend(_routes_of_events(case))
     if full:
         wanted.extend(Route((), strategy) for strategy in STRATEGIES)

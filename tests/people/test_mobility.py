@@ -51,6 +51,15 @@ def test_wheelchairs_take_the_ramp_and_others_the_stair():
     assert (on_ramp == (crowd.group == 1)).all()
 
 
+def test_wheelchairs_that_choose_exits_take_the_ramp():
+    case = case_of(two_ways()).to_dict()
+    case["behaviours"]["route_choice"] = {"every": 1.0}
+    simulation = Simulation(evac.load(case))
+    run_ticks(simulation, 20)
+    crowd, routes = simulation.population.crowd, simulation.fields.routes
+    assert {routes[k].steepest for k in crowd.route[crowd.group == 1]} == {0.0834}
+
+
 def test_wheelchairs_keep_their_width():
     crowd = Simulation(case_of(two_ways())).population.crowd
     assert crowd.contact_radius[crowd.group == 1] == pytest.approx(0.4)

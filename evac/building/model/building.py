@@ -157,14 +157,18 @@ class Place:
     ----------
     name : str
     kind : str
-        "refuge" or "assembly".
+        "refuge", "assembly" or "sign".
     level : int
-    shape : shapely polygon or multipolygon
-        In plan [m].
+    shape : shapely polygon or multipolygon, or point
+        In plan [m]; a point for signs.
     area : str
-        Name of the area.
+        Name of the area; empty for signs.
     capacity : int, optional
-        Greatest number of people; None: any.
+        Greatest number of people in an area; None: any.
+    exit : str
+        Name of the exit that a sign shows.
+    range : float
+        Distance from which a sign is seen [m].
     """
 
     name: str
@@ -173,6 +177,8 @@ class Place:
     shape: BaseGeometry
     area: str = ""
     capacity: int | None = None
+    exit: str = ""
+    range: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -212,7 +218,7 @@ class Building:
     doors : tuple of Door
         Doors between rooms, if the source names them as plans do; empty for meshes.
     places : tuple of Place
-        Refuges and assembly areas of the case.
+        Refuges, assembly areas and signs of the case.
     """
 
     source: Path

@@ -113,6 +113,23 @@ def _spreads(trial: Trial, people: list[dict[str, Any]], others: BaseGeometry) -
     return [float(np.ptp(run.exit_time[rows])) for run, rows in zip(runs, five, strict=True)]
 
 
+def follow_others(trial: Trial) -> Iterator[Check]:
+    """Offer a person who is nearer to exit 1 another exit, by which nine others leave."""
+    exits = {"1": [(0.5, 12), (1.5, 12)], "2": [(8.5, 12), (9.5, 12)]}
+    plan = one_storey(box(0, 0, 10, 12), exits=exits, areas={"others": box(2, 4, 8, 7)})
+    person = {"name": "person", "positions": [[4.8, 2.0]], "z": 0.0, "speed": 1.2}
+    others = {"name": "others", "area": "others", "number": 9, "exits": ["2"], "speed": 1.0}
+    knows = {"main": ["1", "2"], "influence": 0.5}
+    used = {}
+    for label, people in (("alone", [person]), ("others", [person, others])):
+        runs = trial.runs(plan, people, label, behaviours={"familiarity": knows})
+        rows = [next(group.rows for group in run.results.groups if group.name == "person") for run in runs]
+        used[label] = [run.out_by("2")[own].sum() for run, own in zip(runs, rows, strict=True)]
+    source = "NIST TN 1822, ISO 20414"
+    yield check("people who leave by exit 2, of 1, without others", "by hand: exit 1 is nearer", used["alone"], high=0)
+    yield check("people who leave by exit 2, of 1, if others do, with familiarity", source, used["others"], low=1)
+
+
 def familiar_exit(trial: Trial) -> Iterator[Check]:
     """Offer two exits at the same distance: to people who know both, and to others of whom 80 % know one alone."""
     exits = {"1": [(0.5, 12), (1.5, 12)], "2": [(8.5, 12), (9.5, 12)]}

@@ -158,7 +158,7 @@ TESTS: Sequence[StandardTest] = (
     _not_yet("NIST-2.7 ISO-20", "lifts", LIFTS),
     _test("NIST-2.9", "a group with a slow member", choices.mixed_group, 3),
     _test("NIST-2.10 ISO-7", "a slow and wide person among others", crowds.slow_and_wide, 5),
-    _not_applicable("NIST-3.2 ISO-15", "social influence on exits", "evac has no such influence"),
+    _test("NIST-3.2 ISO-15", "social influence on exits", choices.follow_others, 3),
     _test("NIST-3.3 ISO-16", "familiar exits", choices.familiar_exit, 5),
     _test("NIST-4.1 ISO-9", "an exit that becomes unavailable", choices.closing_exit),
     _test("ISO-3", "10 m of stair at half the speed", partial(alone.stair, way="up", speed=0.5, flat=1.0)),
