@@ -64,7 +64,7 @@ class ResponseTime(Behaviour):
     per: Any = Parameter(
         "person",
         "people who share one value: each person, a group, or all people who start in the same area "
-        "(outside of areas: on the same level)",
+        "(outside of areas: on the same level; of people who arrive: in the same group)",
         choices=("person", "group", "place"),
     )
 
@@ -171,6 +171,8 @@ class ResponseTime(Behaviour):
         place = (len(areas) + level).astype(np.int32)
         for index, area in enumerate(areas):
             place[shapely.contains_xy(area.polygon, x, y) & (level == area.level) & (place >= len(areas))] = index
+        comes = level < 0  # during the run
+        place[comes] = len(areas) + len(scene.building.levels) + scene.crowd.group[rows[comes]]
         return place
 
 

@@ -189,6 +189,9 @@ class ArrivalSettings(Table):
     exit: str | None = key(
         "name of the exit through which they come; this, or `area` or `level` of the group", "", None
     )
+    portal: str | None = key(
+        "name of the portal or stair through which they come onto the `level` of the group, as from a lift", "", None
+    )
 
     @property
     def mean(self) -> int:
@@ -270,6 +273,8 @@ class GroupSettings(PeopleSettings):
         given = [name for name in ("area", "level") if getattr(self, name) is not None]
         if len(given) + (self.arrive.exit is not None) != 1:
             raise wrong("arrive", "give one place at which they come: area, level, or arrive.exit")
+        if self.arrive.portal is not None and self.level is None:
+            raise wrong("level", "missing; name the level onto which people come through arrive.portal")
         for other in ("number", "positions", "velocity", "z"):
             if getattr(self, other) is not None:
                 raise wrong(other, "cannot be used with arrive, whose times or rate say how many come; remove it")

@@ -4,6 +4,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from evac.cli.screen import show_facts, show_table
 from evac.contract.builtin import DEFAULT_MOVEMENT
 from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
@@ -36,13 +38,14 @@ def show_folder(folder: Path) -> None:
 def response_times(crowd: Crowd) -> str:
     """Describe when people start to walk."""
     times = crowd.start_time
+    times = times[np.isfinite(times)]  # of those who start
     if not times.any():
         return "none: everybody starts at 0 s"
     return f"{times.min():.4g} to {times.max():.4g} s"
 
 
 def _show_outcome(summary: dict[str, Any], results: Results) -> None:
-    last, left = summary["last_out"], summary["people"] - summary["evacuated"]
+    last, left = summary["last_out"], len(results.leaving) - summary["evacuated"]
     note = f", the last of those who are out; people left: {left}" if left else ""
     changes = {"changes": ", ".join(map(str, results.changes))} if results.changes else {}
     show_facts(

@@ -7,7 +7,8 @@ import shapely
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import generator_for
-from evac.building.model.building import Building
+from evac.building.model.building import Building, Exit, Portal
+from evac.building.model.links import ways_onto
 from evac.people.placement import clearance
 from evac.physics.state import Crowd
 
@@ -52,7 +53,9 @@ class Source:
         assert people.arrive is not None
         self.rows, self.due = rows, due
         self._name, self._seed = people.name, seed
-        self._exit, self._place = people.arrive.exit, people.area or people.level or ""
+        self._exit, self._portal = people.arrive.exit, people.arrive.portal
+        self._is_at_edge = people.arrive.exit is not None or people.arrive.portal is not None
+        self._place = people.area or people.level or ""
 
     def waiting(self, crowd: Crowd, time: float) -> IntArray:
         """Return the people whose time has come, but who are not inside."""
@@ -62,34 +65,52 @@ class Source:
     def let_in(self, building: Building, crowd: Crowd, time: float) -> IntArray:
         """Put people who wait to free places, in the order of their times, and return those who have come in.
 
-        An exit that is closed or leads out only lets nobody in.
+        Ways that are closed or lead out only let nobody in. The response times of people begin when they have come.
         """
         waiting, came = self.waiting(crowd, time), list[int]()
-        area = building.area_named(self._place)
-        way = next((one for one in building.exits if one.name == self._exit and building.lets_in(one)), None)
-        level = area.level if area is not None else way.level if way is not None else -1
-        lines = [building.walls[building.wall_level == level]]
-        lines += [link.segments for link in building.links_of(level) if link is not way]
-        walls = np.concatenate(lines)
+        if not len(waiting):
+            return waiting
+        level, ways = self._ways(building)
+        area = None if self._is_at_edge else building.area_named(self._place)
+        walls = [building.walls[building.wall_level == level]]
+        walls += [link.segments for link in building.links_of(level) if all(link is not way for way in ways)]
+        edges = np.concatenate([np.zeros((0, 4)), *(_seen_from(way, level) for way in ways)])
+        near = [level, *(way.other(level) for way in ways if isinstance(way, Portal))]
         for row in waiting.tolist():
             generator = generator_for(self._seed, "people", self._name, "place", str(row), f"{time:.6f}")
             radius = float(crowd.radius[row])
             if area is not None:
                 tries = _in_area(area.polygon, generator)
-            elif way is not None:
-                tries = _behind(way.segments, radius, generator)
+            elif len(edges):
+                tries = _behind(edges, radius, generator)
             else:
-                break  # the exit is closed
-            there = np.flatnonzero(crowd.level == level)
+                break  # all ways are closed
+            there = np.flatnonzero(np.isin(crowd.level, near))
             away = np.hypot(*(tries[:, None] - crowd.position[there]).transpose(2, 0, 1))
             is_free = (away >= radius + crowd.radius[there] + GAP).all(axis=1)
-            is_free &= clearance(tries, walls) >= radius + GAP
+            is_free &= clearance(tries, np.concatenate(walls)) >= radius + GAP
             if not is_free.any():
                 break  # who comes later waits behind
             crowd.position[row], crowd.level[row] = tries[np.argmax(is_free)], level
             crowd.velocity[row], crowd.arrival_time[row] = 0.0, time
+            crowd.start_time[row] += time
             came.append(row)
         return np.array(came, dtype=np.int32)
+
+    def _ways(self, building: Building) -> tuple[int, list[Portal | Exit]]:
+        """Return the level onto which people come, and the open exits or portals through which they do."""
+        if self._exit is not None:
+            exits = [way for way in building.exits if way.name == self._exit]
+            return exits[0].level, [way for way in exits if building.lets_in(way)]
+        area = building.area_named(self._place)
+        assert area is not None
+        portals = ways_onto(building, area.level).get(self._portal or "", [])
+        return area.level, [way for way in portals if building.leads_from(way, way.other(area.level))]
+
+
+def _seen_from(way: Portal | Exit, level: int) -> FloatArray:
+    """Return the segments (s, 4) of a portal or an exit with a level on their left [m]."""
+    return way.segments_from(level) if isinstance(way, Portal) else way.segments
 
 
 def _in_area(polygon: shapely.Geometry, generator: np.random.Generator) -> FloatArray:
@@ -101,7 +122,7 @@ def _in_area(polygon: shapely.Geometry, generator: np.random.Generator) -> Float
 
 
 def _behind(segments: FloatArray, radius: float, generator: np.random.Generator) -> FloatArray:
-    """Return random places inside an exit whose bodies touch its line from the inside [m]."""
+    """Return random places inside an exit or a portal whose bodies touch its line from the inside [m]."""
     x1, y1, x2, y2 = segments[generator.integers(len(segments), size=TRIES)].T
     share = generator.uniform(0.0, 1.0, TRIES)
     length = np.hypot(x2 - x1, y2 - y1)

@@ -11,6 +11,7 @@ from evac.base.distributions import Distribution
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
+from evac.building.model.links import ways_onto
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, contact_radius
 
@@ -128,6 +129,11 @@ def check_people(case: "Case", building: Building) -> None:
         if people.arrive is not None and people.arrive.exit not in (None, *exits):
             name = str(people.arrive.exit)
             problems.append(f"{key}.arrive.exit: unknown exit {name!r}; {did_you_mean(name, exits)}")
+        if people.arrive is not None and people.arrive.portal is not None:
+            name, level = people.arrive.portal, building.level_named(people.level or "")
+            if level is not None and name not in (known := ways_onto(building, level.index)):
+                hint = did_you_mean(name, [*known])
+                problems.append(f"{key}.arrive.portal: no portal or stair {name!r} leads onto {level.name!r}; {hint}")
         if people.exits and is_shut.issuperset(people.exits):
             which = " or ".join(map(repr, people.exits))
             problems.append(f"{key}.exits: leads only to {which}, which building.closed closes; add another exit")

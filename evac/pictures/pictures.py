@@ -38,15 +38,19 @@ def draw_egress(results: Results, path: Path) -> None:
 
 
 def egress_figure(results: Results) -> Figure:
-    """Return the egress curve of all people, and of each group if there are several, but not too many."""
-    note = f"{results.evacuated} of {results.number_of_people} out"
+    """Return the egress curve of all people who are to leave, and of each group of them if there are several."""
+    people = len(results.leaving)
+    note = f"{results.evacuated} of {people} out"
     if results.last_out is not None:
-        which = "the last one" if results.evacuated == results.number_of_people else "the last of these"
+        which = "the last one" if results.evacuated == people else "the last of these"
         note += f", {which} after {results.last_out:.1f} s"
-    groups = {group.name: results.egress(group.rows) for group in results.groups}
-    sizes = {group.name: len(group.rows) for group in results.groups}
+    others = {"stay": results.staying, "at refuges": results.at_refuges, "have not come": results.not_arrived}
+    note += "".join(f"; {number} {what}" for what, number in others.items() if number)
+    rows = {group.name: np.intersect1d(group.rows, results.leaving) for group in results.groups}
+    groups = {name: results.egress(own) for name, own in rows.items() if len(own)}
+    sizes = {name: len(own) for name, own in rows.items()}
     title = f"{textwrap.fill(results.title, 90)}\n{note}"
-    return curves_figure(title, results.number_of_people, results.time, results.egress(), groups, sizes)
+    return curves_figure(title, people, results.time, results.egress(), groups, sizes)
 
 
 def curves_figure(

@@ -32,7 +32,8 @@ def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
     Parameters
     ----------
     curves : iterable of (people,) float64 [s]
-        Ascending exit times of each complete run; only one curve at a time is kept in memory.
+        Ascending exit times of each complete run; only one curve at a time is kept in memory. The number of people can
+        differ between runs to which they come at a rate: then a curve has as many points as the first one.
 
     Returns
     -------
@@ -48,6 +49,8 @@ def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
     deviation_before = 0.0
     for curve in curves:
         times.append(float(curve[-1]))
+        if total is not None and len(curve) != len(total):
+            curve = np.interp(np.linspace(0.0, 1.0, len(total)), np.linspace(0.0, 1.0, len(curve)), curve)
         total = curve.astype(np.float64) if total is None else total + curve
         j = len(times)
         new = total / j

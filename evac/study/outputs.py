@@ -173,7 +173,7 @@ def egress(study: "Study", point: int) -> dict[str, FloatArray]:
 def curves(study: "Study", point: int) -> Iterator[FloatArray]:
     """Yield the ascending exit times of the complete runs of a point."""
     for row in study.rows(point, ["blocked", "exit_time"]):
-        if not row["blocked"]:
+        if not row["blocked"] and len(row["exit_time"]):
             yield np.sort(row["exit_time"])
 
 
@@ -197,7 +197,7 @@ def _draw(study: "Study", curves: Sequence[Mapping[str, FloatArray]]) -> None:
     title = f"{textwrap.fill(case.title, 90)}\n"
     if len(study.points) == 1:
         title += f"{each.runs} runs, everybody out in {each.runs - each.blocked}"
-        people = sum(group.count for group in case.people)
+        people = sum(group.count for group in case.people if group.leave)
         save(runs_figure(title, people, curves[0]), study.folder / EGRESS_PICTURE_NAME)
         return
     middle = np.array([(of.value, of.low, of.high) for of in (each[study.central] for each in study.statistics)])

@@ -137,8 +137,8 @@ def _make_run(order: Order, base: "Case", run: int, tick: Callable[[Progress], N
         time=results.time,
         last_out=results.last_out if results.is_complete and results.last_out is not None else math.inf,
         exits=tuple(exits),
-        exit_time=crowd.exit_time,
-        exit_used=crowd.exit_used.astype(np.int16),
+        exit_time=crowd.exit_time[results.leaving],
+        exit_used=crowd.exit_used[results.leaving].astype(np.int16),
         quality_warnings=tuple(results.quality_warnings),
         wall_time=time.perf_counter() - start - made,
     )

@@ -6,6 +6,8 @@ import pytest
 import evac
 from evac.base.errors import ScenarioError
 from evac.simulation.simulation import Simulation
+from evac.study.convergence import convergence
+from evac.study.outputs import curves
 from tests.runs import assert_same_bits, run_ticks
 
 FLOOR = [[0, 0], [14, 0], [14, 8], [0, 8]]
@@ -126,6 +128,65 @@ def test_a_closed_gate_lets_nobody_in_until_it_opens():
     assert (results.crowd.arrival_time[rows_of(results, "gate")] >= 18.0 - 1e-9).all()
 
 
+def storeys(*groups, **changes):
+    """Return two storeys with a stair, whose foot is at x = 1, and an exit on the ground."""
+    stair = {"name": "stair", "lower": "ground", "lower_edge": [[1, 0.8], [1, 2]], "upper": "first", "length": 4.0}
+    plan = {
+        "storeys": [{"name": "ground", "polygons": [FLOOR]}, {"name": "first", "z": 2.0, "polygons": [FLOOR]}],
+        "stairs": [stair | {"direction": [1, 0]}],
+        "exits": [{"name": "main", "storey": "ground", "segment": [[0, 5], [0, 6.2]]}],
+    }
+    table = {"building": {"plan": plan}, "contact": {"model": "nsm1"}, "people": list(groups)}
+    return evac.load(table, changes)
+
+
+LIFT = {"name": "lift", "level": "ground", "arrive": {"times": [1.0] * 8, "portal": "stair"}, "radius": 0.2}
+
+
+def test_people_come_through_a_portal_or_a_stair_onto_a_level_one_row_after_the_other():
+    simulation = Simulation(storeys(LIFT))
+    crowd, places = simulation.population.crowd, {}
+    while not simulation.ended:
+        before = np.isnan(crowd.arrival_time)
+        simulation.let_in()
+        for row in np.flatnonzero(before & ~np.isnan(crowd.arrival_time)).tolist():
+            places[row] = *crowd.position[row].tolist(), simulation.building.levels[crowd.level[row]].name
+        simulation.advance_tick()
+    assert simulation.ended == "everybody out"
+    x, y, level = zip(*places.values(), strict=True)
+    assert set(level) == {"ground"}
+    assert x == pytest.approx([0.79] * 8)
+    assert 0.8 <= min(y) < max(y) <= 2.0
+    assert len(np.unique(crowd.arrival_time)) > 2
+    closed = Simulation(storeys(LIFT, **{"building.closed": ["stair"], "simulation.duration": 5.0})).run()
+    assert (closed.not_arrived, closed.waiting_outside) == (8, 8)
+
+
+def test_response_times_of_people_who_arrive_count_from_their_arrival():
+    response = {"behaviours.response_time.time": 4.0}
+    early = {"name": "early", "number": 2, "level": "ground"}
+    results = Simulation(storeys(LIFT | {"arrive": {"times": [3.0, 9.0], "portal": "stair"}}, early, **response)).run()
+    start, rows = results.crowd.start_time, rows_of(results, "lift")
+    assert start[rows_of(results, "early")].tolist() == [4.0, 4.0]
+    assert start[rows] == pytest.approx([7.0, 13.0])
+    assert (results.crowd.exit_time[rows] > start[rows]).all()
+
+
+def test_pictures_and_studies_count_those_who_have_come_and_leave(tmp_path):
+    gate = {**GATE, "arrive": GATE["arrive"] | {"to": 5.0}}
+    results = Simulation(
+        hall(TRAIN | {"arrive": {"times": [1.0, 200.0]}}, STAFF, **{"simulation.duration": 30.0})
+    ).run()
+    title = results.plot().axes[0].get_title(loc="left")
+    assert "11 of 11 out" in title
+    assert "2 stay; 1 have not come" in title
+    study = evac.repeat(hall(gate, STAFF), 4, folder=tmp_path / "study")
+    people = [row["people"] for row in study.rows(0, ["people"])]
+    assert len(set(people)) > 1
+    assert [row["out"] for row in study.rows(0, ["out"])] == people
+    assert len(convergence(curves(study, 0))) == 3
+
+
 def test_results_that_are_read_and_the_record_have_them(tmp_path):
     results = evac.run(hall(TRAIN, STAFF, **{"simulation.duration": 15.0}), tmp_path / "r", progress=False)
     again = evac.read_results(tmp_path / "r")
@@ -147,6 +208,8 @@ def test_results_that_are_read_and_the_record_have_them(tmp_path):
         ({**TRAIN, "arrive": {"times": [1.0], "rate": 1.0}}, r"arrive\.times"),
         ({**TRAIN, "arrive": {"rate": 1.0, "from": 3.0, "to": 2.0}}, r"arrive\.to"),
         ({**GATE, "arrive": {"times": [1.0], "exit": "gat"}}, r"arrive\.exit.*'gat'.*'gate'"),
+        ({**GATE, "arrive": {"times": [1.0], "exit": "gate", "portal": "stair"}}, r"people\.gate\.level"),
+        ({**GATE, "level": "f", "arrive": {"times": [1.0], "portal": "stair"}}, r"arrive\.portal.*'stair'.*'f'"),
     ],
 )
 def test_arrivals_that_cannot_be_are_refused_with_their_key(group, words):

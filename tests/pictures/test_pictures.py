@@ -42,7 +42,9 @@ def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, wo
     rows = np.array([0, 1])
     many = replace(
         results,
-        crowd=SimpleNamespace(exit_time=np.linspace(1.0, 9.0, people), level=np.full(people, -1)),
+        crowd=SimpleNamespace(
+            exit_time=np.linspace(1.0, 9.0, people), arrival_time=np.zeros(people), level=np.full(people, -1)
+        ),
         groups=[SimpleNamespace(name=f"group {k} with a name", rows=rows) for k in range(groups)],
         title="evacuation " * words,
     )

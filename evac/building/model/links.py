@@ -11,7 +11,7 @@ from evac.base.change import Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry.components import connected_components
-from evac.building.model.building import Area, Building, Door, Exit
+from evac.building.model.building import Area, Building, Door, Exit, Portal
 from evac.building.model.findings import Finding
 
 
@@ -34,6 +34,15 @@ def links_named(building: Building, name: str) -> frozenset[int]:
             f"{building.source}: no exit, portal, stair or door is named {name!r}; {did_you_mean(name, known)}"
         )
     return frozenset(links)
+
+
+def ways_onto(building: Building, level: int) -> dict[str, list[Portal]]:
+    """Return the portals of a level by their names and by those of the stairs behind them."""
+    ways: dict[str, list[Portal]] = {}
+    for portal in building.portals_of(level):
+        for name in {portal.name, building.levels[portal.other(level)].stair or portal.name}:
+            ways.setdefault(name, []).append(portal)
+    return ways
 
 
 def with_links(building: Building, name: str, is_open: bool) -> Building:
