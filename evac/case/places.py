@@ -33,8 +33,8 @@ class PlaceSettings(Table):
     level: str | None = key("name of the level of a sign; this or `z`", "", None)
     exit: str | None = key("name of the exit that a sign shows", "", None)
     range: Annotated[Real, Field(gt=0, le=1000)] | None = key(
-        f"distance from which a sign is seen; if not given, {SIGN_RANGE:g} m. EN 1838 has 200 times the height of signs "
-        "that are lit from inside, and 100 times that of others",
+        f"distance from which a sign is seen; if not given, {SIGN_RANGE:g} m. EN 1838 has 200 times the height of "
+        "signs that are lit from inside, and 100 times that of others",
         "m",
         None,
     )
