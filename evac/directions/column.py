@@ -15,6 +15,7 @@ from evac.directions.descent import descend
 from evac.directions.fields import Fields
 from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
+from evac.directions.pockets import Pockets
 from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids
 from evac.directions.raster.masks import nearest_marked
 from evac.directions.raster.strips import chain
@@ -97,7 +98,6 @@ class Column:
         self._elsewhere = elsewhere, base[elsewhere], self._direction[elsewhere]
         starts &= joins
         self._solved = joins & ~starts
-        self._sizes = np.array([np.count_nonzero(self._solved[grid.packed]) for grid in grids.levels])
         nodes = np.flatnonzero(self._solved)
         is_border = ways.twin[nodes] >= 0
         for step in (1, ways.stride[ways.level_of[nodes]].astype(np.int64)):
@@ -145,6 +145,11 @@ class Column:
         self.stale: set[int] = set()
         self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
         self._fills = [self._fill_of(level, joins, base) for level in range(len(grids.levels))]
+        self._pockets = Pockets(grids, joins, starts, ways.source, ways.twin)
+        for to, from_ in self._fills:
+            self._pockets.of[to] = self._pockets.of[from_]
+        self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
+        self._resting: set[int] = set()  # levels all of whose nodes are left out
         self._march(set(self._places), set(self._places))
 
     def _fill_of(self, level: int, joins: BoolArray, base: FloatArray) -> tuple[IndexArray, IndexArray]:
@@ -179,6 +184,7 @@ class Column:
             "direction": self.values(self._all_directions),
             "stale": np.array(sorted(self.stale), np.int64),
             "speed": self.speed.copy(),
+            "empty": self._empty.astype(np.uint8),
             **{name: getattr(waves, name).copy() for name in SAVED},
         }
 
@@ -191,6 +197,7 @@ class Column:
             An array is not what `state` returns.
         """
         waves, levels, building = self.waves, len(self._grids.levels), self._grids.building
+        self._leave_out(taken(state, "empty", np.uint8, self._empty.shape, 0, 1).astype(np.bool_))
         limits = {"exit": len(building.exits), "former": len(building.exits), "gate": len(self._gates.people)}
         for name in SAVED:
             values = getattr(waves, name)
@@ -214,6 +221,25 @@ class Column:
             self._travel_time[place], self._all_directions[place] = travel_time[some], direction[some]
             self._direction[self._grids.levels[level].packed] = direction[some]
             first = some.stop
+
+    def leave_out_empty(self, people: IndexArray) -> set[int]:
+        """Leave out the pockets in which none of the people at these nodes are; return the levels of those taken in."""
+        return self._leave_out(self._pockets.empty(people))
+
+    def _leave_out(self, empty: BoolArray) -> set[int]:
+        """Leave out these parts, and take in all others that were left out; return the levels of the latter."""
+        waves, changed = self.waves, np.flatnonzero(empty != self._empty)
+        self._empty = empty
+        if not len(changed):
+            return set()
+        nodes = np.flatnonzero(self._solved & np.isin(self._pockets.of, changed))
+        out = empty[self._pockets.of[nodes]]
+        waves.state[nodes], waves.time[nodes] = np.where(out, APART, FAR), math.inf
+        waves.exit[nodes] = waves.former[nodes] = -1
+        self._resting = set(self._places) - set(
+            np.unique(waves.level_of[self._solved & (waves.state != APART)]).tolist()
+        )
+        return set(np.unique(waves.level_of[nodes[~out]]).tolist())
 
     def slow_down(self, density: FloatArray, levels: Set[int], floor: float) -> set[int]:
         """Take the speeds of some levels from the density (nodes,) and the queues; return those that have changed."""
@@ -248,7 +274,7 @@ class Column:
             The number of levels that were solved.
         """
         waves, former = self.waves, self.waves.former
-        levels, solved = self._behind(changed | self.stale), self.stale
+        levels, solved = self._behind(changed | self.stale) - self._resting, self.stale
         while levels:
             for level in levels - solved if not is_first else ():
                 packed = self._grids.levels[level].packed
@@ -258,7 +284,7 @@ class Column:
             if not lowered:
                 self.write(levels - self.stale)
                 return len(levels - self.stale)
-            levels = self._behind(levels | lowered)
+            levels = self._behind(levels | lowered) - self._resting
         return 0
 
     def _march(self, levels: Set[int], needed: Set[int], others: Set[int] = frozenset()) -> set[int]:
@@ -270,9 +296,11 @@ class Column:
             Levels not among them on which times would decrease.
         """
         waves, grids = self.waves, self._grids
+        missing = 0
         for level in levels:
             packed = grids.levels[level].packed
-            nodes = self._solved[packed]
+            nodes = self._solved[packed] & (waves.state[packed] != APART)
+            missing += int(np.count_nonzero(nodes)) if level in needed else 0
             waves.state[packed][nodes], waves.time[packed][nodes] = FAR, math.inf
             waves.exit[packed][nodes] = waves.gate[packed][nodes] = -1
             waves.leans[level] = 0
@@ -281,7 +309,7 @@ class Column:
         ends[list(needed)] = 1
         known = [waves.time[grids.levels[level].packed] for level in others]
         least = max((times[np.isfinite(times)].max(initial=-math.inf) for times in known), default=-math.inf)
-        march_waves(waves, chosen, ends, int(self._sizes[ends == 1].sum()), least, lowered)
+        march_waves(waves, chosen, ends, missing, least, lowered)
         self.stale = {level for level in levels if (waves.state[grids.levels[level].packed] < FINAL).any()}
         return set(np.flatnonzero(lowered).tolist())
 
@@ -311,16 +339,17 @@ class Column:
             cost[halo[is_known]] = waves.time[source[is_known]]
             chosen = (self._solved[grid.packed] & np.isfinite(cost)).view(np.uint8).reshape(shape)
             descend(cost.reshape(shape), chosen, waves.spacing, False, self._direction[grid.packed])
+        pairs = self._direction.view(np.complex128)[:, 0]  # which numpy copies faster than rows of two numbers
         for level in touched:
             grid, place = grids.levels[level], self._places[level]
             to, from_ = self._fills[level]
-            self._direction[to], waves.exit[to] = self._direction[from_], waves.exit[from_]
+            pairs[to], waves.exit[to] = pairs[from_], waves.exit[from_]
             known = waves.time[grid.packed].copy()
             left_out, stand_in, next_one = grid.stands_for
             with np.errstate(invalid="ignore"):  # infinite times
                 more = waves.time[stand_in] - waves.time[next_one]
             known[left_out - grid.offset] = waves.time[stand_in] + np.where(np.isfinite(more), more, 0.0)
-            self._travel_time[place] = known
+            np.copyto(self._travel_time[place], known, where=np.isfinite(known))
             self._all_directions[place] = self._direction[grid.packed]
         if self._lower is not None and len(self._blocked):
             self._take_lower(self._lower)

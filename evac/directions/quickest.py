@@ -9,7 +9,8 @@ relative speed of Weidmann (1993),
 up to the density of the greatest flow, 1.75 per m2, and above it with that which keeps this flow. The density rho is
 the sum of Gauss kernels of people, divided by the share of the kernel that lies on the floor, and averaged over time.
 Before exits, portals and doors people are also no faster than these are passed (`gates.py`). A level is solved again
-only if the speeds have changed on it, or if its ways lead through a level that is (`column.py`).
+only if the speeds have changed on it, or if its ways lead through a level that is (`column.py`), without the rooms that
+no way leads through while nobody is in them (`pockets.py`).
 """
 
 import math
@@ -26,7 +27,7 @@ from evac.base.saved import part_of, taken
 from evac.directions.column import Column
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
-from evac.directions.raster.grids import OWN, BuildingGrids
+from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
 from evac.directions.routes import QUICKEST
 from evac.directions.waves import CUT, NOBODY, deposit
 
@@ -69,6 +70,7 @@ class Quickest:
         grids = fields.grids[0].grids
         self._first = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
         self._grids, self._weight = grids, _weights_on_floor(grids, settings.width)
+        self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
         self._gates = Gates(grids)
         self._columns: dict[int, Column] = {}
         routes = len(fields.routes)
@@ -117,8 +119,10 @@ class Quickest:
         crowded = self._find_density(level, position, gain)
         self._count_at_gates(nodes[inside], columns[inside], gain)
         for number, column in self._columns.items():
-            changed = column.slow_down(self._density, crowded, self._settings.floor)
-            occupied = set(np.unique(level[(columns == number) & inside]).tolist())
+            rows = (columns == number) & inside
+            changed = column.leave_out_empty(nodes[rows])
+            changed |= column.slow_down(self._density, crowded, self._settings.floor)
+            occupied = set(np.unique(level[rows]).tolist())
             self._counts[1] += column.solve(changed, occupied, not self._is_solved)
         self._counts[0] += 1
         self._is_solved = True
@@ -197,20 +201,18 @@ class Quickest:
         deposit(position, level, packed.origin, packed.shape, self._first, packed.spacing, self._settings.width, found)
         occupied = set(np.unique(level[level >= 0]).tolist())
         crowded = set()
-        for grid in self._grids.levels:
-            near = {portal.other(grid.level) for portal in self._grids.portals_of(grid.level)}
+        for grid, behind in zip(self._grids.levels, self._behind_portals, strict=True):
             density = self._density[grid.packed]
-            if not occupied & {grid.level, *near} and not density.any():
+            if not occupied & {grid.level, *(level for level, _, _ in behind)} and not density.any():
                 continue
             crowded.add(grid.level)
             now = found[grid.packed].copy()
-            for portal in self._grids.portals_of(grid.level):
-                # People close behind a portal: their kernels reach into its halo on their own level.
-                there = self._grids.levels[portal.other(grid.level)]
-                halo = (there.sheet == 1 + portal.index).ravel()
-                now[there.source.ravel()[halo] - grid.offset] += found[there.packed][halo]
+            for _, halo, nodes in behind:
+                now[nodes] += found[halo]
             now *= self._weight[grid.packed]
-            density += gain * (now - density)
+            now -= density
+            now *= gain
+            density += now
             density[density < NOBODY * 1e-3] = 0.0
         return crowded
 
@@ -226,6 +228,19 @@ class Quickest:
             self._counts[3] += int(self._left[moved, target].sum())
             self._left[moved, self._exit_of[moved]] = 1
             self._exit_of[rows[known]] = now[known]
+
+
+def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, IndexArray, IndexArray]]:
+    """Return the levels behind the portals of a level, with the nodes of their halos, and the level's own nodes there.
+
+    The kernels of people close behind a portal reach into its halo on their own level.
+    """
+    rows = []
+    for portal in grids.portals_of(grid.level):
+        there = grids.levels[portal.other(grid.level)]
+        halo = np.flatnonzero(there.sheet == 1 + portal.index)
+        rows.append((there.level, there.offset + halo, there.source.ravel()[halo] - grid.offset))
+    return rows
 
 
 def _at_nodes_of(grids: BuildingGrids, values: FloatArray, before: BuildingGrids) -> FloatArray:

@@ -144,6 +144,7 @@ def find_speeds(
     differences, delay = 0.0, 1.0 / (waves.spacing * waves.spacing)
     for node in range(first, stop):
         if waves.state[node] == APART:
+            speed[node] = former[node]
             continue
         value = speed_at(density[node], floor)
         gate = waves.gate[node]
@@ -353,7 +354,11 @@ def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: 
         if other >= 0:
             if waves.state[other] == FAR or waves.state[other] == QUEUED:
                 size = offer(waves, other, waves.time[node], node, size)
-            elif not level[waves.level_of[other]] and waves.time[node] < waves.time[other] * (1.0 - ROUNDING):
+            elif (
+                waves.state[other] == FINAL
+                and not level[waves.level_of[other]]
+                and waves.time[node] < waves.time[other] * (1.0 - ROUNDING)
+            ):
                 lowered[waves.level_of[other]] = 1
         stride = waves.stride[here]
         for k in range(4):

@@ -1,0 +1,103 @@
+"""Pockets: parts of a building that no way from elsewhere leads through, such as rooms with one door.
+
+While nobody is in a pocket, the times in it are not needed, and a march through the rest of the building does not
+need them either. The nodes are divided at narrow places: a part is what a square of twice `REACH` covers as it moves
+about without leaving the floor, or what is left between such parts. Parts that are connected to one other part only
+are pockets, and so are parts that are so once these are removed.
+"""
+
+import numpy as np
+
+from evac.base.arrays import BoolArray, IndexArray
+from evac.directions.raster.grids import BuildingGrids
+from evac.directions.raster.masks import grown, parts_of
+
+#: Half of the width up to which a passage is a narrow place [m].
+REACH = 0.75
+
+#: Pockets with fewer nodes, such as doorways and niches, are only left out with what is before them.
+FEWEST_NODES = 400
+
+
+class Pockets:
+    """The pockets of the nodes that a march goes through.
+
+    Parameters
+    ----------
+    grids : BuildingGrids
+    joins : (nodes,) bool
+        The nodes of the march, with those at which it starts.
+    starts : (nodes,) bool
+        The nodes at which it starts: they belong to no pocket.
+    beside, twin : (nodes,) int64
+        Node that each node represents, and the one at the same position on another level; -1 for none.
+
+    Attributes
+    ----------
+    of : (nodes,) int64
+        Part of each node, -1 for none.
+    """
+
+    def __init__(
+        self, grids: BuildingGrids, joins: BoolArray, starts: BoolArray, beside: IndexArray, twin: IndexArray
+    ) -> None:
+        part = _parts(grids, joins)
+        number = int(part.max(initial=-1)) + 1
+        around: list[set[int]] = [set() for _ in range(number)]
+        for one, other in np.unique(_connections(grids, part, beside, twin), axis=0).tolist():
+            around[one].add(other)
+            around[other].add(one)
+        size = np.bincount(part[joins], minlength=number)
+        rooted = np.zeros(number, np.bool_)
+        rooted[part[starts]] = True
+        self._behind: list[tuple[int, int]] = []  # pockets and the part before each, those farthest behind first
+        waiting = [one for one in range(number) if not rooted[one] and len(around[one]) == 1]
+        while waiting:
+            one = waiting.pop()
+            if len(around[one]) == 1:
+                (before,) = around[one]
+                around[before].remove(one)
+                self._behind.append((one, before))
+                if not rooted[before] and len(around[before]) == 1:
+                    waiting.append(before)
+        self._is_worth_it = np.zeros(number + 1, np.bool_)  # to leave it out if it is empty; the last: no part
+        self._is_worth_it[[one for one, _ in self._behind if size[one] >= FEWEST_NODES]] = True
+        self.of = part
+
+    def empty(self, nodes: IndexArray) -> BoolArray:
+        """Return which parts (parts + 1,) can be left out while people are at these nodes only."""
+        is_empty = np.ones(len(self._is_worth_it), np.bool_)
+        is_empty[self.of[nodes]] = False
+        for one, before in self._behind:
+            is_empty[before] &= is_empty[one]
+        is_empty &= self._is_worth_it
+        for one, before in reversed(self._behind):
+            is_empty[one] |= is_empty[before]
+        return is_empty
+
+
+def _parts(grids: BuildingGrids, joins: BoolArray) -> IndexArray:
+    """Return the part (nodes,) of each node of a march, -1 for other nodes."""
+    part = np.full(grids.size, -1, np.int64)
+    reach = round(REACH / grids.lattice.spacing)
+    number = 0
+    for grid in grids.levels:
+        nodes = joins[grid.packed].reshape(grid.window.shape)
+        wide = grown(~grown(~nodes, reach), reach)
+        for some in (wide, nodes & ~wide):
+            found = parts_of(some)
+            part[grid.packed][some.ravel()] = number + found
+            number += int(found.max(initial=-1)) + 1
+    return part
+
+
+def _connections(grids: BuildingGrids, part: IndexArray, beside: IndexArray, twin: IndexArray) -> IndexArray:
+    """Return the pairs (n, 2) of different parts that have neighbouring nodes."""
+    pairs = []
+    for grid in grids.levels:
+        nodes = grid.offset + np.flatnonzero(part[grid.packed] >= 0)
+        for step in (1, -1, grid.window.shape[1], -grid.window.shape[1], 0):
+            other = beside[nodes + step] if step else twin[nodes]
+            near = np.stack([part[nodes], np.where(other >= 0, part[other], -1)], axis=1)
+            pairs.append(near[(near[:, 1] >= 0) & (near[:, 0] != near[:, 1])])
+    return np.concatenate(pairs)
