@@ -228,18 +228,18 @@ class Column:
 
     def _leave_out(self, empty: BoolArray) -> set[int]:
         """Leave out these parts, and take in all others that were left out; return the levels of the latter."""
-        waves, changed = self.waves, np.flatnonzero(empty != self._empty)
+        waves, changed = self.waves, empty != self._empty
         self._empty = empty
-        if not len(changed):
+        if not changed.any():
             return set()
-        nodes = np.flatnonzero(self._solved & np.isin(self._pockets.of, changed))
+        nodes = np.flatnonzero(self._solved & changed[self._pockets.of])
         out = empty[self._pockets.of[nodes]]
         waves.state[nodes], waves.time[nodes] = np.where(out, APART, FAR), math.inf
         waves.exit[nodes] = waves.former[nodes] = -1
-        self._resting = set(self._places) - set(
-            np.unique(waves.level_of[self._solved & (waves.state != APART)]).tolist()
-        )
-        return set(np.unique(waves.level_of[nodes[~out]]).tolist())
+        packed = {level: self._grids.levels[level].packed for level in self._places}
+        marched = {level for level, own in packed.items() if (waves.state[own][self._solved[own]] != APART).any()}
+        self._resting = set(self._places) - marched
+        return set(np.flatnonzero(np.bincount(waves.level_of[nodes[~out]])).tolist())
 
     def slow_down(self, density: FloatArray, levels: Set[int], floor: float) -> set[int]:
         """Take the speeds of some levels from the density (nodes,) and the queues; return those that have changed."""
