@@ -1,13 +1,11 @@
 """Importer of plan files: TOML with storeys, stairs, doors, exits, areas and obstacles, see docs/buildings.md."""
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from evac.base.errors import quoted_line
 from evac.building.importer import Importer
 from evac.building.plan.plan import Plan
-from evac.building.plan.plantable import plan_of
+from evac.building.plan.plantable import plan_of, read_table
 
 
 class PlanImporter(Importer):
@@ -22,12 +20,7 @@ class PlanImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read a plan; raise ValueError if the file is not TOML."""
-        text = path.read_text(encoding="utf-8-sig")
-        try:
-            table = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"invalid TOML: {error}{quoted_line(text, str(error))}") from error
-        return plan_of(table, path, path.parent)
+        return plan_of(read_table(path), path, path.parent)
 
 
 evac_interface = 3

@@ -1,5 +1,6 @@
 """Import of building files to a folder with a case: surface, preliminary people, picture and report."""
 
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -15,16 +16,20 @@ from evac.building.model.building import Building
 from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
+from evac.building.plan.plantable import plan_of, read_table, table_of
+from evac.building.plan.redrawing import plan_of_building
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry
+from evac.folder.digests import digest_of_file
 from evac.importing.casefile import case_text, check_folder
 from evac.importing.completeness import missing_parts
+from evac.importing.edits import plan_text, with_edits
 from evac.importing.openings import Opening, find_openings
 from evac.importing.report import report_text
 from evac.importing.rooms import Room, fill, find_rooms
-from evac.simulation.assembly import draw_plan, read_file, read_surface
+from evac.simulation.assembly import read_file, read_storeys, read_surface
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -37,6 +42,7 @@ MOST_DENSITY = 100.0
 STOREY_HEIGHT = 3.0
 #: Names of the files in the folder.
 CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
+PLAN, ORIGIN = "building.plan.toml", "imported.plan.toml"
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ class Imported:
     """The result of an import."""
 
     files: tuple[Path, ...]
-    folder: Path  # folder with levels.png and report.md, and with case.toml and building.msh if the import is accepted
+    folder: Path  # folder with the plan, levels.png and report.md, and with case.toml if the import is accepted
     building: Building
     findings: tuple[Finding, ...]  # findings of the importer, on the building and on the case, the worst first
     openings: tuple[Opening, ...]  # possible exits
@@ -69,14 +75,15 @@ def import_building(
 ) -> Imported:
     """Create a case from building files: one file, or one for each storey, from the lowest up.
 
-    If a storey or more than 2 % of the ground has no way out, or a stair could not be used, only the report and the
-    picture are written, unless `partial` is true.
+    If a storey or more than 2 % of the ground has no way out, or a stair could not be used, only the plan, the report
+    and the picture are written, unless `partial` is true. What users have changed in the plan and in case.toml of an
+    earlier import to the same folder is kept.
 
     Parameters
     ----------
     files : sequence of path
     folder : path
-        New, empty, or that of an earlier import whose case has not been changed.
+        New, empty, or that of an earlier import.
     exits : sequence of int
         Numbers of the openings that become exits.
     people : int, optional
@@ -107,31 +114,24 @@ def import_building(
         raise ScenarioError(f"density: must be between 0 and {MOST_DENSITY:g} people per square metre, not {density!r}")
     registry = registry or Registry()
     paths, place = tuple(Path(file) for file in files), Path(folder)
-    check_folder(place, CASE, REPORT)
+    edited = check_folder(place, CASE, REPORT)
     importers, own, values = _options(paths, dict(options or {}), registry)
-    mesh, notes = _surface(paths, importers, z, registry)
-    surface = clean(mesh, paths[0], own)
-    building = building_of(surface, paths[0], need_exit=False)
+    read, findings = _read(paths, importers, z, registry)
     with _drafted(place) as draft:
-        write_surface(tagged_surface(surface, building), draft / MESH)
-        # The other options have been applied to building.msh.
-        kept = own.model_dump(include={"flat_angle", "walkable_angle", "treads"}, exclude_defaults=True)
-        (importer,), _, _ = _options([draft / MESH], {}, registry)
-        surface = clean(read_surface(importer, draft / MESH, registry), draft / MESH, SurfaceOptions(**kept))
-        written = building_of(surface, draft / MESH, need_exit=False)
-        openings = find_openings(written, [(name, own.scale * np.asarray(ends)) for name, ends in mesh.openings])
-        chosen = [opening.exit(written) for opening in _chosen(exits, openings)]
-        if chosen:
-            added = BuildingOptions.model_validate({"exits": chosen})
-            written = building_of(surface, draft / MESH, added, need_exit=False)
-        findings = [*notes, *building.findings]
-        findings += [one for one in written.findings if one not in findings]
+        building = _Draft(draft, read, paths[0], own, registry)
+        openings = find_openings(building.written, building.openings)
+        chosen = [opening.exit(building.written) for opening in _chosen(exits, openings)]
+        building.add(chosen, place)
+        written = building.written
+        findings += building.findings
         if people is None and density is None:
             text = f"{DENSITY:g} people per square metre in every room (--density, --people)"
             findings.append(Finding("assumed", text))
+        if edited:
+            findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
         rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
         findings = sorted([*findings, *assumed], key=lambda one: KINDS.index(one.kind))
-        written = replace(written, source=place / MESH)
+        written = replace(written, source=place / building.name)
         missing = missing_parts(written, findings)
         made = Imported(
             paths,
@@ -145,18 +145,111 @@ def import_building(
             fault="",
             is_accepted=partial or not missing,
         )
-        # Names of files need not be UTF-8.
-        text = case_text(made, chosen, kept | ({"missing": list(missing)} if missing else {}))
-        (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
+        if edited:
+            shutil.copyfile(place / CASE, draft / CASE)
+        else:
+            # Names of files need not be UTF-8.
+            keys = {"mesh": building.name} | building.kept | ({"missing": list(missing)} if missing else {})
+            text = case_text(made, [] if building.name == PLAN else chosen, keys)
+            (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
         if not made.is_accepted:
             made = replace(made, fault="the building is incomplete")
         else:
             made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
-        text = report_text(made, draft / CASE)
+        digest = edited or (digest_of_file(draft / CASE)[:16] if made.is_accepted else "none")
+        text = report_text(made, digest)
         (draft / REPORT).write_text(text, encoding="utf-8", errors="replace")
-        _draw(made, draft, are_named=bool(mesh.openings))
-        _publish(draft, place, (PICTURE, REPORT, *((MESH, CASE) if made.is_accepted else ())))
+        _draw(made, draft, are_named=bool(building.openings))
+        names = (PICTURE, REPORT, *((PLAN, ORIGIN) if building.name == PLAN else ()))
+        _publish(draft, place, (*names, *((building.name, CASE) if made.is_accepted else ())), keep=bool(edited))
     return made
+
+
+class _Draft:
+    """The building of an import in a draft of its folder, as a plan that users can edit, or as a mesh.
+
+    Attributes
+    ----------
+    name : str
+        Name of its file.
+    kept : dict
+        Keys of ``[building]`` of the case.
+    written : Building
+        The building as a case reads it.
+    openings : list of (level, (4,) array [m])
+        Openings that the file names.
+    findings : list of Finding
+        Those of the importer and on the building.
+    """
+
+    def __init__(
+        self, folder: Path, read: SurfaceMesh | Plan, source: Path, own: SurfaceOptions, registry: Registry
+    ) -> None:
+        self._folder, self._registry = folder, registry
+        keys = {"flat_angle", "walkable_angle", "treads"}
+        plan = read if isinstance(read, Plan) and own.scale == 1.0 and own.up == "z" else None
+        self.findings: list[Finding] = []
+        self.openings: list[tuple[str, Any]] = []
+        if plan is not None:
+            keys |= {"weld"}
+            self._told = list(plan.findings)
+        else:
+            mesh = read.surface() if isinstance(read, Plan) else read
+            surface = clean(mesh, source, own)
+            building = building_of(surface, source, need_exit=False)
+            self._told = list(building.findings)
+            self.openings = [(name, own.scale * np.asarray(ends)) for name, ends in mesh.openings]
+            try:
+                plan = plan_of_building(building)
+            except ValueError as error:
+                self._told.append(Finding("assumed", f"there is no plan to edit, since {error}"))
+                write_surface(tagged_surface(surface, building), folder / MESH)
+        # The other options have been applied to the file.
+        self.kept = own.model_dump(include=keys, exclude_defaults=True)
+        self.table = None if plan is None else table_of(plan)
+        self.name = MESH if plan is None else PLAN
+        self._build()
+
+    def add(self, exits: Sequence[Mapping[str, Any]], folder: Path) -> None:
+        """Add exits [name, segment, level], and the edits that a user has made to the plan of an earlier import.
+
+        Raises
+        ------
+        BuildingError
+            The plan in the folder cannot be read.
+        """
+        if self.table is None:
+            self._build({"exits": exits})
+            return
+        storeys = {one["name"] for one in self.table["storeys"]}
+        for way in exits:
+            level = way["level"] if way["level"] in storeys else way["level"].partition(" (")[0]
+            more = {"name": way["name"], "storey": level, "segment": way["segment"]}
+            self.table["exits"] = [*self.table.get("exits", []), more]
+        (self._folder / ORIGIN).write_text(plan_text(self.table), encoding="utf-8", errors="replace")
+        dropped: list[str] = []
+        if (folder / PLAN).exists() and (folder / ORIGIN).exists():
+            places = (self._folder / ORIGIN, folder / ORIGIN, folder / PLAN)
+            imported, former, edited = (_table_in(place) for place in places)
+            self.table, dropped, told = with_edits(imported, former, edited, self._check)
+            self._told += told
+        if exits or self._told != self.findings[: len(self._told)]:
+            self._build(dropped=dropped)
+
+    def _check(self, table: Mapping[str, Any]) -> None:
+        plan_of(table, self._folder / PLAN, self._folder).building(need_exit=False, **self.kept)
+
+    def _build(self, more: Mapping[str, Any] | None = None, dropped: Sequence[str] = ()) -> None:
+        """Write the plan if there is one, and read the building as a case does."""
+        file = self._folder / self.name
+        if self.table is not None:
+            file.write_text(plan_text(self.table, dropped), encoding="utf-8", errors="replace")
+        (importer,), _, _ = _options([file], {}, self._registry)
+        mesh = read_surface(importer, file, self._registry)
+        surface = clean(mesh, file, SurfaceOptions(**self.kept))
+        self.written = building_of(surface, file, BuildingOptions.model_validate(more or {}), need_exit=False)
+        self.openings = self.openings or [(name, np.asarray(ends)) for name, ends in mesh.openings]
+        self.findings = [*self._told, *(one for one in self.written.findings if one not in self._told)]
 
 
 @contextmanager
@@ -176,10 +269,22 @@ def _drafted(folder: Path) -> Iterator[Path]:
         raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
 
 
-def _publish(draft: Path, folder: Path, names: Sequence[str]) -> None:
-    """Move the files of an import to its folder, and remove those of an earlier import that it does not have."""
+def _table_in(file: Path) -> dict[str, Any]:
+    try:
+        return read_table(file)
+    except ValueError as error:
+        raise BuildingError(f"{file}: {error}; correct it, or remove it to import without its edits") from error
+
+
+def _publish(draft: Path, folder: Path, names: Sequence[str], *, keep: bool) -> None:
+    """Move the files of an import to its folder, and remove those of an earlier import that it does not have.
+
+    A case.toml that is to be kept stays.
+    """
     folder.mkdir(exist_ok=True)
-    for name in (MESH, PICTURE, CASE, REPORT):
+    for name in (MESH, PLAN, ORIGIN, PICTURE, CASE, REPORT):
+        if keep and name == CASE:
+            continue
         if name in names:
             (draft / name).replace(folder / name)
         else:
@@ -203,15 +308,15 @@ def _options(
     return importers, options, values | options.model_dump()
 
 
-def _surface(
+def _read(
     paths: Sequence[Path], importers: "Sequence[Importer]", z: Sequence[float] | None, registry: Registry
-) -> tuple[SurfaceMesh, list[Finding]]:
-    """Return the surface of one file, or of several files as storeys, and the assumptions made."""
+) -> tuple[SurfaceMesh | Plan, list[Finding]]:
+    """Return the content of one file, or of several files as storeys, and the assumptions made."""
     if len(paths) == 1:
         if z is not None:
             raise ScenarioError("z: heights can be given only for several files, one for each storey; remove them")
         read = read_file(importers[0], paths[0])
-        return (draw_plan(read, registry) if isinstance(read, Plan) else read), []
+        return (read_storeys(read, registry) if isinstance(read, Plan) else read), []
     heights = [STOREY_HEIGHT * k for k in range(len(paths))] if z is None else list(z)
     if len(heights) != len(paths):
         raise ScenarioError(f"z: {len(heights)} heights for {len(paths)} files; give one for each file")
@@ -225,7 +330,7 @@ def _surface(
         if z is None:
             text = f"z = {height:g} m, {STOREY_HEIGHT:g} m from one file to the next (--z)"
             notes.append(Finding("assumed", text, path.stem))
-    return plan.surface(), notes
+    return plan, notes
 
 
 def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening]:

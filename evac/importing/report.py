@@ -2,11 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.building.model.findings import KINDS
-from evac.folder.digests import digest_of_file
 from evac.importing.openings import height_of
 
 if TYPE_CHECKING:
@@ -25,8 +23,8 @@ TITLES = {
 }
 
 
-def report_text(made: "Imported", case: Path) -> str:
-    """Return the text of report.md."""
+def report_text(made: "Imported", digest: str) -> str:
+    """Return the text of report.md, with the digest of case.toml as it was written."""
     building = made.building
     names = ", ".join(f"`{file.name}`" for file in made.files)
     runs = "The case can be run." if not made.fault else f"The case cannot be run yet: {made.fault}."
@@ -60,7 +58,6 @@ def report_text(made: "Imported", case: Path) -> str:
             listed = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
             text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), listed)]
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
-    digest = digest_of_file(case)[:16] if made.is_accepted else "none"
     return "\n".join([*text, f"case.toml as written: {digest}", ""])
 
 

@@ -46,7 +46,7 @@ def make_building(case: "Case") -> "Building":
 def make_surface(case: "Case") -> SurfaceMesh:
     """Return the surface of a case's building: that of its file, or of its plan."""
     if case.building.plan is not None:
-        return draw_plan(_plan_of(case), case.registry)
+        return read_storeys(_plan_of(case), case.registry).surface()
     assert case.mesh is not None
     return read_surface(_importer(case, case.mesh), case.mesh, case.registry)
 
@@ -235,11 +235,11 @@ def read_surface(importer: "Importer", path: Path, registry: Registry | None = N
     read = read_file(importer, path)
     if isinstance(read, SurfaceMesh):
         return read
-    return draw_plan(read, registry or Registry(builtins=BUILTIN_IMPORTERS))
+    return read_storeys(read, registry or Registry(builtins=BUILTIN_IMPORTERS)).surface()
 
 
-def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
-    """Return the surface of a plan; storeys that are given as files are read."""
+def read_storeys(plan: "Plan", registry: Registry) -> "Plan":
+    """Return a plan whose storeys that are given as files have been read."""
     from evac.building.plan.plan import Plan
 
     for storey in [each for each in plan.storeys.values() if each.file is not None]:
@@ -258,7 +258,7 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
                 "those files here"
             )
         plan.take(storey.name, read)
-    return plan.surface()
+    return plan
 
 
 def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":

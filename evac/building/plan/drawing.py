@@ -220,7 +220,12 @@ class _Drawing:
             ends.append((what, "upper", stair.upper, upper, ways[1]))
         for name, kind, values in plan.pieces:
             with self._naming(f"stair {name!r}"):
-                made = stairs.flight(*values) if kind == "flight" else [stairs.landing(united(values[0]), values[1])]
+                if kind == "flight":
+                    made = stairs.flight(*values)
+                elif kind == "slope":
+                    made = [stairs.slope(outline) for outline in values[0]]
+                else:
+                    made = [stairs.landing(united(values[0]), values[1])]
             self.pieces.setdefault(name, []).extend(made)
         if plan.headroom > 0.0:
             for name, pieces in self.pieces.items():

@@ -13,7 +13,7 @@ from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding
 from evac.building.plan.planparts import OUTSIDE, Item, Stair, Storey
-from evac.building.plan.shapes import Shape, polygons_of, segment_of
+from evac.building.plan.shapes import Shape, inclined_of, is_point, polygons_of, segment_of
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building
@@ -187,9 +187,46 @@ class Plan:
         foot = self._segment(what, "lower_edge", lower_edge)
         self.stairs.append(Stair(name, lower, foot, upper, edge, length, way, landing, count, turn, gap))
 
-    def flight(self, stair: str, lower_edge: Shape, lower_z: float, upper_edge: Shape, upper_z: float) -> None:
-        """Add one flight of a stair of any shape, between two edges at their heights [m]; see `landing`."""
+    def flight(
+        self,
+        stair: str,
+        lower_edge: Shape | None = None,
+        lower_z: float | None = None,
+        upper_edge: Shape | None = None,
+        upper_z: float | None = None,
+        *,
+        polygon: Shape | None = None,
+    ) -> None:
+        """Add one flight of a stair of any shape; see `landing`.
+
+        Parameters
+        ----------
+        stair : str
+        lower_edge, upper_edge : segments
+            Edges at which the flight begins and ends.
+        lower_z, upper_z : float [m]
+            Their heights.
+        polygon : shape
+            Instead of edges: polygons whose corners have heights, such as ``POLYGON Z ((...))``, each in one plane.
+
+        Raises
+        ------
+        BuildingError
+            The arguments do not define a flight.
+        """
         what = f"a flight of stair {stair!r}"
+        if polygon is not None:
+            if (lower_edge, lower_z, upper_edge, upper_z) != (None, None, None, None):
+                raise BuildingError(f"{self.source}: {what}: give either polygon or edges, and not both")
+            try:
+                shapes = inclined_of(polygon)
+            except ValueError as error:
+                raise BuildingError(f"{self.source}: {what}: {error}") from error
+            self.pieces.append((stair, "slope", (shapes,)))
+            return
+        for key, value in (("lower_edge", lower_edge), ("upper_edge", upper_edge)):
+            if value is None:
+                raise BuildingError(f"{self.source}: {what}: {key} is missing; give both edges, or polygon")
         ends = [self._segment(what, "lower_edge", lower_edge), self._segment(what, "upper_edge", upper_edge)]
         heights = [self._number(what, key, z) for key, z in (("lower_z", lower_z), ("upper_z", upper_z))]
         self.pieces.append((stair, "flight", (ends[0], heights[0], ends[1], heights[1])))
@@ -236,7 +273,7 @@ class Plan:
         name, storey : str
         segment : segment
             Along the outer outline of the floor, at most 0.15 m from it; or on the outer face of a wall at most 0.6 m
-            thick, through which the floor is then extended.
+            thick, through which the floor is then extended. Several segments, as a list, are one exit.
         polygon : shape
             Instead of a segment: ground outside. It is cut out of the floor, and every edge that it then shares with
             the floor is part of the exit.
@@ -251,9 +288,11 @@ class Plan:
             raise BuildingError(f"{self.source}: there are two exits named {name!r}; rename one")
         if (segment is None) == (polygon is None):
             raise BuildingError(f"{self.source}: {what}: give either segment or polygon, and not both")
-        ends = None if segment is None else self._segment(what, "segment", segment)
-        shapes = () if polygon is None else self._polygons(what, storey, polygon)
-        self.exits.append(Item(name, storey, ends, shapes))
+        if segment is None:
+            self.exits.append(Item(name, storey, None, self._polygons(what, storey, polygon)))
+            return
+        several = segment if isinstance(segment, list) and not any(map(is_point, segment)) else [segment]
+        self.exits += [Item(name, storey, self._segment(what, "segment", one)) for one in several]
 
     def opening(self, storey: str, segment: Shape, name: str = "") -> None:
         """Add an opening to the outside that is not declared as an exit; `evac import` suggests it as an exit.
@@ -366,9 +405,9 @@ class Plan:
         except ValueError as error:
             raise BuildingError(f"{self.source}: {what}: {error}") from error
 
-    def _segment(self, what: str, key: str, given: Shape) -> FloatArray:
+    def _segment(self, what: str, key: str, given: Shape | None) -> FloatArray:
         try:
-            return segment_of(given)
+            return segment_of(given if given is not None else [])
         except ValueError as error:
             raise BuildingError(f"{self.source}: {what}: {key}: {error}") from error
 

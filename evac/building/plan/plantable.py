@@ -1,6 +1,7 @@
 """Conversion between plans and tables, as in plan files and ``[building.plan]`` of a case."""
 
 import inspect
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 import shapely
 
 from evac.base.defaults import HEADROOM
-from evac.base.errors import BuildingError, escaped
+from evac.base.errors import BuildingError, escaped, quoted_line
 from evac.base.parameters import did_you_mean
 from evac.building.plan.plan import Plan
 from evac.building.plan.planparts import Item, Stair
@@ -26,6 +27,21 @@ SECTIONS = {
     "areas": "area",
     "obstacles": "obstacle",
 }
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """Return the table of a plan file.
+
+    Raises
+    ------
+    ValueError
+        The file is not TOML.
+    """
+    text = path.read_text(encoding="utf-8-sig")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"invalid TOML: {error}{quoted_line(text, str(error))}") from error
 
 
 def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = "") -> Plan:
@@ -82,10 +98,12 @@ def table_of(plan: Plan) -> dict[str, Any]:
             lower, lower_z, upper, upper_z = values
             piece = {"lower_edge": lower.tolist(), "lower_z": lower_z, "upper_edge": upper.tolist(), "upper_z": upper_z}
             table["flights"].append({"stair": stair, **piece})
+        elif kind == "slope":
+            table["flights"].append({"stair": stair, "polygon": _wkt(values[0])})
         else:
             table["landings"].append({"stair": stair, "polygon": _wkt(values[0]), "z": values[1]})
     table["doors"] = [_item(one) | {"reach": one.reach, "outside": one.outside} for one in plan.doors]
-    table["exits"] = [_item(one) for one in plan.exits]
+    table["exits"] = [_exit([one for one in plan.exits if one.name == name]) for name in _names(plan.exits)]
     table["openings"] = [_item(one) for one in plan.openings]
     table["areas"] = [_item(one) for one in plan.areas]
     table["obstacles"] = [_item(one) for one in plan.obstacles]
@@ -123,6 +141,17 @@ def _stair(stair: Stair) -> dict[str, Any]:
         "gap": stair.gap,
     }
     return {key: value for key, value in given.items() if value is not None}
+
+
+def _names(items: list[Item]) -> list[str]:
+    return list(dict.fromkeys(item.name for item in items))
+
+
+def _exit(items: list[Item]) -> dict[str, Any]:
+    """Return an exit, which may have several segments."""
+    table = _item(items[0])
+    segments = [item.segment.tolist() for item in items if item.segment is not None]
+    return table | ({"segment": segments} if len(segments) > 1 else {})
 
 
 def _item(item: Item) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
         yield from _of_geojson(given)
     elif isinstance(given, Iterable):
         items = list(given)
-        if items and all(_is_point(item) for item in items):
+        if items and all(is_point(item) for item in items):
             if len(items) < 3:
                 raise ValueError(f"an outline needs at least three corners [x, y], not {len(items)}")
             corners = np.array(items, dtype=np.float64)
@@ -106,6 +106,24 @@ def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> lis
     return shapes
 
 
+def inclined_of(given: Shape) -> tuple[BaseGeometry, ...]:
+    """Return polygons whose corners have heights [m].
+
+    Raises
+    ------
+    ValueError
+        A shape is not a valid polygon with heights, or is too far from the origin.
+    """
+    parts = list(geometries(given))
+    for part in parts:
+        corners = shapely.get_coordinates(part, include_z=True)
+        if part.geom_type != "Polygon" or not part.has_z or not (np.abs(corners) <= FARTHEST).all():
+            raise ValueError("an inclined polygon needs corners with heights, such as POLYGON Z ((0 0 0, 1 0 0, ...))")
+        if not part.is_valid or part.area < LEAST_LENGTH:
+            raise ValueError(f"an inclined polygon is not valid: {shapely.is_valid_reason(part)}; correct its corners")
+    return tuple(shapely.transform(part, lambda xyz: np.round(xyz, 6) + 0.0, include_z=True) for part in parts)
+
+
 def segment_of(given: Shape) -> FloatArray:
     """Return the two ends (2, 2) [m] of a segment, given as a line, as WKT or GeoJSON of one, or as two points.
 
@@ -157,7 +175,8 @@ def _of_geojson(given: Mapping[str, Any]) -> Iterator[BaseGeometry]:
             raise ValueError(f"invalid GeoJSON geometry of type {kind!r}: {error}") from error
 
 
-def _is_point(item: Any) -> bool:
+def is_point(item: Any) -> bool:
+    """Return whether a value is a point [x, y]."""
     return (
         isinstance(item, Sequence | np.ndarray)
         and not isinstance(item, str)

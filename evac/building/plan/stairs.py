@@ -16,6 +16,8 @@ from evac.building.geometry.overlays import LEAST_AREA, below
 MOST_SKEW = 45.0
 #: Minimum length of a flight in plan [m].
 LEAST_RUN = 0.2
+#: Largest distance of the corners of an inclined polygon from a plane [m].
+LEVEL = 5e-4
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,31 @@ def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float)
         Piece(shapely.Polygon(corners[rows]), _plane(corners[rows], heights[rows]), min(heights), max(heights))
         for rows in halves
     ]
+
+
+def slope(outline: BaseGeometry) -> Piece:
+    """Return the flight of a polygon whose corners have heights.
+
+    Raises
+    ------
+    ValueError
+        Its corners are not in one plane.
+    """
+    corners = shapely.get_coordinates(outline, include_z=True)
+    ones = np.column_stack([corners[:, :2] - corners[0, :2], np.ones(len(corners))])
+    plane = np.linalg.lstsq(ones, corners[:, 2], rcond=None)[0]
+    off = np.abs(ones @ plane - corners[:, 2])
+    if off.max() > LEVEL:
+        x, y, z = corners[off.argmax()].tolist()
+        raise ValueError(
+            f"its corner ({x:g}, {y:g}, {z:g}) is {off.max():.3f} m off the plane of the others; divide the polygon"
+        )
+    x0, y0 = corners[0, :2].tolist()
+
+    def height(x: float, y: float) -> float:
+        return float(plane[0] * (x - x0) + plane[1] * (y - y0) + plane[2])
+
+    return Piece(shapely.force_2d(outline), height, float(corners[:, 2].min()), float(corners[:, 2].max()))
 
 
 def landing(plan: BaseGeometry, z: float) -> Piece:

@@ -1,0 +1,115 @@
+"""The plan that an import writes can be edited, and importing again keeps the edits."""
+
+import re
+import tomllib
+
+import pytest
+
+from evac import Plan, import_building, read_building
+from evac.building.plan.plantable import table_of
+from evac.importing.edits import plan_text
+
+#: Two rooms with a wall between them, and an upper storey without a stair.
+ROOM, OTHER = [[0, 0], [8, 0], [8, 6], [0, 6]], [[8.2, 0], [14, 0], [14, 6], [8.2, 6]]
+
+
+def write(path, *, door=3.0, upper=True):
+    plan = Plan()
+    plan.storey("ground", [ROOM, OTHER])
+    if upper:
+        plan.storey("first", ROOM, z=3.0)
+    plan.door("door", "ground", [(8.1, door), (8.1, door + 1.0)])
+    plan.exit("main", "ground", [(0, 3), (0, 4.2)])
+    plan.area("office", "ground", OTHER)
+    path.write_text(plan_text(table_of(plan)), encoding="utf-8")
+    return path
+
+
+def edit(folder, before, after):
+    file = folder / "building.plan.toml"
+    text = file.read_text(encoding="utf-8")
+    assert before in text
+    file.write_text(text.replace(before, after), encoding="utf-8")
+
+
+STAIR = """
+[[stairs]]
+name = "new"
+lower = "ground"
+lower_edge = [[2, 1], [2, 2.2]]
+upper = "first"
+length = 5.0
+direction = [1, 0]
+"""
+
+
+def test_what_an_import_lacks_is_added_to_its_plan(tmp_path):
+    path = write(tmp_path / "a.plan.toml")
+    made = import_building([path], tmp_path / "case", people=4)
+    assert (made.is_accepted, (made.folder / "case.toml").exists()) == (False, False)
+    file = made.folder / "building.plan.toml"
+    file.write_text(file.read_text(encoding="utf-8") + STAIR, encoding="utf-8")
+    again = import_building([path], tmp_path / "case", people=4)
+    assert (again.is_accepted, again.fault) == (True, "")
+    assert list(again.building.stairs) == ["new"]
+    assert [one.text for one in again.findings if one.text.startswith("stair 'new' was added")]
+
+
+def test_a_moved_door_and_a_deleted_area_stay_when_the_file_is_imported_again(tmp_path):
+    path = write(tmp_path / "a.plan.toml", upper=False)
+    made = import_building([path], tmp_path / "case", people=4)
+    edit(made.folder, "[[8.1, 3.0], [8.1, 4.0]]", "[[8.1, 1.0], [8.1, 1.9]]")
+    text = (made.folder / "building.plan.toml").read_text(encoding="utf-8")
+    (made.folder / "building.plan.toml").write_text(re.sub(r"(?s)\n\[\[areas\]\].*", "", text), encoding="utf-8")
+    write(path, door=4.0, upper=False)
+    again = import_building([path], tmp_path / "case", people=4)
+    (door,) = again.building.doors
+    assert (door.width, again.building.areas) == (pytest.approx(0.9), ())
+    told = [one.text for one in again.findings if "is kept" in one.text]
+    assert sorted(text.split(" was ")[0] for text in told) == ["area 'office'", "door 'door'"]
+    assert sum("although the file has another one now" in text for text in told) == 1
+
+
+def test_edits_that_no_longer_fit_are_listed_and_the_others_kept(tmp_path):
+    path = write(tmp_path / "a.plan.toml")
+    made = import_building([path], tmp_path / "case", people=4)
+    edit(made.folder, "[[8.1, 3.0], [8.1, 4.0]]", "[[8.1, 1.0], [8.1, 1.9]]")
+    file = made.folder / "building.plan.toml"
+    file.write_text(file.read_text(encoding="utf-8") + STAIR, encoding="utf-8")
+    write(path, upper=False)
+    again = import_building([path], tmp_path / "case", people=4)
+    assert again.is_accepted
+    assert [one.kind for one in again.findings if "no longer fits" in one.text] == ["warning"]
+    assert again.building.doors[0].width == pytest.approx(0.9)
+    text = file.read_text(encoding="utf-8")
+    assert '# name = "new"' in text
+    assert "stairs" not in tomllib.loads(text)
+
+
+@pytest.mark.parametrize("name", ["a.plan.toml", "a.msh"])
+def test_the_plan_gives_the_building_that_was_imported(tmp_path, name):
+    plan = Plan()
+    plan.storey("ground", ROOM)
+    plan.storey("first", [[13, 0], [16, 0], [16, 6], [13, 6]], z=3.0)
+    plan.flight("up", [(8, 1), (8, 2.5)], 0.0, [(10, 1), (10, 2.5)], 1.2)
+    plan.flight("up", [(10, 1), (10, 2.5)], 1.2, [(13, 1.2), (13, 2.5)], 3.0)
+    plan.exit("main", "ground", [[(0, 3), (0, 4.2)], [(0, 5), (0, 6)]])
+    if name.endswith("msh"):
+        plan.write(tmp_path / name)
+    else:
+        (tmp_path / name).write_text(plan_text(table_of(plan)), encoding="utf-8")
+    made = import_building([tmp_path / name], tmp_path / "case")
+    one, other = read_building(tmp_path / name), read_building(made.folder / "building.plan.toml")
+    assert {level.name: round(level.polygon.area, 6) for level in one.levels} == {
+        level.name: round(level.polygon.area, 6) for level in other.levels
+    }
+    assert [(way.name, way.width) for way in one.exits] == [(way.name, way.width) for way in other.exits]
+    assert one.stairs == other.stairs
+
+
+def test_a_plan_that_is_no_toml_is_named(tmp_path):
+    path = write(tmp_path / "a.plan.toml", upper=False)
+    made = import_building([path], tmp_path / "case")
+    edit(made.folder, "[[exits]]", "[[exits")
+    with pytest.raises(Exception, match=r"building.plan.toml: invalid TOML"):
+        import_building([path], tmp_path / "case")
