@@ -17,7 +17,7 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building, Exit, Level
+from evac.building.model.building import Building, Exit, Level, Place
 from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
 from evac.pictures.writing import round_length
@@ -128,6 +128,9 @@ def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fil
             fill = PathPatch(outline(level), facecolor=palette.LEVELS[level.kind], edgecolor="none", zorder=0.5)
             axes.add_patch(fill)
     _draw_conditions(axes, building, rows)
+    for place in building.places:
+        if place.level in rows:
+            _draw_place(axes, place)
     walls = building.walls[np.isin(building.wall_level, rows)]
     axes.add_collection(LineCollection(_ends(walls), colors=palette.EDGE, linewidths=1.1, zorder=3))
     for portal in building.portals:
@@ -164,6 +167,28 @@ def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> Non
             arrow = {"arrowstyle": "-|>", "color": palette.CLOSED, "linewidth": 1.6}
             start, end = tuple(middle - 0.5 * along), tuple(middle + 0.5 * along)
             axes.annotate("", end, start, arrowprops=arrow, zorder=5)
+
+
+def _draw_place(axes: Axes, place: Place) -> None:
+    """Draw a refuge or assembly area with its name, or a sign with the exit that it shows."""
+    colour, middle = palette.PLACES[place.kind], place.shape.representative_point()
+    if place.kind == "sign":
+        axes.plot(middle.x, middle.y, marker="s", markersize=5.0, color=colour, zorder=5)
+    else:
+        style = {"facecolor": colour, "edgecolor": colour, "alpha": 0.25, "linewidth": 1.2, "zorder": 0.7}
+        axes.add_patch(PathPatch(outline_of(place.shape), **style))
+    axes.annotate(
+        str(place),
+        (middle.x, middle.y),
+        xytext=(0.0, -5.0 if place.kind == "sign" else 0.0),
+        textcoords="offset points",
+        ha="center",
+        va="top" if place.kind == "sign" else "center",
+        color=colour,
+        fontsize=7.5,
+        zorder=6,
+        parse_math=False,
+    )
 
 
 def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:

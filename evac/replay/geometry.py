@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evac.analysis.maps import SPACING
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building, Level
+from evac.building.model.building import Building, Level, Place
 from evac.building.model.cells import Cells
 from evac.building.model.elevation import elevation
 from evac.replay.motion import GRAIN, is_even, level_plane
@@ -21,9 +21,12 @@ MOST_CELLS, MOST_COLUMNS = 1_000_000, 4000
 #: Holes of a floor up to this area are drawn as furniture [m2].
 FURNITURE = 4.0
 
+#: Half the diagonal of the square on the floor that stands for a sign [m].
+SIGN = 0.3
+
 
 def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str, Any], NDArray[np.uint8]]:
-    """Return levels, walls, furniture, portals, exits and stairs as lists of numbers and strings, and the floors.
+    """Return levels, walls, portals, exits, stairs and places as lists of numbers and strings, and the floors.
 
     Parameters
     ----------
@@ -75,6 +78,7 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
             {"level": door.level, "segments": _segments(building, door.segment.reshape(1, 4), door.level, origin)}
             for door in building.doors
         ],
+        "places": [_place(building, place, origin) for place in building.places],
         "stairs": [{"name": name, "levels": list(levels)} for name, levels in building.stairs.items()],
     }
     return page, np.packbits(np.concatenate(on_floor))
@@ -105,6 +109,23 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
             "sides": _segments(building, walls[is_low], level.index, origin),
             "top": _tops(furniture, origin),
         },
+    }
+
+
+def _place(building: Building, place: Place, origin: FloatArray) -> dict[str, Any]:
+    """Return the middle of a place, and its triangles as points in space; of a sign, those of a square on the floor."""
+    shape = place.shape.buffer(SIGN, quad_segs=1) if place.kind == "sign" else place.shape
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
+    corners = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
+    points = np.vstack([shapely.get_coordinates(shape.representative_point()), corners])
+    z = elevation(building, np.full(len(points), place.level), points)
+    middle, *rest = _grains(np.column_stack([points, z]), origin).tolist()
+    return {
+        "name": str(place),
+        "kind": place.kind,
+        "level": place.level,
+        "at": middle,
+        "triangles": [value for corner in rest for value in corner],
     }
 
 

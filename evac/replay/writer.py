@@ -178,6 +178,7 @@ def _about(account: Account) -> dict[str, Any]:
             "none": palette.NO_GROUP,
             "exit": palette.EXIT,
             "closed": palette.CLOSED,
+            "places": palette.PLACES,
         },
         "people_scales": {scale.label: _scale(scale) for scale in PEOPLE.values()},
         "map_scales": {scale.label: _scale(scale) for scale in MAPS.values()},

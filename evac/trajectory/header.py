@@ -13,7 +13,7 @@ from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.building.model.building import Area, Building, Door, Exit, Level, Portal
+from evac.building.model.building import Area, Building, Door, Exit, Level, Place, Portal
 from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.findings import as_findings
 
@@ -21,6 +21,7 @@ from evac.building.model.findings import as_findings
 COORDINATE_MAX = 1e9
 
 KINDS = ("floor", "flight", "landing")
+PLACE_KINDS = ("refuge", "assembly", "sign")
 
 
 class HeaderError(ValueError):
@@ -51,6 +52,7 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "stairs": {name: list(levels) for name, levels in building.stairs.items()},
         "warnings": list(building.warnings),
         "closed": sorted(building.closed),
+        **({"places": [_row_of(place) for place in building.places]} if building.places else {}),
     }
 
 
@@ -90,6 +92,7 @@ def building_from_json(data: Any) -> Building:
         raise HeaderError(f"building.wall_level has {len(wall_level)} numbers for {len(walls)} walls")
     stairs = _get(data, "building", "stairs", dict)
     doors = tuple(_door(index, d, n) for index, d in enumerate(_list(data, "building", "doors")))
+    places = _list(data, "building", "places") if "places" in data else ()
     closed = _rows(data, "building", "closed", len(portals) + len(exits) + len(doors))
     return Building(
         source=Path(_get(data, "building", "source", str)),
@@ -104,6 +107,7 @@ def building_from_json(data: Any) -> Building:
         findings=as_findings(_words(data, "building", "warnings")),
         closed=frozenset(int(link) for link in closed),
         doors=doors,
+        places=tuple(_place(index, place, n) for index, place in enumerate(places)),
     )
 
 
@@ -215,6 +219,25 @@ def _area(index: int, data: Any, levels: int) -> Area:
     return Area(_get(data, key, "name", str), _row(data, key, "level", levels), _polygon(data, key))
 
 
+def _place(index: int, data: Any, levels: int) -> Place:
+    """Return a place, of which pictures need the kind, the shape and what is written there."""
+    key = f"building.places.{index}"
+    kind = _get(data, key, "kind", str)
+    if kind not in PLACE_KINDS:
+        raise HeaderError(f"{key}.kind is {kind!r:.40}; it must be one of {', '.join(PLACE_KINDS)}")
+    capacity = _get(data, key, "capacity", (int, type(None)))
+    return Place(
+        _get(data, key, "name", str),
+        kind,
+        _row(data, key, "level", levels),
+        _shape(data, key, "shape", ("Point",) if kind == "sign" else ("Polygon", "MultiPolygon")),
+        _get(data, key, "area", str),
+        capacity,
+        _get(data, key, "exit", str),
+        _number(data, key, "range", 0.0, COORDINATE_MAX),
+    )
+
+
 def _door(index: int, data: Any, levels: int) -> Door:
     key = f"building.doors.{index}"
     segment = _numbers(data, key, "segment", (), COORDINATE_MAX)
@@ -233,15 +256,20 @@ def _segments(data: Any, key: str) -> tuple[FloatArray, float]:
 
 
 def _polygon(data: Any, key: str) -> BaseGeometry:
-    geometry = _get(data, key, "polygon", dict)
+    return _shape(data, key, "polygon", ("Polygon", "MultiPolygon"))
+
+
+def _shape(data: Any, key: str, name: str, kinds: tuple[str, ...]) -> BaseGeometry:
+    """Return a geometry of one of some kinds."""
+    geometry = _get(data, key, name, dict)
     try:
-        polygon = shape(geometry)
-        is_finite = bool(np.isfinite(polygon.bounds).all())
+        found = shape(geometry)
+        is_finite = bool(np.isfinite(found.bounds).all())
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RecursionError, ShapelyError) as error:
-        raise HeaderError(f"{key}.polygon is not a geometry: {error}") from error
-    if polygon.geom_type not in ("Polygon", "MultiPolygon") or not is_finite:
-        raise HeaderError(f"{key}.polygon is not a polygon with finite corners")
-    return polygon
+        raise HeaderError(f"{key}.{name} is not a geometry: {error}") from error
+    if found.geom_type not in kinds or not is_finite:
+        raise HeaderError(f"{key}.{name} is not a {kinds[0].lower()} with finite corners")
+    return found
 
 
 def _get(data: Any, place: str, key: str, kind: type | tuple[type, ...]) -> Any:

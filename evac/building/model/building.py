@@ -180,6 +180,10 @@ class Place:
     exit: str = ""
     range: float = 0.0
 
+    def __str__(self) -> str:
+        """Return what pictures write: the exit that a sign shows, or the name."""
+        return f"\u2192 {self.exit}" if self.kind == "sign" else self.name
+
 
 @dataclass(frozen=True)
 class Building:

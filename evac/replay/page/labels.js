@@ -1,4 +1,4 @@
-// Names of exits, stairs and storeys over the picture.
+// Names of exits, stairs, storeys and places over the picture.
 
 class Labels {
   constructor(node, record, layout) {
@@ -21,6 +21,9 @@ class Labels {
       const sum = [0, 0, 0], { triangles } = building.levels[level];
       for (const v of triangles) for (const i of [0, 1, 2]) sum[i] += building.vertices[3 * v + i] * grain / triangles.length;
       this.items.push({ kind: "stair", index, name: /stair/i.test(stair.name) ? stair.name : `stair ${stair.name}`, level, at: sum, lift: 0.3 });
+    });
+    building.places.forEach((place, index) => {
+      this.items.push({ kind: "place", index, name: place.name, level: place.level, at: place.at.map((value) => value * grain), lift: 0.3 });
     });
     for (const item of this.items) this.add(item);
     this.who = this.add({ kind: "who", name: "" });

@@ -55,7 +55,7 @@ function* sidesOf(segments, grain) {
   }
 }
 
-// Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor.
+// Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor. Places: a carpet.
 function glowMesh(layout, closed, colours) {
   const { building, grain } = layout, values = [];
   const wide = Math.max(0.25, Math.max(...layout.extent) / 220);
@@ -84,6 +84,13 @@ function glowMesh(layout, closed, colours) {
     const isClosed = closed.includes(building.portals.length + building.exits.length + index);
     if (isClosed && layout.visible[door.level]) curtain(door.level, door.segments, colours.closed);
   });
+  for (const { level, kind, triangles } of building.places) {
+    if (!layout.visible[level]) continue;
+    for (let t = 0; t < triangles.length; t += 3) {
+      const [x, y, z] = layout.place(level, ...triangles.slice(t, t + 3).map((value) => value * grain));
+      values.push(x, y, z + 0.02, ...colours.places[kind], kind === "sign" ? 0.9 : 0.3);
+    }
+  }
   return values;
 }
 

@@ -1,0 +1,91 @@
+"""Refuges, assembly areas and signs in the trajectory, pictures and the replay."""
+
+import base64
+import json
+import re
+import zlib
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from shapely import box
+
+import evac
+from evac.pictures import palette
+from evac.pictures.render import Renderer
+from evac.trajectory.header import HeaderError, building_from_json, building_to_json
+
+PLACES = [
+    {"name": "lobby", "kind": "refuge", "area": "corner", "capacity": 2},
+    {"name": "yard", "kind": "assembly", "area": "far end"},
+    {"name": "sign", "kind": "sign", "position": [10.0, 5.9], "z": 0.0, "exit": "out"},
+]
+
+
+def run(places, folder):
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 20, 6))
+    plan.exit("out", "floor", [(0, 2), (0, 4)])
+    plan.area("corner", "floor", box(1, 4, 5, 6))
+    plan.area("far end", "floor", box(15, 0.5, 19, 5.5))
+    people = [{"name": "people", "level": "floor", "number": 3}]
+    case = {"building": plan, "people": people, "place": places, "contact": {"model": "nsm2"}}
+    case["behaviours"] = {"familiarity": {"main": ["out"]}}
+    return evac.run(evac.load(case, {"simulation.duration": 0.5}), folder, progress=False)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return run(PLACES, tmp_path_factory.mktemp("places") / "result")
+
+
+def test_the_trajectory_has_them(results):
+    before, after = results.building.places, results.trajectory.building.places
+    assert [place.kind for place in after] == ["refuge", "assembly", "sign"]
+    for one, other in zip(before, after, strict=True):
+        assert one.shape.equals(other.shape)
+        assert (one.name, one.level, one.capacity, one.exit) == (other.name, other.level, other.capacity, other.exit)
+
+
+@pytest.mark.parametrize(
+    ("index", "change", "key"),
+    [
+        (0, {"kind": "park"}, r"places\.0\.kind"),
+        (0, {"level": 1}, r"places\.0\.level"),
+        (1, {"shape": {"type": "Point", "coordinates": [0, 0]}}, r"places\.1\.shape"),
+        (2, {"shape": {"type": "Point", "coordinates": []}}, r"places\.2\.shape"),
+        (2, {"range": -1}, r"places\.2\.range"),
+    ],
+)
+def test_damaged_places_are_refused(results, index, change, key):
+    data = json.loads(json.dumps(building_to_json(results.building)))
+    data["places"][index] |= change
+    with pytest.raises(HeaderError, match=key):
+        building_from_json(data)
+
+
+def test_plans_show_them(results, tmp_path):
+    """The pixels of a colour with and without places: floors under areas are a quarter of the colour."""
+    counts = []
+    for one in (results.trajectory, run([], tmp_path / "result").trajectory):
+        picture = Renderer(one, (600, 300), "plan").image(0).astype(int)
+        counts.append([])
+        for kind in ("refuge", "assembly"):
+            floor, colour = (255.0 * np.array(to_rgb(name)) for name in (palette.LEVELS["floor"], palette.PLACES[kind]))
+            counts[-1].append(int((np.abs(picture - (0.75 * floor + 0.25 * colour)).max(axis=2) < 4).sum()))
+    assert min(counts[0]) > 500
+    assert max(counts[1]) < 50
+
+
+def test_the_replay_has_them(results):
+    page = (results.folder / "replay.html").read_text(encoding="utf-8")
+    about = json.loads(zlib.decompress(base64.b64decode(re.search(r'id="data-about">([^<]*)<', page)[1])))
+    found = about["building"]["places"]
+    assert [(place["name"], place["kind"]) for place in found] == [
+        ("lobby", "refuge"),
+        ("yard", "assembly"),
+        ("\u2192 out", "sign"),
+    ]
+    for place, area in zip(found, (8.0, 20.0, 0.18), strict=True):
+        (x1, y1), (x2, y2), (x3, y3) = np.moveaxis(0.01 * np.reshape(place["triangles"], (-1, 3, 3))[..., :2], 0, 2)
+        assert 0.5 * np.abs((x2 - x1) * (y3 - y1) - (x3 - x1) * (y2 - y1)).sum() == pytest.approx(area, rel=0.02)
