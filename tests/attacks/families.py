@@ -59,7 +59,7 @@ FAMILIES = {
     "kernels": Family(kernels.cases, kernels.run, 60, 2),
     "checkpoints": Family(checkpoints.cases, checkpoints.run, 700, 12),
     "tables": Family(tables.cases, tables.run, 300, 12),
-    "timetables": Family(timetables.cases, timetables.run, 600, 4),
+    "timetables": Family(timetables.cases, timetables.run, 1000, 4),
     "walks": Family(walks.cases, walks.run, 400, 4),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
 }

@@ -2,13 +2,14 @@
 
 import random
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 import evac
 from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, TRAJECTORY_NAME
 from evac.physics.threads import threads
-from evac.simulation import assembly
+from evac.simulation import assembly, checkpoints
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -45,16 +46,21 @@ def made_again(kind: str, case: "Case", one: evac.Results, folder: Path, generat
 def killed_and_resumed(
     case: "Case", one: evac.Results, folder: Path, out: Path | None, generator: random.Random
 ) -> evac.Results:
-    """Kill a run before a random tick, that after the last one included, and resume it."""
+    """Kill a run before a random tick, that after the last one included, and resume it from its last checkpoint."""
     tick = case.simulation.tick
     ticks = generator.randrange(1, max(2, round(one.time / tick)))
+    every = tick * generator.choice([0.5, 4.5, 20.5])  # of simulated time, since saving takes longer than a tick
+    now = 0.0
 
     def kill(progress: Any) -> None:
-        if progress.time > (ticks - 0.5) * tick:
+        nonlocal now
+        now = progress.time
+        if now > (ticks - 0.5) * tick:
             raise Killed
 
     try:
-        evac.run(case, folder, progress=kill, checkpoint=0.0)
+        with patch(f"{checkpoints.__name__}.time", SimpleNamespace(monotonic=lambda: now)):
+            evac.run(case, folder, progress=kill, checkpoint=every)
     except Killed:
         return evac.resume(folder, registry=case.registry, progress=False, out=out)
     raise AssertionError("the run was not killed")
