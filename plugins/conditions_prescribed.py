@@ -63,12 +63,8 @@ class Prescribed(ConditionSource):
             if settings.times is not None:
                 raise ScenarioError("times: belongs to values; the file has times of its own")
             self._parts = _parts_in(scene.file(settings.file), levels, scene)
+        self.last = min(float(part.times[-1]) if len(part.times) > 1 else np.inf for part in self._parts)
         return tuple(dict.fromkeys(name for part in self._parts for name in part.values))
-
-    @property
-    def last(self) -> float:
-        """Time after which there are no values [s]; inf for constant ones."""
-        return min(float(part.times[-1]) if len(part.times) > 1 else np.inf for part in self._parts)
 
     def at(
         self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray

@@ -1,11 +1,10 @@
 """Sources of the conditions of the air: the base class of such plugins."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
-
-import numpy as np
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, usable_path
@@ -85,18 +84,16 @@ class SourceScene:
 class ConditionSource(Configurable):
     """Provides quantities of the air at places and times: the base class of such plugins.
 
-    A source has either frames, and defines `frame`, or knows the values at any time, and defines `at`.
-
     Attributes
     ----------
-    times : (f,) float64
-        Times of the frames [s], ascending.
+    last : float
+        Time after which there are no values [s]; inf if there are always values.
     """
 
     #: Keys of `[[conditions]]` that it uses, besides ``source``, ``start`` and ``hold``.
     keys: ClassVar[tuple[str, ...]] = ()
 
-    times: FloatArray = np.zeros(1)
+    last: float = math.inf
 
     def open(self, scene: SourceScene) -> Sequence[str]:
         """Read what is needed before the run, and return the names of the quantities that it provides.
@@ -107,42 +104,25 @@ class ConditionSource(Configurable):
         """
         raise NotImplementedError
 
-    def frame(
-        self, quantities: Sequence[str], index: int, level: IntArray, position: FloatArray, height: FloatArray
+    def at(
+        self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
     ) -> FloatArray:
-        """Return the values (q, n) of quantities in a frame at places, NaN where the source does not apply.
+        """Return the values (q, n) of quantities at places, NaN where the source does not apply.
+
+        Values that are known at some times only are linear in between.
 
         Parameters
         ----------
         quantities : sequence of str
             Some of those that `open` returned.
-        index : int
-            Of the frame.
+        time : float
+            Time of the source [s], at most `last`.
         level : (n,) int32
         position : (n, 2) float64 [m]
         height : (n,) float64 [m]
             Height z of each place, that of a head.
         """
         raise NotImplementedError
-
-    def at(
-        self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
-    ) -> FloatArray:
-        """Return the values (q, n) of quantities at a time [s], linear between frames; see `frame`."""
-        last = len(self.times) - 1
-        index = min(max(int(np.searchsorted(self.times, time + AT_ONCE, side="right")) - 1, 0), last)
-        values = self.frame(quantities, index, level, position, height)
-        if index == last or time <= self.times[index] + AT_ONCE:
-            return values
-        share = (time - self.times[index]) / (self.times[index + 1] - self.times[index])
-        after = self.frame(quantities, index + 1, level, position, height)
-        between: FloatArray = values + share * (after - values)
-        return between
-
-    @property
-    def last(self) -> float:
-        """Time after which there are no values [s]; inf if there are always values."""
-        return float(self.times[-1])
 
     def findings(self) -> Sequence[str]:
         """Return what should be known about the data before a run, such as what they cover, one line each."""

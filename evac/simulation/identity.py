@@ -39,6 +39,9 @@ def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
     folder = simulation.case.folder.resolve()
     files = [path for _, scene in simulation.behaviours for path in scene.files]
     data = {path.relative_to(folder).as_posix(): digest_of_file(path)[:16] for path in files}
+    if simulation.exposure is not None:
+        used = [path for scene in simulation.exposure.air.scenes for path in scene.files]
+        data |= {str(path): digest_of_file(path)[:16] for path in used}
     # Other links may be closed in a run that is resumed, from which warnings follow.
     building = digest_of_data({**building_to_json(simulation.building), "closed": [], "warnings": []})
     return {"building": {"": building}, "data": data, "kernel": kernels_of(simulation)}

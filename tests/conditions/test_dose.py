@@ -38,7 +38,8 @@ FED_FIC = [
 
 @pytest.mark.parametrize(("air", "dose", "concentration"), FED_FIC)
 def test_doses_and_irritants_are_those_of_fds(air, dose, concentration):
-    assert rate(**air) * 100.0 / 60.0 == pytest.approx(dose, rel=1e-4)
+    digits = 5e-4 if "co" not in air else 1e-4  # of the irritants, the deck has three digits
+    assert rate(**air) * 100.0 / 60.0 == pytest.approx(dose, rel=digits)
     values = {name: np.array([value]) for name, value in air.items()}
     assert irritant_concentration(values)[0] == pytest.approx(concentration, rel=1e-4)
 
