@@ -5,12 +5,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import shapely
 from shapely.geometry import MultiLineString, mapping
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
+from evac.building.plan.redrawing import slopes_of
 from evac.export.exporter import Exporter
 from evac.trajectory.trajectory import Trajectory
 
@@ -21,7 +23,8 @@ COORDINATES = "plan of the building: x and y in metres, not longitude and latitu
 class GeojsonExporter(Exporter):
     """The building as GeoJSON: levels, walls, portals, exits and areas with names, in plan coordinates.
 
-    Portals and exits have the property ``open`` for the start of the run, and ``changes`` if they open or close later.
+    Flights have a polygon with heights for each of their planes. `evac import` reads the file again. Portals and exits
+    have the property ``open`` for the start of the run, and ``changes`` if they open or close later.
     """
 
     name = "geojson"
@@ -47,8 +50,9 @@ class GeojsonExporter(Exporter):
 def _surfaces(building: Building) -> Iterable[dict[str, Any]]:
     """Return the levels and the areas."""
     for level in building.levels:
+        shape = shapely.MultiPolygon(slopes_of(building, level)) if level.kind == "flight" else level.polygon
         more = {"stair": level.stair, "z_min": level.z_min, "z_max": level.z_max, "slope": level.slope}
-        yield _feature(level.polygon, level.kind, level.name, [level.name], **more)
+        yield _feature(shape, level.kind, level.name, [level.name], **more)
     for area in building.areas:
         yield _feature(area.polygon, "area", area.name, [building.levels[area.level].name])
 

@@ -15,6 +15,7 @@ from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.building.geometry.overlays import place_of
 from evac.building.importer import Importer
+from evac.building.plan.features import are_exported, plan_of_features
 from evac.building.plan.plan import Plan
 from evac.building.plan.shapes import geometries
 
@@ -31,7 +32,8 @@ MAJOR, MINOR = 6378137.0, 6356752.314245
 class GeojsonImporter(Importer):
     """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
 
-    Without `kind`, polygons are the ground of their storey and lines are exits.
+    Without `kind`, polygons are the ground of their storey and lines are exits. A building that evac has exported to
+    GeoJSON is read too.
     """
 
     name = "geojson"
@@ -50,6 +52,8 @@ class GeojsonImporter(Importer):
             data = json.loads(path.read_text(encoding="utf-8-sig"))
         except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(f"invalid JSON: {error}") from error
+        if are_exported(data):
+            return plan_of_features(data["features"], path)
         names = {name for item in _objects(data) for name in _properties(item)}
         foreign = names & INDOOR_MAPS.keys()
         if foreign and "kind" not in names:

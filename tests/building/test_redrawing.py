@@ -1,0 +1,67 @@
+import json
+
+import numpy as np
+import pytest
+import shapely
+
+from evac import BuildingError, Plan, read_building
+from evac.building.plan.redrawing import plan_of_building, slopes_of
+
+
+def winding():
+    """Return a building whose stair turns by 90 degrees between two floors."""
+    plan = Plan()
+    plan.storey("low", shapely.box(0, 0, 4, 2))
+    plan.storey("high", shapely.box(6, 4, 8, 8), z=1.5)
+    angles = np.deg2rad(np.arange(-90, 1, 15))
+    edges = [[(4 + r * np.cos(a), 4 + r * np.sin(a)) for r in (2, 4)] for a in angles]
+    for k in range(6):
+        plan.flight("up", edges[k], 0.25 * k, edges[k + 1], 0.25 * (k + 1))
+    plan.exit("door", "low", [[(0, 0.5), (0, 1)], [(0, 1.5), (0, 2)]])
+    plan.area("office", "high", shapely.box(6, 6, 8, 8))
+    return plan.building()
+
+
+def test_a_building_is_made_again_from_its_plan():
+    one = winding()
+    other = plan_of_building(one).building()
+    assert [(level.name, level.kind) for level in other.levels] == [(level.name, level.kind) for level in one.levels]
+    assert [level.polygon.area for level in other.levels] == pytest.approx([level.polygon.area for level in one.levels])
+    assert [level.slope for level in other.levels] == pytest.approx([level.slope for level in one.levels])
+    assert (other.exits[0].width, other.areas[0].polygon.area) == (pytest.approx(1.0), pytest.approx(4.0))
+
+
+def test_the_planes_of_a_flight_have_heights():
+    building = winding()
+    (flight,) = [level for level in building.levels if level.kind == "flight"]
+    slopes = slopes_of(building, flight)
+    assert len(slopes) == 12  # two triangles for each pair of edges
+    heights = shapely.get_coordinates(slopes, include_z=True)[:, 2]
+    assert (heights.min(), heights.max()) == (pytest.approx(0.0), pytest.approx(1.5))
+
+
+def test_an_exit_on_a_stair_has_no_plan():
+    plan = Plan()
+    plan.storey("low", shapely.box(0, 0, 4, 2))
+    plan.flight("up", [(4, 0), (4, 2)], 0.0, [(8, 0), (8, 2)], 2.0)
+    building = plan.building(need_exit=False, exits=[{"name": "top", "segment": ((8, 0), (8, 2)), "z": 2.0}])
+    with pytest.raises(ValueError, match="'top'"):
+        plan_of_building(building)
+
+
+@pytest.mark.parametrize(
+    ("properties", "match"),
+    [
+        ({"kind": "flight", "name": "f", "levels": ["f"]}, "stair"),
+        ({"kind": "flour", "name": "f", "levels": ["f"]}, "unknown kind 'flour'"),
+        ({"kind": "flight", "name": "f", "levels": ["f"], "stair": "s"}, "heights"),
+    ],
+)
+def test_a_changed_export_is_refused_by_its_feature(tmp_path, properties, match):
+    box = {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]}
+    floor = {"kind": "floor", "name": "low", "levels": ["low"], "z_min": 0.0}
+    features = [{"type": "Feature", "properties": one, "geometry": box} for one in (floor, properties)]
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    with pytest.raises(BuildingError, match=match):
+        read_building(path)
