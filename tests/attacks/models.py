@@ -1,5 +1,6 @@
 """Attacks on building models: IFC files that are cut, garbled, or changed in their numbers, references and lines."""
 
+import math
 import random
 import re
 from collections.abc import Iterator
@@ -61,6 +62,11 @@ def run(case: Case, folder: Path) -> str:
 def _text(file: str) -> str:
     if file != "made" and (FOREIGN / file).is_file():
         return (FOREIGN / file).read_text(encoding="latin-1")
+    return made_model()
+
+
+def made_model() -> str:
+    """Return a model of two storeys with rooms, doors, and a straight and a winding stair and a ramp."""
     ifc = IfcFile()
     for k in range(2):
         z = 3.0 * k
@@ -74,7 +80,20 @@ def _text(file: str) -> str:
     ifc.opening((0, 1, 0), (0.2, 2, 2.1), door="main")
     solids = steps(ifc, (5, 1.7), (1, 0), 0.0, width=1.2, going=0.28, riser=3 / 17, count=16)
     ifc.body("IFCSTAIRFLIGHT", "up", *solids, tail=",$,17,16,0.17,0.28,.STRAIGHT.")
+    ring = [[(20 + r * math.cos(t), 3 + r * math.sin(t)) for r, t in turn(k)] for k in range(12)]
+    treads = [ifc.extruded(outline, 3 / 13 * k, 3 / 13) for k, outline in enumerate(ring)]
+    ifc.body("IFCSTAIR", "round", *treads, tail=",$,.SPIRAL_STAIR.")
+    ramp = ifc.lying([(10, -0.2), (13, 0.1), (13, 0.3), (10, 0.0)], 3.0, 1.5)
+    ifc.body("IFCRAMP", "ramp", ramp, tail=",$,.STRAIGHT_RUN_RAMP.")
+    for low, high in (((13, 0, 0.1), (22, 3, 0.3)), ((20.2, 3, 2.8), (22, 5, 3.0))):
+        ifc.box("IFCSLAB", "P", low, high, predefined="FLOOR")
     return ifc.text()
+
+
+def turn(k: int) -> list[tuple[float, float]]:
+    """Return radius and angle of the corners of a tread of a spiral stair."""
+    a, b = (math.radians(30 * s) for s in (k, k + 1))
+    return [(0.2, a), (1.4, a), (1.4, b), (0.2, b)]
 
 
 def _cut(text: str, generator: random.Random) -> str:
@@ -92,6 +111,8 @@ def _lines(text: str, generator: random.Random) -> str:
     """Leave out, repeat or exchange lines."""
     lines = text.splitlines()
     for _ in range(generator.choice((1, 5, 50))):
+        if len(lines) < 2:
+            break
         i, j = generator.randrange(len(lines)), generator.randrange(len(lines))
         what = generator.randrange(3)
         if what == 0:
