@@ -6,7 +6,7 @@ from pathlib import Path
 
 from evac.base.errors import ScenarioError
 from evac.cli.inputs import declare_plugin
-from evac.cli.screen import show_table
+from evac.cli.screen import show_facts, show_table
 
 #: The only built-in plugin with cases; the others need not be loaded to list cases.
 CASE_PLUGINS = ("evac_plugins.cases",)
@@ -18,11 +18,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Print name, title and folder of each case."""
+    """Print name and title of each case, and where their folders are."""
     from evac.contract.registry import Registry
 
     cases = Registry(arguments.plugins, builtins=CASE_PLUGINS).cases
-    show_table("Cases", ("name", "title", "folder"), [(name, _title(path), path) for name, path in cases.items()])
+    show_table("Cases", ("name", "title"), [(name, _title(path)) for name, path in cases.items()])
+    for number, parent in enumerate(dict.fromkeys(path.parent for path in cases.values())):
+        show_facts({"" if number else "folders in": parent})
     return 0
 
 

@@ -6,6 +6,7 @@ executes one.
 
 import argparse
 import math
+from itertools import permutations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,7 @@ ASSUMED = ("assumed", "repaired", "left out")
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_case(parser, "CASE|BUILDING")
+    parser.add_argument("--verbose", action="store_true", help="show the portals within stairs as well")
     what = "draw every level with all names and with warnings marked at their places (.png, .svg, .pdf)"
     parser.add_argument("--picture", type=Path, metavar="FILE", help=what)
 
@@ -47,7 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if arguments.set or arguments.seed is not None:
             raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
         building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
-        show_building(building)
+        show_building(building, arguments.verbose)
         show_warnings(building.warnings)
         _draw(arguments.picture, building, building.findings, path.name)
         # Last, so that a user who has to add an exit sees the levels first.
@@ -56,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_of(arguments)
     show_facts({"case": case.title or case.folder.name, "file": case.source})
     if case.unloaded_files:
-        known = _known_part(case)
+        known = _known_part(case, arguments.verbose)
         if known is None:
             return 0
         case = known
@@ -70,10 +72,10 @@ def execute(arguments: argparse.Namespace) -> int:
         from evac.simulation.assembly import make_building
 
         building = make_building(case)
-        show_building(building)
+        show_building(building, arguments.verbose)
         _draw(arguments.picture, building, building.findings, case.title)
         raise
-    show_building(simulation.building)
+    show_building(simulation.building, arguments.verbose)
     show_people(simulation)
     show_warnings(simulation.warnings())
     if arguments.picture is not None:
@@ -87,7 +89,7 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _known_part(case: "Case") -> "Case | None":
+def _known_part(case: "Case", is_verbose: bool) -> "Case | None":
     """Show the plugin files not executed, and return the case without what needs them; None if it cannot be checked."""
     from evac.case.overrides import dotted
     from evac.case.trust import is_inside, without_unknown
@@ -108,7 +110,7 @@ def _known_part(case: "Case") -> "Case | None":
         show_warnings([f"{case.mesh}: not checked, because no importer reads it without the plugin files"])
         return None
     if ("contact", "model") in case.unchecked:
-        show_building(make_building(case))
+        show_building(make_building(case), is_verbose)
         show_warnings(["people are not checked, because the contact model needs the plugin files"])
         return None
     return without_unknown(case)
@@ -123,8 +125,8 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
         print(f"drawn: {path}")
 
 
-def show_building(building: "Building") -> None:
-    """Show levels, portals, exits, doors, areas, stairs, and what was assumed about them."""
+def show_building(building: "Building", is_verbose: bool) -> None:
+    """Show levels, portals, exits, doors, areas, stairs and assumptions; portals within stairs only if verbose."""
     show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
     levels = [
         (
@@ -137,18 +139,19 @@ def show_building(building: "Building") -> None:
         )
         for level in building.levels
     ]
-    show_table("Levels", ("level", "kind", "z [m]", "area in plan [m2]", "slope [deg]", "walls"), levels)
+    show_table("Levels", ("level", "kind", "z [m]", "plan [m2]", "slope [deg]", "walls"), levels)
     names = [level.name for level in building.levels]
 
     def state(link: "Portal | Exit") -> str:
         return "open" if building.is_open(link) else "closed"
 
-    if building.portals:
-        rows = [
-            (p.name, " - ".join(names[index] for index in p.levels), round(p.width, 3), state(p))
-            for p in building.portals
-        ]
-        show_table("Portals", ("portal", "between", "width [m]", ""), rows)
+    within = {levels for parts in building.stairs.values() for levels in permutations(parts, 2)}
+    rows = [
+        (p.name, round(p.width, 3), state(p)) for p in building.portals if is_verbose or tuple(p.levels) not in within
+    ]
+    if rows:
+        which = "Portals" if is_verbose else "Portals (without those within a stair)"
+        show_table(which, ("portal", "width [m]", ""), rows)
     if building.exits:
         exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in building.exits]
         show_table("Exits", ("exit", "level", "width [m]", ""), exits)

@@ -1,27 +1,47 @@
-"""The tables shown after a run."""
+"""What is shown after a run: the answer, and on request all tables."""
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evac.cli.screen import show_facts, show_table
-from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.cli.screen import say, show_facts, show_table
 from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
 from evac.physics.state import Crowd
 from evac.results.results import Results
+
+#: Maximum number of lines that the answer takes on a terminal, with the line of the result folder.
+MOST_LINES = 12
 
 #: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
 
 
+def show_answer(results: Results) -> None:
+    """Show what the run answers: on a terminal in at most a dozen lines with the folder, which is shown after it."""
+    answer, title = results.answer, results.title or Path(results.source).name
+    room = MOST_LINES - 4 - sum(map(bool, (answer.times, answer.warnings))) - len(answer.exits)  # for the others
+    say(title, 1, is_bold=True)
+    say(answer.verdict, 1, is_bold=True)
+    for line in filter(None, (answer.times, *answer.exits)):
+        say(line, 1)
+    changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
+    told = [line for line in (changes, *answer.remarks, answer.queue) if line]
+    for number, line in enumerate(told):
+        lines = min(2, room - (len(told) - number - 1))
+        if lines > 0:
+            room -= say(line, lines)
+    say(answer.movement, 1)
+    if answer.warnings:
+        say(f"{answer.warnings}; --verbose shows all", 1)
+
+
 def show_results(results: Results) -> None:
-    """Show the results of a run: egress, exits, stairs and people left inside, then contact and wall time by phase."""
+    """Show all tables: egress, exits, stairs and people left inside, then contact and wall time by phase."""
     summary = results.summary()
     _show_outcome(summary, results)
     _show_places(summary, results)
-    _show_left(summary, results)
+    _show_left(summary)
     _show_contact(summary["contact"])
     wall = summary["wall_time"]
     phases = [*wall.items(), ("all", sum(wall.values()))]
@@ -54,21 +74,13 @@ def _show_outcome(summary: dict[str, Any], results: Results) -> None:
             "ended": summary["ended"],
             "people": summary["people"],
             "out": summary["evacuated"],
-            "movement": _movement(summary["keeps_distance"]),
+            "movement": results.answer.movement,
             "response times": response_times(results.crowd),
             **changes,
             "last out": None if last is None else f"{last:.2f} s{note}",
             "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
         }
     )
-
-
-def _movement(keepers: list[str]) -> str:
-    """Describe how people walk, by the behaviours in use that keep distances."""
-    if keepers:
-        return f"people keep distances ({', '.join(keepers)})"
-    advice = f"to keep distances: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
-    return f"as in the paper: full speed until bodies touch; {advice}"
 
 
 def _show_places(summary: dict[str, Any], results: Results) -> None:
@@ -110,10 +122,8 @@ def _show_contact(contact: dict[str, Any]) -> None:
     show_table("Contact", ("quantity", "value"), rows)
 
 
-def _show_left(summary: dict[str, Any], results: Results) -> None:
-    """Print the remarks on people to standard error, and list people without progress."""
-    for line in results.remarks:
-        print(f"evac: {line}", file=sys.stderr)
+def _show_left(summary: dict[str, Any]) -> None:
+    """List people without progress."""
     stuck = summary["stuck"]
     if stuck:
         rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]

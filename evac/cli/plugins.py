@@ -1,4 +1,4 @@
-"""evac plugins: list all registered plugins with their parameters, units and defaults, describe one, or check a file.
+"""evac plugins: list all registered plugins, with --verbose their parameters, describe one, or check a file.
 
 `evac plugins --check FILE` applies the checks of `evac.conformance.check_plugin` to everything in a plugin file, and
 ends with status 2 if one of them fails.
@@ -7,17 +7,19 @@ ends with status 2 if one of them fails.
 import argparse
 import inspect
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from evac.cli.inputs import declare_plugin
-from evac.cli.screen import console, show_table, shown
+from evac.cli.screen import console, say, show_table, shown
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("name", metavar="NAME", nargs="?", help="name of one model, behaviour or other plugin")
     parser.add_argument("--check", metavar="FILE", help="check everything in a plugin file")
+    parser.add_argument("--verbose", action="store_true", help="all parameters with their units and defaults")
     declare_plugin(parser)
 
 
@@ -35,6 +37,10 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.name is not None and arguments.name not in names:
         hint = did_you_mean(arguments.name, names)
         raise PluginError(f"no plugin is named {arguments.name!r}; {hint}")
+    if arguments.name is None and not arguments.verbose:
+        for entry in entries:
+            _list(entry)
+        return 0
     for entry in entries:
         items = [item for item in entry["provides"] if arguments.name in (None, item["name"])]
         if items or arguments.name is None:
@@ -43,6 +49,14 @@ def execute(arguments: argparse.Namespace) -> int:
         for item in items:
             _show(item, None if arguments.name is None else registry.get(item["kind"], item["name"]))
     return 0
+
+
+def _list(entry: Mapping[str, Any]) -> None:
+    """Print a line for each thing that a plugin provides."""
+    origin = "" if entry["origin"] == "built-in" else f"  ({entry['source']}, {entry['origin']} {entry['version']})"
+    for item in entry["provides"]:
+        kind = item["kind"].replace("_", " ")
+        say(f"{kind} {item['name']}: {item['doc'].partition('. ')[0].rstrip('.')}{origin}", 1)
 
 
 def _check(file: str, others: list[str]) -> int:

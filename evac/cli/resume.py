@@ -11,7 +11,7 @@ from pathlib import Path
 
 from evac.base.display import Display
 from evac.cli.inputs import announce_plugin_file, declare_plugin, declare_set
-from evac.cli.run import declare_checkpoint, declare_threads
+from evac.cli.run import declare_checkpoint, declare_threads, declare_verbose
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--case", type=Path, metavar="FILE", help=case)
     declare_checkpoint(parser, "as the interrupted run")
     declare_threads(parser)
+    declare_verbose(parser)
     differences = "continue even if versions, kernels, plugins or the building's file have changed, which is noted"
     parser.add_argument("--allow-differences", action="store_true", help=differences)
     declare_plugin(parser)
@@ -52,5 +53,5 @@ def execute(arguments: argparse.Namespace) -> int:
             display.line(f"evac: resuming at {simulation.time:.2f} s in {place.running}")
             checkpoint = every if arguments.checkpoint is None else arguments.checkpoint
             results, status = run_shown(simulation, place, display, checkpoint)
-    show_run(results)
+    show_run(results, arguments.verbose)
     return status

@@ -23,6 +23,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tolerance", action=Removed, nargs="?", help=argparse.SUPPRESS)
     declare_checkpoint(parser, "none")
     declare_threads(parser)
+    declare_verbose(parser)
 
 
 class Removed(argparse.Action):
@@ -40,6 +41,12 @@ def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
     """Add --checkpoint to a command."""
     what = f"save a checkpoint every S seconds of wall time, for `evac resume` (default: {default})"
     parser.add_argument("--checkpoint", type=_seconds, metavar="S", help=what)
+
+
+def declare_verbose(parser: argparse.ArgumentParser) -> None:
+    """Add --verbose to a command."""
+    what = "show tables of exits, stairs, contacts and wall time, and quality warnings in full"
+    parser.add_argument("--verbose", action="store_true", help=what)
 
 
 def declare_threads(parser: argparse.ArgumentParser) -> None:
@@ -77,7 +84,7 @@ def execute(arguments: argparse.Namespace) -> int:
             )
             place.start()
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
-    show_run(results)
+    show_run(results, arguments.verbose)
     return status
 
 

@@ -5,7 +5,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from evac.base.display import Display
-from evac.cli.streams import notify
+from evac.cli.streams import notify, wrapped
 
 if TYPE_CHECKING:
     from evac.folder.resultfolder import ResultFolder
@@ -33,7 +33,7 @@ def run_shown(
 
     before = simulation.warnings()
     for warning in before:
-        display.line(f"warning: {warning}")
+        display.line(wrapped(f"warning: {warning}", sys.stderr))
     display.phase("first tick")
     with Interrupt(SIGNALS, announce) as interrupt:
 
@@ -44,20 +44,25 @@ def run_shown(
         results = run_into(simulation, place, display, interrupt, checkpoint, writing)
     for warning in results.warnings:
         if warning not in before:
-            display.line(f"warning: {warning}")
+            display.line(wrapped(f"warning: {warning}", sys.stderr))
     return results, 128 + interrupt.wanted if results.ended == INTERRUPTED else results.exit_status
 
 
-def show_run(results: "Results") -> None:
-    """Show the tables and quality warnings of a run."""
-    from evac.cli.outcome import show_folder, show_results
+def show_run(results: "Results", verbose: bool) -> None:
+    """Show the answer of a run; if verbose, all tables before it, with quality warnings in full, as in logs."""
+    from evac.cli.outcome import show_answer, show_folder, show_results
     from evac.cli.screen import show_warnings
     from evac.folder.files import CHECKPOINT_NAME
     from evac.results.ending import INTERRUPTED
 
     assert results.folder is not None
-    show_results(results)
-    show_warnings(results.quality_warnings)
+    if verbose:
+        show_results(results)
+    if verbose or not sys.stderr.isatty():
+        for line in results.remarks:
+            print(wrapped(f"evac: {line}", sys.stderr), file=sys.stderr)
+        show_warnings(results.quality_warnings)
+    show_answer(results)
     show_folder(results.folder)
     if results.ended == INTERRUPTED:
         folder = str(results.folder).removesuffix(".running")

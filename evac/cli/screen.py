@@ -8,8 +8,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from evac.cli.streams import wrapped
+
 #: Width of tables written to a file or a pipe.
 PLAIN_WIDTH = 160
+
+#: Words up to this length are not divided in tables.
+MOST_WIDTH = 20
 
 
 def console() -> Console:
@@ -23,7 +28,9 @@ def show_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[objec
     table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], (int, float)) for row in rows)
-        table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold")
+        words = [word for row in [columns, *rows] for word in shown(row[index]).split()]
+        width = min(MOST_WIDTH, max(map(len, words), default=0))
+        table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold", min_width=width)
     for row in rows:
         table.add_row(*(Text(shown(value)) for value in row))
     console().print(table)
@@ -42,7 +49,14 @@ def show_facts(facts: Mapping[str, object]) -> None:
 def show_warnings(warnings: Iterable[str]) -> None:
     """Print warnings to standard error."""
     for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(wrapped(f"warning: {warning}", sys.stderr), file=sys.stderr)
+
+
+def say(line: str, lines: int, is_bold: bool = False) -> int:
+    """Print a sentence, on a terminal with so many lines at most; return their number."""
+    text = wrapped(line, sys.stdout, lines)
+    console().print(Text(text, style="bold" if is_bold else ""), soft_wrap=True)
+    return text.count("\n") + 1
 
 
 def shown(value: object) -> str:

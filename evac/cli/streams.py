@@ -3,7 +3,9 @@
 import errno
 import io
 import os
+import shutil
 import sys
+import textwrap
 from contextlib import suppress
 from typing import Any, TextIO
 
@@ -88,6 +90,21 @@ def warn_lost_output() -> None:
     if failure is not None and failure.errno != errno.EPIPE:
         what = f"standard output could not be written ({failure.strerror}) and is incomplete"
         notify(f"warning: {what}; files are not affected")
+
+
+def wrapped(line: str, stream: TextIO, lines: int | None = None) -> str:
+    """Return a line divided between words for the terminal of a stream, cut to so many lines; as it is for others."""
+    if not stream.isatty():
+        return line
+    return textwrap.fill(
+        line,
+        shutil.get_terminal_size().columns,
+        subsequent_indent="  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+        max_lines=lines,
+        placeholder=" ...",
+    )
 
 
 def notify(line: str) -> None:

@@ -126,6 +126,7 @@ def shown_progress(display: Display) -> "Callable[[StudyProgress], None]":
 
 def show_study(study: "Study") -> int:
     """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
+    from evac.study.outputs import parameter_keys
     from evac.study.remarks import quality_of, remarks_of
 
     case = study.points[0].case
@@ -143,7 +144,8 @@ def show_study(study: "Study") -> int:
         show_facts(facts | _settled_facts(study))
         show_table(TITLE, ("statistic", "value", "95 % interval", "over"), _rows(study))
     else:
-        show_facts(facts | {"points": len(study.points), "seeds": "the same at every point"})
+        varied = ", ".join(parameter_keys(study))
+        show_facts(facts | {"points": f"{len(study.points)}: {varied}", "seeds": "the same at every point"})
         _show_points(study)
     if change is not None:
         _show_step(study, change)
@@ -209,7 +211,7 @@ def _show_points(study: "Study") -> None:
         values = [point.parameters.get(key) for key in keys]
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
         rows.append([*values, seconds(middle.value), interval(middle), seconds(found.value), interval(found), blocked])
-    columns = (*keys, central, "95 % interval", percentile, "95 % interval", "blocked")
+    columns = (*map(_head, keys), central, "95 % interval", percentile, "95 % interval", "blocked")
     show_table(TITLE, columns, rows)
     if len(study.points) > MOST_SHOWN:
         print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
@@ -217,6 +219,11 @@ def _show_points(study: "Study") -> None:
         notes = dict.fromkeys(row[name].note for row in study.statistics if row[name].note)
         for note in list(notes)[:MOST_NOTES]:
             print(f"evac: {name}: {note}", file=sys.stderr)
+
+
+def _head(key: str) -> str:
+    """Return the last part of a key, as the head of a column; the parameters are named in full above the table."""
+    return key.rpartition(".")[2]
 
 
 def _settled_facts(study: "Study") -> dict[str, object]:

@@ -21,19 +21,14 @@ LARGEST_REPLAY = 5_000_000
 
 def results_html(results: "Results") -> str:
     """Return the results of a run as HTML."""
-    last = "" if results.last_out is None else f"{results.last_out:.1f} s"
-    facts = {
-        "ended": results.ended,
-        "out": f"{results.evacuated} of {results.number_of_people}",
-        "last out": last,
-        "simulated": f"{results.time:.1f} s",
-        "contact model": results.report["model"],
-        "seed": results.seed,
-    }
+    facts = {"simulated": f"{results.time:.1f} s", "contact model": results.report["model"], "seed": results.seed}
     exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
-    lines = (*results.warnings, *results.remarks, *results.quality_warnings)
+    answer = results.answer
+    told = [line for line in (answer.verdict, answer.times, answer.queue, answer.movement) if line]
+    lines = (*results.warnings, *answer.remarks, *results.quality_warnings)
     parts = [
         f"<h4>{escape(results.title or Path(results.source).name)}</h4>",
+        "<p>" + "<br>".join(map(escape, told)) + "</p>",
         table_html((), facts.items()),
         table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), exits),
         "".join(f"<p>&#9888; {escape(line)}</p>" for line in lines),

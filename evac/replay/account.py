@@ -21,6 +21,7 @@ class Account:
     """Description of a run; without the arrays that are None for a killed run."""
 
     title: str
+    answer: Sequence[str]  # lines that open the page
     facts: Sequence[tuple[str, str]]  # names and values, in order
     warnings: Sequence[str]
     quality_warnings: Sequence[str]
@@ -51,6 +52,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
     for index, members in enumerate(results.groups):
         group[members.rows] = index
     return Account(
+        answer=_answer(results),
         **_of_summary(results.record, error),
         groups=[members.name for members in results.groups],
         group=group,
@@ -86,12 +88,17 @@ def account_of_folder(trajectory: Trajectory) -> Account:
             f"The run was killed or has not ended: the recorded states end at t = {trajectory.time[-1]:g} s. "
             "Exit times are rounded to recorded states."
         )
-        return Account(str(header.get("title", "")), facts, (), (), ("error", text), **known)
+        return Account(str(header.get("title", "")), (), facts, (), (), ("error", text), **known)
     if (folder / PEOPLE_NAME).exists():
         return account_of_run(results_beside(trajectory, folder))
     summary, _ = read_summary(folder)
     check_trajectory(trajectory, summary)
-    return Account(**_of_summary(summary, None), **known)
+    return Account(answer=(), **_of_summary(summary, None), **known)
+
+
+def _answer(results: Results) -> list[str]:
+    answer = results.answer
+    return [line for line in (answer.verdict, answer.times, *answer.exits, answer.queue, answer.warnings) if line]
 
 
 def _of_summary(summary: Summary, error: BaseException | None) -> dict[str, Any]:

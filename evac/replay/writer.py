@@ -168,6 +168,7 @@ def _about(account: Account) -> dict[str, Any]:
 
     return {
         "title": account.title,
+        "answer": account.answer,
         "facts": account.facts,
         "warnings": account.warnings,
         "quality_warnings": account.quality_warnings,

@@ -62,14 +62,14 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
 def main_results(run: Results) -> dict[str, object]:
     """Return the main results of a run, which open its report."""
     summary = run.record
-    last = "nobody is out" if summary.last_out is None else f"{summary.last_out:.1f} s"
-    if summary.last_out is not None and summary.evacuated < summary.people:
-        last += " (the last of those who are out)"
+    answer = run.answer
     return {
+        "Answer": answer.verdict,
+        "Evacuation": answer.times or "nobody is out",
+        "Exits": "; ".join(answer.exits),
+        "Queues": answer.queue or "not recorded",
         "People": str(summary.people),
-        "Out": f"{summary.evacuated} of {summary.people}",
         **{f"At {one}": str(len(one.people)) for one in summary.places},
-        "Last person out": last,
         "End of the run": f"{summary.ended}, after {summary.simulated_time:.1f} s of simulated time"
         f" ({summary.steps} steps)",
         "Number of runs": f"1, with seed {summary.seed}; a single run does not show the variation of times",

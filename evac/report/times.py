@@ -9,25 +9,12 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.report import figures
 from evac.report.templates import Section, fixed, section, told
+from evac.results.answer import time_of_share
 from evac.results.record import PlaceUse
 from evac.results.results import Results
 
 #: Shares of the people whose times are told [%].
 SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)
-
-
-def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
-    """Return when so many per cent of people were out [s]; None if that many never were.
-
-    Parameters
-    ----------
-    exit_time : (n,) float64 [s]
-        NaN for people who are not out.
-    percent : float
-    """
-    rank = max(math.ceil(percent / 100.0 * exit_time.size), 1)
-    out = np.sort(exit_time[np.isfinite(exit_time)])
-    return float(out[rank - 1]) if rank <= out.size else None
 
 
 def times_section(run: Results) -> Section:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from evac.case.case import Case
+    from evac.results.answer import Answer
     from evac.results.record import Summary
     from evac.trajectory.trajectory import Trajectory
 
@@ -353,6 +354,13 @@ class Results:
     def remarks(self) -> tuple[str, ...]:
         """People left inside or stuck, and people who left by an exit that is not on their route, one line each."""
         return remarks_of(self)
+
+    @cached_property
+    def answer(self) -> "Answer":
+        """What the run answers, in a few lines: who is out, when, by which exits, the longest queue, and warnings."""
+        from evac.results.answer import answer_of
+
+        return answer_of(self)
 
     @cached_property
     def moves(self) -> Moves:

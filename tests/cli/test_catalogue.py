@@ -6,9 +6,10 @@ from evac.contract.registry import Registry
 def test_list_names_every_case_that_is_registered(evac, capsys):
     assert evac("list") == 0
     out = capsys.readouterr().out
-    rows = {line.split()[0]: line for line in out.splitlines() if "/" in line}
+    rows = {line.split()[0]: line for line in out.splitlines() if line.strip()}
     registry = Registry()
-    assert set(rows) == set(registry.cases)
+    assert set(rows) >= set(registry.cases)
+    assert str(registry.cases["square_room"].parent) in rows["folders"]
     assert "Twenty people leave a square room" in rows["square_room"]
 
 
@@ -36,7 +37,10 @@ def test_list_refuses_a_case_that_is_no_toml(evac, tmp_path, capsys):
 
 def test_plugins_shows_everything_with_unit_and_default(evac, capsys):
     assert evac("plugins") == 0
+    short = capsys.readouterr().out.splitlines()
+    assert evac("plugins", "--verbose") == 0
     out = capsys.readouterr().out
+    assert len(short) == sum(len(entry["provides"]) for entry in Registry().describe())
     for entry in Registry().describe():
         assert entry["plugin"] in out
         for item in entry["provides"]:

@@ -1,12 +1,14 @@
 """The tables shown after a run tell what its summary holds."""
 
+import io
 import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from evac.cli.outcome import show_results
+from evac.cli.outcome import show_answer, show_results
+from evac.results.answer import Answer
 
 SUMMARY = {
     "keeps_distance": [],
@@ -46,7 +48,7 @@ SUMMARY = {
 def shown(capsys):
     """Show a summary; return its lines, divided at two spaces or more, and what is said on standard error."""
 
-    def show(closed=(), start_time=(0.0, 0.0), remarks=(), **changes):
+    def show(closed=(), start_time=(0.0, 0.0), **changes):
         results = SimpleNamespace(
             summary=lambda: SUMMARY | changes,
             crowd=SimpleNamespace(level=np.array([-1, 0]), start_time=np.array(start_time)),
@@ -55,7 +57,7 @@ def shown(capsys):
                 exits=[SimpleNamespace(name="door")],
                 is_open=lambda way: way.name not in closed,
             ),
-            remarks=remarks,
+            answer=SimpleNamespace(movement="People keep distances (mine)"),
             changes=(),
         )
         show_results(results)
@@ -97,11 +99,6 @@ def test_places_and_phases_stand_under_their_heads(shown):
     assert ["all", "2"] in lines
 
 
-def test_remarks_are_told_on_standard_error(shown):
-    assert shown()[1] == ""
-    assert shown(remarks=("first remark", "second"))[1].splitlines() == ["evac: first remark", "evac: second"]
-
-
 def test_with_people_left_the_last_time_is_that_of_those_who_are_out(shown):
     assert ["last out", "9.00 s"] in shown()[0]
     lines, _ = shown(evacuated=4, ended="no progress")
@@ -117,9 +114,39 @@ def test_response_times_are_stated(shown):
     assert ["response times", "0 to 12.5 s"] in shown(start_time=(0.0, 12.5))[0]
 
 
-@pytest.mark.parametrize(("keepers", "word"), [([], "behaviours.walking={}"), (["mine"], "mine")])
-def test_how_people_walk_is_told(shown, keepers, word):
-    lines, _ = shown(keeps_distance=keepers)
-    (text,) = [line[1] for line in lines if line[0] == "movement"]
-    assert word in text
-    assert ("--set" in text) == (not keepers)
+class Terminal(io.StringIO):
+    """A terminal of 80 columns."""
+
+    encoding = "utf-8"
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("remarks", [0, 1, 4])
+def test_the_answer_has_a_dozen_lines_of_80_columns_at_most(monkeypatch, remarks):
+    words = "people who did not leave as their route says, in a sentence of more than a line of the terminal " * 2
+    answer = Answer(
+        verdict="NOT everybody is out (no progress): 7 of 9 people out after 60.00 s",
+        times="The last of those who are out left after 40.00 s; 95 % never are",
+        exits=(
+            "Exit 'a': 4 people, the last after 40.00 s",
+            "Exit 'b': 2 people",
+            "Exit 'c': 1 person",
+            "3 other exits",
+        ),
+        queue=f"Longest queue, before exit 'a': {words}",
+        movement="People keep distances (walking)",
+        remarks=(words,) * remarks,
+        warnings="2 quality warnings (flow above measured ones)",
+    )
+    screen = Terminal()
+    monkeypatch.setattr("sys.stdout", screen)
+    monkeypatch.setenv("COLUMNS", "80")
+    show_answer(SimpleNamespace(answer=answer, title="A title " * 20, source="case.toml", changes=()))
+    lines = [re.sub("\x1b[^m]*m", "", line) for line in screen.getvalue().splitlines()]
+    assert 8 <= len(lines) <= 11  # the result folder is one more
+    assert max(map(len, lines)) <= 80
+    assert answer.verdict in lines
+    assert lines[-1].startswith(answer.warnings)
+    assert sum("Exit" in line or "exits" in line for line in lines) >= 4

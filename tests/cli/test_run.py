@@ -46,11 +46,12 @@ def test_writes_a_result_folder(result):
 
 
 def test_default_folder_is_named_after_the_case(evac, tmp_path, capsys):
-    assert evac("run", "square_room", "--set", "output.animation=false", "output.picture=false") == 0
+    assert evac("run", "square_room", "--verbose", "--set", "output.animation=false", "output.picture=false") == 0
     folder = tmp_path / "square_room-result"
     assert {path.name for path in folder.iterdir()} == {*BARE, TRAJECTORY_NAME}
     out = capsys.readouterr().out
-    for word in ("last out", "maximum overlap", "mean overlap", "unconverged steps", "physics", "square_room-result"):
+    tables = ("last out", "maximum overlap", "mean overlap", "unconverged steps", "physics")
+    for word in ("Evacuation time", *tables, "square_room-result"):
         assert word in out
 
 

@@ -16,8 +16,9 @@ from evac.report.congestion import Places
 from evac.report.of_run import run_report
 from evac.report.pages import Labels
 from evac.report.templates import shown
-from evac.report.times import SHARES, time_of_share
+from evac.report.times import SHARES
 from evac.report.verification import evidence, subject_like
+from evac.results.answer import time_of_share
 from evac.results.record import CaseTable
 
 from .conftest import HOSTILE, Page
@@ -78,8 +79,8 @@ def test_fields_are_filled_in_or_empty(page):
 
 
 def test_main_results_are_those_of_the_summary(page, summary):
-    assert page.fact("Out") == f"{summary['evacuated']} of {summary['people']}"
-    assert page.fact("Last person out") == f"{summary['last_out']:.1f} s"
+    assert page.fact("Answer") == f"Everybody out: {summary['evacuated']} of {summary['people']} people out"
+    assert f" {summary['last_out']:.2f} s, 95 % of the people after " in page.fact("Evacuation")
     assert page.fact("Quality warnings") == str(len(summary["quality_warnings"]))
     assert page.fact("seed") == str(summary["seed"])
     assert page.fact("numpy") == summary["versions"]["numpy"]

@@ -38,6 +38,8 @@ class Panel {
     by("doubts").hidden = !doubts;
     by("doubts").textContent = doubts;
     by("doubts").title = `${doubts} quality warning${doubts > 1 ? "s" : ""}`;
+    by("answer").hidden = !record.answer.length;
+    by("answer").innerHTML = record.answer.map((line) => `<p>${escaped(line)}</p>`).join("");
     if (!record.banner) return;
     by("banner").hidden = false;
     by("banner").className = record.banner[0];

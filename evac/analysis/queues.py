@@ -1,0 +1,129 @@
+"""Queues: where people waited, for how long, and how many of them at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.analysis.measures import Measuring
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building, Level, Portal
+from evac.building.model.elevation import in_space
+from evac.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Queue:
+    """The people who waited before a door, a portal or an exit, or on a stair.
+
+    Waiting is that of `evac.analysis.measures.Measures`. People wait before the door, portal or exit of their level
+    that is nearest to them; on the levels of a stair, they wait on the stair.
+
+    Attributes
+    ----------
+    place : str
+        What they waited for or on, in words.
+    level : str
+        Level with most of them at `time`.
+    x, y : float [m]
+        Mean position of those who waited there at `time`.
+    people : int
+        Number of different people who waited.
+    waited : float [s]
+        Sum of the times for which they waited.
+    most : int
+        Greatest number who waited at once.
+    time : float [s]
+        When that was first.
+    """
+
+    place: str
+    level: str
+    x: float
+    y: float
+    people: int
+    waited: float
+    most: int
+    time: float
+
+    def __str__(self) -> str:
+        """Return a sentence without its end."""
+        mean = self.waited / self.people
+        return (
+            f"{self.place}: {self.people} people waited {mean:.1f} s on average, {self.most} at once at "
+            f"{self.time:.1f} s around ({self.x:.1f}, {self.y:.1f}) on {self.level!r}"
+        )
+
+
+def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
+    """Return the queues of a run, sorted by the time for which people waited in total, the longest first."""
+    building, measuring = trajectory.building, Measuring(trajectory.number_of_people)
+    parts: list[tuple[NDArray[np.int64], ...]] = []
+    waits, positions = [np.zeros(0)], [np.zeros((0, 2))]
+    for k, rows in enumerate(trajectory.rows):
+        motion, level = rows.motion.astype(np.float64), rows.level.astype(np.int32)
+        speed = np.linalg.norm(in_space(building, level, motion[:, 2:4]), axis=1)
+        person = rows.person.astype(np.int32)
+        spans = measuring.add(rows.time, person, speed, rows.started, motion[:, 4]).waits
+        here = np.flatnonzero(spans)
+        parts.append((np.full(here.size, k), person[here].astype(np.int64), level[here].astype(np.int64)))
+        waits.append(spans[here])
+        positions.append(motion[here, :2] + trajectory.origin)
+    if not parts:
+        return ()
+    frame, person, level = (np.concatenate(column) for column in zip(*parts, strict=True))
+    wait, position = np.concatenate(waits), np.concatenate(positions)
+    numbers: dict[tuple[str, int], int] = {}
+    place = np.zeros(len(wait), np.int64)
+    for one in building.levels:
+        here = np.flatnonzero(level == one.index)
+        words, nearest = _places(building, one, position[here])
+        keys = [(word, -1 if word.startswith("on stair") else one.index) for word in words]
+        place[here] = np.array([numbers.setdefault(key, len(numbers)) for key in keys])[nearest]
+    queues = []
+    for (name, _), number in numbers.items():
+        rows_of = np.flatnonzero(place == number)
+        if not rows_of.size:
+            continue
+        at_once = np.bincount(frame[rows_of])
+        peak = int(at_once.argmax())
+        then = rows_of[frame[rows_of] == peak]
+        x, y = position[then].mean(axis=0).tolist()
+        queues.append(
+            Queue(
+                place=name,
+                level=building.levels[int(np.bincount(level[then]).argmax())].name,
+                x=x,
+                y=y,
+                people=len(np.unique(person[rows_of])),
+                waited=float(wait[rows_of].sum()),
+                most=int(at_once[peak]),
+                time=float(trajectory.time[peak]),
+            )
+        )
+    return tuple(sorted(queues, key=lambda queue: -queue.waited))
+
+
+def _places(building: Building, level: Level, position: FloatArray) -> tuple[list[str], NDArray[np.int64]]:
+    """Return what people on a level wait for or on, in words, and which of these each of them does, (s,)."""
+    stair_of = {index: name for name, levels in building.stairs.items() for index in levels}
+    if level.index in stair_of:
+        return [f"on stair {stair_of[level.index]!r}"], np.zeros(len(position), np.int64)
+
+    def beyond(portal: Portal) -> str:
+        other = portal.other(level.index)
+        return f"stair {stair_of[other]!r}" if other in stair_of else f"level {building.levels[other].name!r}"
+
+    links = [(f"before exit {one.name!r}", one.segments) for one in building.exits_of(level.index)]
+    links += [(f"before {beyond(one)}", one.segments) for one in building.portals_of(level.index)]
+    links += [
+        (f"before door {one.name!r}", one.segment.reshape(1, 4)) for one in building.doors if one.level == level.index
+    ]
+    if not links:
+        return [f"on level {level.name!r}"], np.zeros(len(position), np.int64)
+    points = shapely.points(position)
+    distances = [
+        shapely.distance(shapely.multilinestrings([s.reshape(2, 2) for s in segments]), points) for _, segments in links
+    ]
+    return [word for word, _ in links], np.argmin(distances, axis=0)

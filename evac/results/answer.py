@@ -1,0 +1,118 @@
+"""What a run answers, in a few lines: who is out, when, by which exits, where people waited, and what to mind."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from evac.analysis.queues import find_queues
+from evac.base.arrays import FloatArray
+from evac.base.errors import counted
+from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.folder.files import TRAJECTORY_NAME
+from evac.trajectory.trajectory import read_trajectory
+
+if TYPE_CHECKING:
+    from evac.results.results import Results
+
+#: Share of the people whose time is told beside that of the last one [%].
+MOST = 95.0
+
+#: Exits that are named; those used most.
+MOST_EXITS = 4
+
+
+class Answer(NamedTuple):
+    """The answer of a run; each field is complete sentences without the last full stop, or empty."""
+
+    verdict: str
+    times: str
+    exits: tuple[str, ...]
+    queue: str
+    movement: str
+    remarks: tuple[str, ...]
+    warnings: str
+
+    def lines(self) -> list[str]:
+        """Return all lines that are not empty."""
+        parts = (self.verdict, self.times, *self.exits, self.queue, self.movement, *self.remarks, self.warnings)
+        return [line for line in parts if line]
+
+
+def answer_of(results: "Results") -> Answer:
+    """Return the answer of a run, from its results and, where there is one, its trajectory."""
+    return Answer(
+        verdict=_verdict(results),
+        times=_times(results),
+        exits=_exits(results),
+        queue=_queue(results),
+        movement=_movement(results.keeps_distance),
+        remarks=results.remarks,
+        warnings=_warnings(results),
+    )
+
+
+def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
+    """Return when so many per cent of people were out [s]; None if that many never were.
+
+    Parameters
+    ----------
+    exit_time : (n,) float64 [s]
+        NaN for people who are not out.
+    percent : float
+    """
+    rank = max(math.ceil(percent / 100.0 * exit_time.size), 1)
+    out = np.sort(exit_time[np.isfinite(exit_time)])
+    return float(out[rank - 1]) if rank <= out.size else None
+
+
+def _verdict(results: "Results") -> str:
+    out = f"{results.evacuated} of {counted(results.number_of_people, 'person', 'people')} out"
+    if results.is_complete:
+        return f"{results.ended.capitalize()}: {out}" if results.ended.startswith("everybody") else f"Complete: {out}"
+    return f"NOT everybody is out ({results.ended}): {out} after {results.time:.2f} s"
+
+
+def _times(results: "Results") -> str:
+    if results.last_out is None:
+        return ""
+    most = time_of_share(results.crowd.exit_time[results.leaving], MOST)
+    share = f"{MOST:g} % of the people after {most:.2f} s" if most is not None else f"{MOST:g} % never are"
+    if results.is_complete:
+        return f"Evacuation time: the last is out after {results.last_out:.2f} s, {share}"
+    return f"The last of those who are out left after {results.last_out:.2f} s; {share}"
+
+
+def _exits(results: "Results") -> tuple[str, ...]:
+    used = sorted(results.exits.items(), key=lambda item: -item[1]["people"])
+    lines = []
+    for name, use in used[: MOST_EXITS if len(used) <= MOST_EXITS else MOST_EXITS - 1]:
+        last = "" if use["last_out"] is None else f", the last after {use['last_out']:.2f} s"
+        flow = "" if use["flow"] is None else f", {use['flow']:.2f} /s ({use['flow_per_metre']:.2f} /s/m)"
+        lines.append(f"Exit {name!r}: {counted(use['people'], 'person', 'people')}{last}{flow}")
+    if others := used[len(lines) :]:
+        lines.append(f"{len(others)} other exits: {sum(use['people'] for _, use in others)} people")
+    return tuple(lines)
+
+
+def _queue(results: "Results") -> str:
+    if results.folder is None or not (results.folder / TRAJECTORY_NAME).is_file():
+        return ""
+    queues = find_queues(read_trajectory(results.folder))
+    return f"Longest queue, {queues[0]}" if queues else "Nobody had to wait"
+
+
+def _movement(keepers: Sequence[str]) -> str:
+    """Describe how people walk, by the behaviours in use that keep distances."""
+    if keepers:
+        return f"People keep distances ({', '.join(keepers)})"
+    return f"Full speed until bodies touch; for distances: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+
+
+def _warnings(results: "Results") -> str:
+    kinds = list(dict.fromkeys(line.partition(":")[0] for line in results.quality_warnings))
+    parts = [f"{counted(len(results.quality_warnings), 'quality warning')} ({'; '.join(kinds)})"] if kinds else []
+    if results.warnings:
+        parts.append(counted(len(results.warnings), "warning") + " about building and people")
+    return ", ".join(parts)
