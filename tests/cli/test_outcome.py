@@ -58,6 +58,7 @@ def shown(capsys):
                 is_open=lambda way: way.name not in closed,
             ),
             answer=SimpleNamespace(movement="People keep distances (mine)"),
+            leaving=range(5),
             changes=(),
         )
         show_results(results)
