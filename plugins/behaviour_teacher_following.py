@@ -35,6 +35,7 @@ class Classes(Struct):
     member: Ints  # (members,) row in Crowd
     memory: FloatGrid  # (classes, 6)
     goes_alone: Bytes  # (members,) 1: does not follow the teacher
+    ends_inside: Bytes  # (routes,) 1: leads to an area, not to an exit
     behind: Floats  # (members,) travel times of the members behind a teacher, ascending [s]
     speed: Floats  # (members,) and their speeds [m/s]
 
@@ -63,6 +64,8 @@ class TeacherFollowing(Behaviour):
       to the present position of the next person ahead in the line, or the travel time of the teacher to the exit if
       that is shorter. The teacher walks at full speed up to D = lag / 2. From there, its speed decreases to zero at
       D = lag: the speed factor is 2 (1 - D / lag), limited to [0, 1].
+    - On the way to an area, such as one at which the class gathers, members walk at full speed as soon as the teacher
+      is within `trail` of its middle.
     - A teacher that has waited for `patience` without progress of its last member continues until the gaps are closed
       (D <= lag / 2).
     - If a teacher has wanted to walk for more than `stuck` without progress, the members ahead of it give way: each
@@ -100,6 +103,7 @@ class TeacherFollowing(Behaviour):
             member=np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32),
             memory=np.tile([np.inf, 0.0, np.inf, 0.0, 0.0, -1.0], (len(followers), 1)),
             goes_alone=np.zeros(sum(sizes), dtype=np.uint8),
+            ends_inside=np.array([bool(route.refuge) for route in scene.fields.routes], dtype=np.uint8),
             behind=np.zeros(sum(sizes)),
             speed=np.zeros(sum(sizes)),
         )
@@ -171,6 +175,7 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
     """
     t = classes.teacher[g]
     hindered = classes.memory[g, HINDERED]
+    has_arrived = classes.ends_inside[crowd.route[t]] and own < rules.trail
     count = 0
     for k in range(classes.first[g], classes.first[g + 1]):
         m = classes.member[k]
@@ -195,7 +200,7 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
             classes.goes_alone[k] = 0
         elif hindered > rules.stuck:
             classes.goes_alone[k] = 1
-        if not classes.goes_alone[k]:
+        if not classes.goes_alone[k] and not has_arrived:
             crowd.speed_factor[m] *= min(max(-lead / rules.trail, 0.0), 1.0)
     return count
 

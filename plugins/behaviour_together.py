@@ -4,20 +4,19 @@ import reprlib
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import PluginError, ScenarioError
+from evac.base.errors import PluginError, ScenarioError, counted
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
-from evac.building.model.building import Area
-from evac.directions.routes import Route
+from evac.directions.routes import Route, changed_route
 from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.places import have_stopped
 from evac.physics.state import Crowd
 
-#: Speed below which a person who is in the place where its unit gathers has come to a stop [m/s].
-STANDS = 0.1
+#: Time after the start of a person within which it has not arrived, because it has not begun to walk [s].
+PAUSE = 0.1
 
 #: Decrease of the remaining travel time of the last member below its minimum so far that counts as progress [s].
 PROGRESS = 0.5
@@ -36,7 +35,8 @@ class Together(Behaviour):
 
     A unit with the key `gather`, the name of an area in `places`, goes there first. When all members have arrived, or
     `patience` after the last arrival, they are counted, which takes the time `count`, and leave. A class and its
-    teacher are such a unit, which the teacher counts.
+    teacher are such a unit, which the teacher counts; the notes of the results name who was missing. With
+    `teacher_following` the class walks behind the teacher to the area, and from there.
 
     Raises
     ------
@@ -81,6 +81,7 @@ class Together(Behaviour):
         rows: list[IntArray] = [np.zeros(0, np.int32)]
         unit: list[IntArray] = [np.zeros(0, np.int32)]
         places: list[str] = []
+        self._names: list[str] = []
         named: dict[str, int] = {}
         for group in _taking_part(scene):
             place, people = self._checked_place(group), len(group.rows)
@@ -89,17 +90,27 @@ class Together(Behaviour):
                 own = np.full(people, named.setdefault(name, len(places)))
             else:
                 own = len(places) + np.arange(people) // (group.settings.get("size", self.size) or people)
-            places += [place] * (int(own[-1]) + 1 - len(places))
+            new = int(own[-1]) + 1 - len(places)
+            places += [place] * new
+            self._names += [name] if name and new else [f"{group.name} {number}" for number in range(1, new + 1)]
             rows.append(group.rows)
             unit.append(own.astype(np.int32))
         self._rows, self._unit, self._place = np.concatenate(rows), np.concatenate(unit), places
-        routes = scene.scene.fields.routes
-        self._gathering = np.array([routes.index(Route(refuge=one)) if one else -1 for one in places], dtype=np.int32)
+        self._stage = np.array([GATHERS if place else LEAVES for place in places], dtype=np.int32)
         self._leaving = scene.crowd.route[self._rows].copy()
-        self._stage = np.where(self._gathering >= 0, GATHERS, LEAVES).astype(np.int32)
+        self._send_to_places()
         self._arrived = np.zeros(len(self._rows), dtype=np.uint8)
         self._since = np.zeros(len(places))  # last progress, or the end of the count [s]
         self._least = np.full(len(places), np.inf)  # least travel time of the last member [s]
+        self._counted = np.full(len(places), np.inf)  # when each unit was counted [s]
+        self._heard = 0  # changes of the scene that were looked at
+
+    def _send_to_places(self) -> None:
+        """Set the routes to the places of those whose units gather there, with the slopes that they use."""
+        routes = self._scene.scene.fields.routes
+        for k in np.flatnonzero(self._stage[self._unit] == GATHERS).tolist():
+            own = Route(refuge=self._place[self._unit[k]], steepest=routes[self._leaving[k]].steepest)
+            self._scene.crowd.route[self._rows[k]] = routes.index(own)
 
     def _checked_place(self, group: Any) -> str:
         """Return the place at which a group gathers; an empty text if it does not."""
@@ -112,30 +123,39 @@ class Together(Behaviour):
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Lead the units to their places, count them, and let those ahead wait for the last."""
+        self._hear_of_changes()
         is_inside = crowd.level[self._rows] >= 0
-        self._gather(crowd, time, is_inside)
-        self._end_stages(time, is_inside)
+        self._gather(crowd, time)
+        self._end_stages(crowd, time, is_inside)
         stage = self._stage[self._unit]
-        routes = np.where(stage == LEAVES, self._leaving, self._gathering[self._unit])
-        crowd.route[self._rows[is_inside]] = routes[is_inside]
         crowd.speed_factor[self._rows[(stage != LEAVES) & (self._arrived == 1)]] = 0.0
         self._wait(crowd, time, is_inside & (stage == LEAVES))
 
-    def _gather(self, crowd: Crowd, time: float, is_inside: NDArray[np.bool_]) -> None:
+    def _hear_of_changes(self) -> None:
+        """Let those who gather leave by the exits and strategies that events have given to their groups since."""
+        changes, routes = self._scene.scene.changes, self._scene.scene.fields.routes
+        for change in changes[self._heard :]:
+            if change.kind == "strategy":
+                rows = next(group.rows for group in self._scene.groups if group.name == change.what)
+                for k in np.flatnonzero(np.isin(self._rows, rows)).tolist():
+                    after = changed_route(routes[self._leaving[k]], change.values["value"])
+                    self._leaving[k] = routes.index(after) if after in routes else self._leaving[k]
+        self._heard = len(changes)
+
+    def _gather(self, crowd: Crowd, time: float) -> None:
         """Note who has arrived at the place of its unit."""
-        speed = np.hypot(*self._scene.displacement_velocity[self._rows].T)
-        coming = is_inside & (self._arrived == 0) & (self._stage[self._unit] == GATHERS) & (speed < STANDS)
-        coming &= time > crowd.start_time[self._rows] + STANDS
-        for k in np.flatnonzero(coming).tolist():
-            area = self._area(self._place[self._unit[k]])
-            x, y = crowd.position[self._rows[k]]
-            if crowd.level[self._rows[k]] == area.level and shapely.intersects_xy(area.polygon, x, y):
-                self._arrived[k], self._since[self._unit[k]] = 1, time
+        started = time > crowd.start_time[self._rows] + PAUSE
+        coming = (self._arrived == 0) & started & (self._stage[self._unit] == GATHERS)
+        for unit in np.unique(self._unit[coming]).tolist():
+            members = np.flatnonzero(coming & (self._unit == unit))
+            area = next(area for area in self._scene.scene.building.areas if area.name == self._place[unit])
+            fields, velocity = self._scene.scene.fields, self._scene.displacement_velocity
+            there = have_stopped(fields, crowd, self._rows[members], velocity, area)
+            if len(there):
+                self._arrived[np.isin(self._rows, there)] = 1
+                self._since[unit] = time
 
-    def _area(self, name: str) -> Area:
-        return next(area for area in self._scene.scene.building.areas if area.name == name)
-
-    def _end_stages(self, time: float, is_inside: NDArray[np.bool_]) -> None:
+    def _end_stages(self, crowd: Crowd, time: float, is_inside: NDArray[np.bool_]) -> None:
         """Let units count when all have arrived, and leave when they are counted."""
         missing = np.bincount(self._unit[is_inside & (self._arrived == 0)], minlength=len(self._since))
         arrived = np.bincount(self._unit[self._arrived == 1], minlength=len(self._since))
@@ -143,7 +163,9 @@ class Together(Behaviour):
         begins = (self._stage == GATHERS) & complete
         ends = (self._stage == COUNTS) & (time >= self._since)
         self._stage[begins], self._since[begins] = COUNTS, time + self.count
-        self._stage[ends], self._since[ends] = LEAVES, time
+        self._stage[ends], self._since[ends], self._counted[ends] = LEAVES, time, time
+        leave = ends[self._unit] & is_inside
+        crowd.route[self._rows[leave]] = self._leaving[leave]
 
     def _wait(self, crowd: Crowd, time: float, walks: NDArray[np.bool_]) -> None:
         """Let those ahead of the last member of their unit wait."""
@@ -159,13 +181,35 @@ class Together(Behaviour):
         lead: FloatArray = np.minimum(np.where(waits, last[unit] - remaining, 0.0), remaining)
         crowd.speed_factor[rows[waits]] *= np.clip(2.0 * (1.0 - lead[waits] / self.lag), 0.0, 1.0)
 
+    def notes(self) -> tuple[str, ...]:
+        """Return a line for each unit that was to gather and was not counted, or of which people were missing."""
+        lines = []
+        for unit, name in enumerate(self._names):
+            members = np.flatnonzero(self._unit == unit)
+            missing = self._rows[members[self._arrived[members] == 0]].tolist()
+            who = f"{counted(len(missing), 'person', 'people')} missing: {', '.join(map(str, missing))}"
+            if self._place[unit] and np.isinf(self._counted[unit]):
+                lines.append(f"{name!r} was not counted; {len(members) - len(missing)} of {len(members)} were there")
+            elif self._place[unit] and missing:
+                there = f"{len(members) - len(missing)} of {len(members)} at {self._place[unit]!r}"
+                lines.append(f"{name!r} counted {there} at {self._counted[unit]:.1f} s; {who}")
+        return tuple(lines)
+
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if no group has one of the keys."""
         return bool(_taking_part(scene))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the stages of the units, who has arrived, and what the last members have reached."""
-        return {"stage": self._stage, "arrived": self._arrived, "since": self._since, "least": self._least}
+        """Return the stages of the units, who has arrived, routes from there, and what the last members reached."""
+        return {
+            "stage": self._stage,
+            "since": self._since,
+            "least": self._least,
+            "counted": self._counted,
+            "arrived": self._arrived,
+            "leaving": self._leaving,
+            "heard": np.array([self._heard]),
+        }
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
@@ -173,6 +217,10 @@ class Together(Behaviour):
         self._arrived = taken(state, "arrived", np.uint8, self._arrived.shape, 0, 1)
         self._since = taken(state, "since", np.float64, self._since.shape, 0.0)
         self._least = taken(state, "least", np.float64, self._least.shape, 0.0, np.inf)
+        self._counted = taken(state, "counted", np.float64, self._counted.shape, 0.0, np.inf)
+        routes = len(self._scene.scene.fields.routes)
+        self._leaving = taken(state, "leaving", np.int32, self._leaving.shape, 0, routes - 1)
+        self._heard = int(taken(state, "heard", np.int64, (1,), 0, np.iinfo(np.int64).max)[0])
 
 
 def _taking_part(scene: BehaviourScene) -> list[Any]:

@@ -134,6 +134,13 @@ class Behaviour(Configurable):
         """
         return True
 
+    def notes(self) -> tuple[str, ...]:
+        """Return lines on people for the results, such as who was missing when a class was counted.
+
+        They are printed after the run, and part of ``summary.json``, the report and the replay.
+        """
+        return ()
+
     def acts_at_ticks(self) -> bool:
         """Return False if `prepare` does all the work; called once, after `prepare`.
 

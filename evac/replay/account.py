@@ -111,6 +111,7 @@ def _of_summary(summary: Summary, error: BaseException | None) -> dict[str, Any]
         ("Building", case.building.mesh),
         ("People", f"{summary.people}, of whom {summary.evacuated} got out"),
         *((f"At {one}", str(len(one.people))) for one in summary.places),
+        *(("Note", note) for note in summary.notes),
         ("Last person out", "nobody" if last is None else f"{last:.2f} s"),
         ("Ended", f"{ended}, after {summary.simulated_time:g} s"),
         ("Contact model", _with_parameters(case.model, case.model_parameters)),

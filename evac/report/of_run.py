@@ -70,6 +70,7 @@ def main_results(run: Results) -> dict[str, object]:
         "Queues": answer.queue or "not recorded",
         "People": str(summary.people),
         **{f"At {one}": str(len(one.people)) for one in summary.places},
+        **{f"Note {number}": note for number, note in enumerate(summary.notes, 1)},
         "End of the run": f"{summary.ended}, after {summary.simulated_time:.1f} s of simulated time"
         f" ({summary.steps} steps)",
         "Number of runs": f"1, with seed {summary.seed}; a single run does not show the variation of times",

@@ -130,7 +130,7 @@ def _where(seen: Observation, levels: Sequence[str]) -> str:
 
 
 def remarks_of(results: "Results") -> tuple[str, ...]:
-    """Return one line for each kind of people who did not leave as their route says; see `Results.remarks`."""
+    """Return one line for each kind of people who did not leave as their route says, and the notes of behaviours."""
     people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
     stopped = set(results.stopped.tolist())
     leaving = level[[row for row in results.leaving.tolist() if row not in stopped]]
@@ -162,7 +162,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
             f"{names[level[first]]!r}: bodies in contact can block a narrow passage permanently, because people "
             "do not turn or give way; compare several seeds, or a wider passage"
         )
-    return tuple(lines)
+    return (*lines, *results.notes)
 
 
 def _number(number: int) -> str:

@@ -106,6 +106,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         stairs=_dumped(summary.stairs),
         doors=[door.model_dump() for door in summary.doors],
         places=summary.places,
+        notes=summary.notes,
         stuck=tuple(one.person for one in summary.stuck),
         warnings=tuple(summary.warnings),
         quality_warnings=tuple(summary.quality_warnings),

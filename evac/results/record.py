@@ -141,6 +141,7 @@ class Summary(Record):
     last_out: Amount | None
     ended: str
     places: tuple[PeopleAt, ...] = ()
+    notes: tuple[str, ...] = ()
     waiting_outside: Count = 0
     stuck: list[StuckPlace]
     warnings: list[str]

@@ -122,6 +122,8 @@ class Results:
         Name, level and width [m] of the doors between rooms that the file of the building names.
     places : sequence of PeopleAt
         The refuges and assembly areas, with the people who were there at the end.
+    notes : tuple of str
+        What behaviours tell about people, such as who was missing when a class was counted.
     stuck : sequence of int
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     warnings : sequence of str
@@ -181,6 +183,7 @@ class Results:
     stairs: Mapping[str, Mapping[str, Any]]
     doors: Sequence[Mapping[str, Any]] = ()
     places: Sequence[PeopleAt] = ()
+    notes: tuple[str, ...] = ()
     stuck: Sequence[int] = ()
     warnings: Sequence[str] = ()
     quality_warnings: Sequence[str] = ()
@@ -425,6 +428,7 @@ class Results:
             "ended": self.ended,
             "exit_status": self.exit_status,
             "places": [asdict(place) for place in self.places],
+            "notes": list(self.notes),
             "stuck": self._stuck_places(),
             "not_started": self.not_started,
             "not_arrived": self.not_arrived,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
-from evac.base.errors import naming, plugin_code
+from evac.base.errors import fault, is_one_line, naming, plugin_code
 from evac.base.saved import part_of, state_of, taken
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.people.outside import PeopleOutside
@@ -126,6 +126,19 @@ class Deciding:
             self._crowd.start_time[self._population.staying] = np.inf
         routes = len(self._scene.fields.routes)
         check_written(behaviour, scene.level_fields, self._crowd, self._outside, routes, time)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the lines of the behaviours on people, each one line of text."""
+        found: list[str] = []
+        for behaviour, _ in self.used:
+            what = f"behaviour {behaviour.name!r}: notes"
+            with plugin_code(what, behaviour):
+                lines = behaviour.notes()
+            for line in lines:
+                if not (isinstance(line, str) and is_one_line(line)):
+                    raise fault(what, f"returned {line!r:.100}", "each must be one line of text", behaviour, "notes")
+                found.append(f"{behaviour.name}: {line}")
+        return tuple(found)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the private arrays of the behaviours, and the states of their generators."""

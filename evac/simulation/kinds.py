@@ -96,7 +96,8 @@ def _change_strategy(scene: "Scene", change: Change) -> Mapping[str, Any] | None
     before = places.exit_routes(rows)
     after = np.array([routes.index(changed_route(routes[index], value)) for index in before.tolist()], np.int32)
     is_sent = isinstance(value, tuple) and places.send(group, ())
-    if not is_sent and (before == after).all():
+    takes_later = any(routes[index].refuge for index in before.tolist())  # when a behaviour lets them leave an area
+    if not is_sent and not takes_later and (before == after).all():
         return None
     places.set_exit_routes(rows, after)
     return {}

@@ -323,6 +323,7 @@ class Simulation:
             steps=self.step,
             seed=self.seed,
             places=self.places.found(),
+            notes=self.deciding.notes(),
             stuck=tuple(self.ending.stuck(self.step, self.population.crowd).tolist()),
             warnings=self.warnings(),
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self._promised_overlap},

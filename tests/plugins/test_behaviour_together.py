@@ -5,6 +5,7 @@ import pytest
 from shapely import box
 
 import evac
+from evac.report.of_run import main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
 
@@ -76,6 +77,96 @@ def test_a_unit_leaves_without_those_who_do_not_come():
     crowd = simulation.population.crowd
     run_ticks(simulation, 900)
     assert np.isfinite(crowd.exit_time).tolist() == [True, False]
+
+
+def class_of(speeds, *events, **parameters):
+    """Return the simulation of a teacher and a class that follows it, who are counted in the hall."""
+    keys = {"unit": "3b", "gather": "hall"}
+    teacher, pupils = ("teacher", 1, keys, [1.0]), ("pupils", len(speeds), keys, speeds)
+    case = corridor(teacher, pupils, places=["hall"], **parameters).case.to_dict()
+    case["behaviours"]["teacher_following"] = {}
+    next(group for group in case["people"] if group["name"] == "pupils")["behaviours"]["teacher_following"] = {
+        "teacher": "teacher"
+    }
+    return Simulation(evac.load(case | {"event": list(events)}))
+
+
+def test_a_class_gathers_behind_its_teacher_is_counted_and_leaves_behind_it():
+    simulation = class_of([0.8, 1.2, 1.4, 1.6] * 3, count=5.0)
+    crowd, teacher = simulation.population.crowd, simulation.population.groups[1].rows[0]
+    pupils = np.delete(np.arange(13), teacher)
+    leads, stood = [], False
+    while not simulation.ended:
+        simulation.advance_tick()
+        inside = pupils[crowd.level[pupils] >= 0]
+        if crowd.level[teacher] >= 0 and len(inside):
+            x = crowd.position[:, 0]
+            if 12.0 < x[teacher] < 19.5 or x[teacher] > 28.0:  # on the way to the hall, and when all have left it
+                leads.append(x[inside].max() - x[teacher])
+            stood |= bool(((x > 20.0) & (x < 24.0)).all() and np.hypot(*simulation.displacement_velocity.T).max() < 0.1)
+    assert simulation.ended == "everybody out"
+    assert stood
+    assert max(leads) < 1.0
+    assert simulation.results().notes == ()
+
+
+def test_who_was_missing_when_a_class_was_counted_is_told(tmp_path):
+    simulation = class_of([1.2, 0.0, 1.4], count=5.0, patience=10.0)
+    run_ticks(simulation, 600)
+    missing = next(group.rows for group in simulation.population.groups if group.name == "pupils")[1]
+    (note,) = simulation.results().notes
+    assert note.startswith("together: '3b' counted 3 of 4 at 'hall' at ")
+    assert note.endswith(f"; 1 person missing: {missing}")
+    simulation.results().write(tmp_path / "run")
+    again = evac.read_results(tmp_path / "run")
+    assert again.notes == (note,)
+    assert note in again.remarks
+    assert main_results(again)["Note 1"] == note
+
+
+def test_a_class_that_has_not_gathered_was_not_counted():
+    simulation = class_of([1.2, 1.4])
+    run_ticks(simulation, 20)
+    assert simulation.results().notes == ("together: '3b' was not counted; 0 of 3 were there",)
+
+
+def test_a_class_leaves_by_the_exits_that_an_event_has_given_it_while_it_gathered():
+    events = [{"time": 2.0, "kind": "strategy", "target": name, "value": "shortest"} for name in ("teacher", "pupils")]
+    simulation = class_of([1.2, 1.4], *events, count=1.0)
+    routes = simulation.fields.routes
+    run_ticks(simulation, 30)
+    assert {routes[k].refuge for k in simulation.population.crowd.route} == {"hall"}
+    run_ticks(simulation, 270)
+    assert {routes[k].strategy for k in simulation.population.crowd.route} == {"shortest"}
+
+
+def test_wheelchairs_gather_without_stairs():
+    plan = evac.Plan()
+    plan.storey("low", box(0, 0, 10, 10))
+    plan.storey("high", box(24, 0, 34, 10), z=1.0)
+    plan.flight("stairs", [(12, 7), (12, 9)], 0.0, [(14, 7), (14, 9)], 1.0)
+    plan.landing("stairs", box(10, 7, 12, 9), 0.0)
+    plan.landing("stairs", box(14, 7, 24, 9), 1.0)
+    plan.flight("ramp", [(10, 1), (10, 3)], 0.0, [(24, 1), (24, 3)], 1.0)
+    plan.exit("out", "low", [(0, 4), (0, 6)])
+    plan.area("start", "high", box(27, 6, 33, 9.5))
+    plan.area("hall", "low", box(2, 6, 8, 9))
+    unit = {"unit": "ward", "gather": "hall"}
+    people = [
+        {"name": name, "preset": preset, "area": "start", "number": 2, "behaviours": {"together": unit}}
+        for name, preset in (("walkers", "adult"), ("wheelchairs", "wheelchair"))
+    ]
+    behaviours = {"walking": {}, "together": {"places": ["hall"], "count": 0.0}}
+    case = {"building": plan, "people": people, "contact": {"model": "nsm2"}, "behaviours": behaviours}
+    simulation = Simulation(evac.load(case))
+    crowd, stair = simulation.population.crowd, simulation.building.stairs["stairs"]
+    on_stair = np.zeros(4, bool)
+    while not simulation.ended:
+        simulation.advance_tick()
+        on_stair |= np.isin(crowd.level, stair)
+    assert simulation.ended == "everybody out"
+    assert not on_stair[crowd.group == 1].any()
+    assert on_stair[crowd.group == 0].any()
 
 
 def test_without_the_keys_nobody_takes_part():
