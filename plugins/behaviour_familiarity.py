@@ -132,7 +132,7 @@ class Familiarity(Behaviour):
             if name not in self._names:
                 raise ScenarioError(f"{key}: {name!r} is not in behaviours.familiarity.knows; add it there")
         shares = dict.fromkeys(self.main, 1.0) | dict(self.knows) | dict(own)
-        if 1.0 not in shares.values():
+        if shares and 1.0 not in shares.values():
             raise ScenarioError(
                 f"{key}: people of the group may know no exit; name one in behaviours.familiarity.main, or give it the "
                 "share 1"
@@ -165,7 +165,7 @@ class Familiarity(Behaviour):
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Let people look round and choose, once per period and when the scene changes."""
-        if time < self._next - INSTANT and self._scene.version == self._version:
+        if not self._names or (time < self._next - INSTANT and self._scene.version == self._version):
             return
         self._version = self._scene.version
         self._next = self.every * (math.floor(time / self.every + INSTANT) + 1)
