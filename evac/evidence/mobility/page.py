@@ -1,0 +1,218 @@
+"""Speeds of people with reduced mobility on the flat and on ramps, and flows of wheelchair users through doors."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from shapely import box
+
+from evac.base.arrays import FloatArray
+from evac.building.plan.plan import Plan
+from evac.case.loading import load_case
+from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.evidence.evidence import Evidence
+from evac.evidence.validation.plans import across, one_storey
+from evac.evidence.validation.trial import CONTACT_MODEL
+from evac.evidence.verdicts import all_of, at_most, reported
+from evac.simulation.simulation import Simulation
+
+#: Mean speeds on the flat [m/s]: Boyce, Shields and Silcock, Fire Technology 35 (1999), as in the SFPE handbook.
+PUBLISHED = {
+    "walking_stick": 0.81,
+    "crutches": 0.94,
+    "walking_frame": 0.57,
+    "wheelchair": 0.69,
+    "electric_wheelchair": 0.89,
+    "pushed_wheelchair": 1.30,
+    "accompanied": 0.78,
+}
+
+#: Those who use ramps of 1:12, and the rise of one over `RUN`.
+ON_RAMPS = ("walking_frame", "wheelchair", "electric_wheelchair", "pushed_wheelchair")
+RUN, RISE = 12.0, 1.0
+
+#: People of a run beside one another, their distance [m], and the lines between which their speed is measured [m].
+PEOPLE, APART = 24, 1.6
+LINES = (3.0, 9.0)
+
+#: Widths of doors [m]: the first one is the least clear width of an accessible way out, 32 inches (NFPA 101, ADA).
+DOORS = (0.815, 0.9, 1.0, 1.2, 1.5)
+
+#: People before a door, and shares of them in a wheelchair.
+QUEUE, SHARES = 30, (0.0, 0.1, 1.0)
+
+#: Specific flow through doors per metre of effective width, 0.3 m less than the width [1/s/m]: SFPE handbook.
+SFPE_FLOW, SFPE_EDGES = 1.3, 0.3
+
+#: Greatest deviation of a mean speed from the published one [%].
+MOST = 10.0
+
+
+@dataclass(frozen=True)
+class Walk:
+    """People of a preset beside one another, on the flat or on a ramp."""
+
+    preset: str
+    place: str  # flat, up or down
+    seed: int
+
+
+@dataclass(frozen=True)
+class Door:
+    """People before a door, a share of them in wheelchairs."""
+
+    width: float
+    share: float
+    seed: int
+
+
+def _simulation(plan: Plan, people: list[dict[str, Any]], seed: int) -> Simulation:
+    table = {
+        "building": plan,
+        "people": [{"name": f"group {number}", **group} for number, group in enumerate(people)],
+        "contact": {"model": CONTACT_MODEL},
+        "behaviours": {DEFAULT_MOVEMENT: {}},
+        "directions": {"spacing": 0.2},
+        "simulation": {"seed": seed, "duration": 600.0},
+    }
+    return Simulation(load_case(table))
+
+
+def walking_speeds(walk: Walk) -> FloatArray:
+    """Return the speed of each person of a run along the slope, (people,) [m/s]."""
+    width, plan = APART * PEOPLE, Plan()
+    sign, rise = (1.0, 0.0) if walk.place == "flat" else ((1.0, RISE) if walk.place == "up" else (-1.0, RISE))
+    if rise:
+        plan.storey("lower", box(-3, 0, 0, width), 0.0)
+        plan.storey("upper", box(RUN, 0, RUN + 3, width), rise)
+        plan.stair("ramp", "lower", across(0, 0, width), "upper", across(RUN, 0, width))
+    else:
+        plan.storey("lower", box(-3, 0, RUN + 3, width))
+    start, end = (-2.0, RUN + 3) if sign > 0 else (RUN + 2.0, -3.0)
+    plan.exit("end", "upper" if rise and sign > 0 else "lower", across(end, 0, width))
+    places = [[start, APART * (k + 0.5)] for k in range(PEOPLE)]
+    z = rise if rise and sign < 0 else 0.0
+    simulation = _simulation(plan, [{"preset": walk.preset, "positions": places, "z": z}], walk.seed)
+    first, last = (x if sign > 0 else RUN - x for x in LINES)
+    times, crowd = np.full((2, PEOPLE), np.nan), simulation.population.crowd
+    while not simulation.ended and np.isnan(times).any():
+        before, time = crowd.position[:, 0].copy(), simulation.time
+        simulation.advance_tick()
+        step = crowd.position[:, 0] - before
+        for row, line in enumerate((first, last)):
+            passes = np.isnan(times[row]) & (sign * (crowd.position[:, 0] - line) >= 0.0) & (step != 0.0)
+            times[row, passes] = time + (line - before[passes]) / step[passes] * (simulation.time - time)
+    length = (LINES[1] - LINES[0]) * math.hypot(1.0, rise / RUN)
+    speeds: FloatArray = length / (times[1] - times[0])
+    return speeds
+
+
+def flow_through(door: Door) -> dict[str, Any]:
+    """Return what came of a run through a door."""
+    half = 0.5 * door.width
+    plan = one_storey(
+        *(box(0, 0, 8, 8), box(8, 4 - half, 8.3, 4 + half), box(8.3, 0, 12, 8)),
+        exits={"end": across(12, 0, 8)},
+        areas={"start": box(0.5, 0.5, 7.5, 7.5)},
+    )
+    number = round(door.share * QUEUE)
+    people = [{"area": "start", "number": QUEUE - number}] if number < QUEUE else []
+    people += [{"area": "start", "number": number, "preset": "wheelchair", "mass": 95.0}] if number else []
+    simulation, passed = _simulation(plan, people, door.seed), np.full(QUEUE, np.nan)
+    crowd = simulation.population.crowd
+    while not simulation.ended:
+        simulation.advance_tick()
+        passed[np.isnan(passed) & (crowd.position[:, 0] >= 8.3)] = simulation.time
+    times = np.sort(passed)
+    is_through = bool(np.isfinite(times).all())
+    flow = (QUEUE - 1) / float(times[-1] - times[0]) if is_through else None
+    return {
+        "door [m]": door.width,
+        "in wheelchairs [%]": round(100 * door.share),
+        "seed": door.seed,
+        "flow [1/s]": flow,
+        "left": int(np.isnan(passed).sum()),
+    }
+
+
+def run(evidence: Evidence) -> None:
+    """Measure speeds and flows, and write the page."""
+    seeds = range(evidence.seed, evidence.seed + (1 if evidence.quick else 5))
+    walks = [Walk(preset, "flat", seed) for preset in PUBLISHED for seed in seeds]
+    walks += [Walk(preset, way, seed) for preset in ON_RAMPS for way in ("up", "down") for seed in seeds]
+    doors = [Door(width, share, seed) for width in DOORS for share in SHARES for seed in seeds]
+
+    def speeds() -> list[dict[str, Any]]:
+        found: dict[tuple[str, str], list[FloatArray]] = {}
+        for walk, each in zip(walks, evidence.map(walking_speeds, walks), strict=True):
+            found.setdefault((walk.preset, walk.place), []).append(each)
+        return [_speed_row(*key, np.concatenate(each)) for key, each in found.items()]
+
+    rows = evidence.measured("speeds", speeds)
+    evidence.heading("Speeds")
+    evidence.table(
+        "speeds",
+        rows,
+        f"People of a preset beside one another, measured over {LINES[1] - LINES[0]:g} m; ramps rise by 1 in"
+        f" {RUN / RISE:g}. Published means on ramps were not at hand: the presets assume those on the flat.",
+    )
+    for row in rows:
+        if row["place"] == "flat":
+            question = f"{row['preset']}, flat: deviation of the mean speed"
+            evidence.verdict(at_most(question, abs(row["deviation [%]"]), MOST, "%", "Speeds"))
+    flows = evidence.measured("flows", lambda: evidence.map(flow_through, doors))
+    evidence.heading("Doors")
+    evidence.table(
+        "doors",
+        [_door_row(flows, width, share) for width in DOORS for share in SHARES],
+        f"{QUEUE} people in a hall of 8 x 8 m before a door; mean of {len(seeds)} runs. Bodies are circles of 0.8 m for"
+        " wheelchairs, which are about 1.2 m long: flows of many wheelchairs are upper bounds. SFPE: flow of people"
+        f" who walk, {SFPE_FLOW:g} per second and metre of effective width. Published flows of wheelchairs were not at"
+        " hand.",
+    )
+    through = [row["left"] == 0 for row in flows if row["in wheelchairs [%]"]]
+    question = "runs with wheelchairs in which everybody passes the door"
+    evidence.verdict(all_of(question, sum(through), len(through), "Doors"))
+    for width in DOORS:
+        alone, mixed, only = (_door_row(flows, width, share) for share in SHARES)
+        told = f"{_told(mixed['flow [1/s]'])}, {_told(only['flow [1/s]'])} /s"
+        question = f"door of {width:g} m: flow with {100 * SHARES[1]:g} % and with wheelchairs alone"
+        evidence.verdict(reported(question, told, f"without: {_told(alone['flow [1/s]'])} /s", "Doors"))
+    evidence.write_page(
+        "Mobility: wheelchairs, crutches and others",
+        "Examined: walking speeds of the shipped presets beside the published ones that they are made of, on ramps, and"
+        f" the flow of people in wheelchairs through doors, with `{DEFAULT_MOVEMENT}`. Published figures: from memory.",
+    )
+
+
+def _speed_row(preset: str, place: str, speeds: FloatArray) -> dict[str, Any]:
+    published = PUBLISHED[preset] if place == "flat" else None
+    mean = float(speeds.mean())
+    return {
+        "preset": preset,
+        "place": place,
+        "people": len(speeds),
+        "mean [m/s]": mean,
+        "standard deviation [m/s]": float(speeds.std(ddof=1)),
+        "published mean [m/s]": published,
+        "deviation [%]": None if published is None else 100.0 * (mean / published - 1.0),
+    }
+
+
+def _door_row(flows: list[dict[str, Any]], width: float, share: float) -> dict[str, Any]:
+    own = [row for row in flows if (row["door [m]"], row["in wheelchairs [%]"]) == (width, round(100 * share))]
+    found = [row["flow [1/s]"] for row in own if row["flow [1/s]"] is not None]
+    mean = float(np.mean(found)) if found else None
+    return {
+        "door [m]": width,
+        "in wheelchairs [%]": round(100 * share),
+        "flow [1/s]": mean,
+        "per metre [1/s/m]": None if mean is None else mean / width,
+        "SFPE [1/s]": SFPE_FLOW * (width - SFPE_EDGES) if share == 0.0 else None,
+        "blocked runs": f"{len(own) - len(found)} of {len(own)}",
+    }
+
+
+def _told(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
