@@ -167,7 +167,7 @@ def run(evidence: Evidence) -> None:
         "doors",
         [_door_row(flows, width, share) for width in DOORS for share in SHARES],
         f"{QUEUE} people in a hall of 8 x 8 m before a door; mean of {len(seeds)} runs. Bodies are circles of 0.8 m for"
-        " wheelchairs, which are about 1.2 m long: flows of many wheelchairs are upper bounds. SFPE: flow of people"
+        " wheelchairs, which are about 1.2 m long. SFPE: flow of people"
         f" who walk, {SFPE_FLOW:g} per second and metre of effective width. Published flows of wheelchairs were not at"
         " hand.",
     )
