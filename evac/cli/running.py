@@ -23,8 +23,8 @@ def run_shown(
 
     The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
     """
+    from evac.base.interrupt import Interrupt
     from evac.results.ending import INTERRUPTED
-    from evac.simulation.interrupt import Interrupt
     from evac.simulation.running import run_into
 
     def announce(number: int) -> None:

@@ -10,7 +10,7 @@ from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError, plugin_code
 from evac.base.parameters import did_you_mean
-from evac.base.saved import taken
+from evac.base.saved import part_of, taken
 from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.conditions.air import Air
 from evac.conditions.dose import (
@@ -24,6 +24,7 @@ from evac.conditions.dose import (
 )
 from evac.conditions.law import SmokeLaw, share_in_smoke
 from evac.conditions.quantities import IRRITANTS, QUANTITIES
+from evac.conditions.routes import RoutesInSmoke
 from evac.conditions.source import HEAD
 from evac.directions.fields import Fields
 from evac.people.population import Group
@@ -32,6 +33,7 @@ from evac.physics.state import Crowd
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.case.fire import DoseSettings
+    from evac.simulation.scene import Scene
 
 #: Seconds of a minute: rates of doses are per minute.
 MINUTE = 60.0
@@ -93,6 +95,8 @@ class Exposure:
     Attributes
     ----------
     air : Air
+    routes : RoutesInSmoke or None
+        Has routes solved again, unless the case has ``smoke.routes = false``.
     share : (n,) float64
         Share of the desired speed that smoke leaves each person; 0 for those who have been stopped.
     gas, heat : (n,) float64
@@ -128,6 +132,7 @@ class Exposure:
             wanted |= {*COUNTED[self._dose.form], "temperature", "radiation"} - {*self._dose.without}
         self.quantities = tuple(name for name in air.quantities if name in wanted)
         self._slows = bool(case.smoke.irritants) and any(name in self.quantities for name in IRRITANTS)
+        self.routes = RoutesInSmoke(case, air, law, float(crowd.height.mean())) if case.smoke.routes else None
         self._uphill = np.array([level.uphill for level in building.levels])
         n = len(crowd.level)
         self.share, self.gas, self.heat = np.ones(n), np.zeros(n), np.zeros(n)
@@ -221,6 +226,7 @@ class Exposure:
             "quantities": self.quantities,
             "findings": [line for source in self.air.sources for line in source.findings()],
             "greatest_extinction": float(self.extinction.max(initial=0.0)),
+            "routes": None if self.routes is None else self.routes.report(),
             "dose": None,
         }
         if dose is not None:
@@ -248,13 +254,15 @@ class Exposure:
         }
         return {"conditions": report, "exposure": exposure}
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self, scene: "Scene") -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
         names = "share", "gas", "heat", "extinction", "irritants", "stopped_at"
         state: dict[str, NDArray[Any]] = {name: getattr(self, name).copy() for name in names}
+        routes = {} if self.routes is None else self.routes.state(scene)
+        state |= {f"routes.{name}": values for name, values in routes.items()}
         return state | {"rates": self._rates.copy(), "time": np.array(self._time)}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
         """Restore the arrays that `state` returned.
 
         Raises
@@ -269,4 +277,7 @@ class Exposure:
             values[:] = taken(state, name, np.float64, shape, 0.0, np.inf, nan=name == "stopped_at")
         np.isfinite(self.stopped_at, out=self.stopped)
         self._rates[:] = taken(state, "rates", np.float64, self._rates.shape, 0.0, np.inf, nan=True)
+        if self.routes is not None and "routes.counts" in state:  # not if a changed case has added them
+            with part_of(state, "routes.") as own:
+                self.routes.restore(own, scene)
         self._time = float(taken(state, "time", np.float64, (), 0.0, np.inf, nan=True))

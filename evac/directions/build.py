@@ -70,6 +70,7 @@ def build_fields(
     widest: float = 0.0,
     threads: int | None = 1,
     anywhere: bool = False,
+    keep_grids: bool = False,
 ) -> Fields:
     """Compute the travel times and directions of a building by fast marching.
 
@@ -104,6 +105,8 @@ def build_fields(
         or memory is short. None means one for each core. The fields are identical.
     anywhere : bool
         Whether routes lead to any exit from where none of their own exits can be reached.
+    keep_grids : bool
+        Whether the fields may be solved again during a run, so that their grids are needed.
 
     Returns
     -------
@@ -142,7 +145,7 @@ def build_fields(
     steepest = max([1.0, *(rate.max() for rate in solver.rates)])
     steepest /= min(math.cos(level.slope) for level in building.levels)
     levels = solved[0].grids.levels
-    follows_crowd = any(route.strategy == QUICKEST for route in routes)
+    keep_grids = keep_grids or any(route.strategy == QUICKEST for route in routes)
     field_of = np.full((len(levels), len(solved) * len(routes)), -1, dtype=np.int32)
     sizes: list[int] = []
     for column, reaching in enumerate(solver.reaching * len(solved)):
@@ -172,7 +175,7 @@ def build_fields(
         marched=Marched(building, spacing, clearance, solver.rates, marched),
         comfort=float(comfort),
         clearance=float(clearance),
-        grids=tuple(ClassGrids(own.grids, own.factor) for own in solved) if follows_crowd else (),
+        grids=tuple(ClassGrids(own.grids, own.factor) for own in solved) if keep_grids else (),
     )
 
 

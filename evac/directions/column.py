@@ -71,6 +71,7 @@ class Column:
         assert marched is not None
         of_class, index = divmod(number, len(fields.routes))
         grids, self._factor = fields.grids[of_class].grids, fields.grids[of_class].factor
+        self._clear = self._factor
         blocked = marched.classes[of_class].blocked
         self.number, self._grids, self._lower, self._gates = number, grids, lower, gates
         self._blocked = blocked[index] if blocked else np.zeros(0, np.int64)
@@ -96,6 +97,8 @@ class Column:
         elsewhere = marched.classes[of_class].elsewhere.get(index, np.zeros(0, np.int64))
         joins[elsewhere] = False
         self._elsewhere = elsewhere, base[elsewhere], self._direction[elsewhere]
+        if marched.building.areas and not exits:  # of a route to an area, where the times are zero
+            starts |= base == 0.0
         starts &= joins
         self._solved = joins & ~starts
         nodes = np.flatnonzero(self._solved)
@@ -254,6 +257,16 @@ class Column:
                 self._take_speeds(level, self._wanted[packed])
                 changed.add(level)
         return changed
+
+    def take_smoke(self, level: int, share: FloatArray) -> None:
+        """Take the share (nodes,) of the speed that smoke leaves on a level; it multiplies all relative speeds."""
+        if level not in self._places:
+            return
+        packed = self._grids.levels[level].packed
+        if self._factor is self._clear:
+            self._factor = self._clear.copy()
+        np.divide(self._clear[packed], share[packed], out=self._factor[packed])
+        self._take_speeds(level, self.speed[packed])
 
     def _take_speeds(self, level: int, speed: FloatArray) -> None:
         """Take the relative speeds of the nodes of a level."""

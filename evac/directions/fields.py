@@ -122,7 +122,7 @@ class Fields:
     marched : Marched, optional
         Data that lengths are computed from; lengths are empty without it.
     grids : tuple of ClassGrids
-        For each class of bodies, if there is a route with the strategy "quickest"; otherwise empty.
+        For each class of bodies, if there is a route with the strategy "quickest", or smoke; otherwise empty.
     uncongested : Fields, optional
         For fields of which some follow the crowd, those of the empty building, whose lengths they have.
     """

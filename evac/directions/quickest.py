@@ -60,28 +60,32 @@ class Quickest:
     ----------
     fields : Fields
         With travel times and directions of their own, which `update` changes in place.
+    clear : Fields
+        Those of the empty building.
+    columns : dict of int to Column
+        The columns that follow the crowd, by number.
     """
 
     def __init__(self, fields: Fields, settings: Settings, before: "Quickest | None" = None) -> None:
         packed = fields.packed
         own = packed.replace(direction=packed.direction.copy(), travel_time=packed.travel_time.copy())
-        self.fields = replace(fields, packed=own, uncongested=fields)
+        self.fields, self.clear = replace(fields, packed=own, uncongested=fields), fields
         self._settings = settings
         grids = fields.grids[0].grids
         self._first = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
         self._grids, self._weight = grids, _weights_on_floor(grids, settings.width)
         self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
         self._gates = Gates(grids)
-        self._columns: dict[int, Column] = {}
+        self.columns: dict[int, Column] = {}
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if fields.routes[number % routes].strategy == QUICKEST:
-                lower = self._columns.get(number - routes)
+                lower = self.columns.get(number - routes)
                 column = Column(fields, own.travel_time, own.direction, number, self._gates, settings.hesitation, lower)
                 column.write(set(range(len(grids.levels))))
-                self._columns[number] = column
+                self.columns[number] = column
         #: For each column of people: the next gate (nodes,) on their way, and the time to it.
-        self._ways = {number: (one.waves.gate, one.waves.walk) for number, one in self._columns.items()}
+        self._ways = {number: (one.waves.gate, one.waves.walk) for number, one in self.columns.items()}
         self._is_solved = False
         self._density = np.zeros(grids.size)
         self._exit_of, self._left = np.zeros(0, np.int32), np.zeros((0, len(grids.building.exits)), np.uint8)
@@ -118,7 +122,7 @@ class Quickest:
             gain = -math.expm1(-self._settings.period / self._settings.memory)
         crowded = self._find_density(level, position, gain)
         self._count_at_gates(nodes[inside], columns[inside], gain)
-        for number, column in self._columns.items():
+        for number, column in self.columns.items():
             rows = (columns == number) & inside
             changed = column.leave_out_empty(nodes[rows])
             changed |= column.slow_down(self._density, crowded, self._settings.floor)
@@ -148,7 +152,7 @@ class Quickest:
             "seconds": np.array(self._seconds),
             "is_solved": np.array(self._is_solved, np.uint8),
         }
-        for number, column in self._columns.items():
+        for number, column in self.columns.items():
             state |= {f"{number}.{name}": values for name, values in column.state().items()}
         return state
 
@@ -169,7 +173,7 @@ class Quickest:
         self._counts[:] = taken(state, "counts", np.int64, self._counts.shape, 0, np.iinfo(np.int64).max)
         self._seconds = float(taken(state, "seconds", np.float64, (), 0.0, np.inf))
         self._is_solved = bool(taken(state, "is_solved", np.uint8, (), 0, 1))
-        for number, column in self._columns.items():
+        for number, column in self.columns.items():
             with part_of(state, f"{number}.") as own:
                 column.restore(own)
 
@@ -186,8 +190,7 @@ class Quickest:
         gate, walk = np.full(len(nodes), -1, np.int32), np.zeros(len(nodes))
         for number in np.unique(columns).tolist():
             if number not in self._ways:
-                fields = self.fields.uncongested
-                assert fields is not None
+                fields = self.clear
                 waves = Column(fields, fields.packed.travel_time, fields.packed.direction, number, self._gates).waves
                 self._ways[number] = waves.gate, waves.walk
             rows = columns == number
@@ -218,7 +221,7 @@ class Quickest:
 
     def _count_changes(self, nodes: IndexArray, columns: IntArray) -> None:
         """Count the people at nodes whose way now ends at another exit than after the last update; column -1: left."""
-        for number, column in self._columns.items():
+        for number, column in self.columns.items():
             rows = np.flatnonzero(columns == number)
             now, before = column.waves.exit[nodes[rows]], self._exit_of[rows]
             known = now >= 0

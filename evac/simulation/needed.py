@@ -85,7 +85,13 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
         "speeds": reference_speeds(case),
         "comfort": settings.comfort,
         "order": settings.order,
+        "keep_grids": routes_in_smoke(case),
     }
+
+
+def routes_in_smoke(case: "Case") -> bool:
+    """Return whether routes are solved again with the speeds that smoke leaves."""
+    return bool(case.conditions) and case.smoke.routes
 
 
 def solve_fields(
@@ -143,6 +149,8 @@ def run_kernels(
     routes = needed_routes(case, behaviours, full)
     if any(route.strategy == QUICKEST for route in routes):
         kernels += [deposit, march_waves]
+    elif routes_in_smoke(case):
+        kernels += [march_waves]
     if len(routes) > len(routes_of(case)):  # they are compared by their lengths
         kernels += [add_lengths, find_lowest]
     return kernels

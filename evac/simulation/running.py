@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, note, warn
+from evac.base.interrupt import Interrupt
 from evac.base.phases import Phases, Progress
 from evac.case.loading import as_case
 from evac.case.overrides import parsed
@@ -29,7 +30,6 @@ from evac.results.ending import FAILED, INTERRUPTED
 from evac.results.results import Results
 from evac.simulation.checkpoints import Checkpoints, find_checkpoint
 from evac.simulation.identity import differences_of, inputs_of, made_of
-from evac.simulation.interrupt import Interrupt
 from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recording import check_lengths

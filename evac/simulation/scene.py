@@ -18,6 +18,8 @@ from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import building_at
 from evac.directions.fields import Fields
 from evac.directions.quickest import Quickest, Settings
+from evac.directions.routes import QUICKEST
+from evac.directions.smoky import Smoky
 from evac.people.places import Places
 from evac.people.population import Population
 from evac.physics.state import World
@@ -64,6 +66,8 @@ class Scene:
     fields : Fields
     quickest : Quickest or None
         The directions that follow the crowd, if a route has the strategy "quickest".
+    smoky : Smoky or None
+        The routes in smoke, from when smoke is first noticed after a change of the building.
     time : float
         Simulated time [s]: the beginning of the next tick.
     changes : list of Change
@@ -84,6 +88,7 @@ class Scene:
         self.building = ground.building
         self._settings = settings
         self.quickest: Quickest | None = None
+        self.smoky: Smoky | None = None
         self.fields = self._own_fields(ground.fields)
         self.time = 0.0
         self.changes: list[Change] = []
@@ -226,10 +231,19 @@ class Scene:
 
     def _own_fields(self, fields: Fields) -> Fields:
         """Return fields for this scene alone: others if some of them follow the crowd."""
-        if not fields.grids or self._settings is None:
+        self.smoky = None
+        if self._settings is None or not any(route.strategy == QUICKEST for route in fields.routes):
             return fields
         self.quickest = Quickest(fields, self._settings, self.quickest)
         return self.quickest.fields
+
+    def in_smoke(self) -> Smoky:
+        """Return the routes in smoke, which the scene follows from now on."""
+        if self.smoky is None:
+            self.smoky = Smoky(self.fields, self.quickest)
+            self.fields = self.smoky.fields
+            self.world.fields = self.fields.packed
+        return self.smoky
 
     def hold(self) -> None:
         """Let those people through who were on the lines of closed links when the state was saved."""

@@ -27,7 +27,7 @@ def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
         "scene": simulation.scene.state(),
         "places": simulation.places.state(),
         "outside": {} if simulation.outside is None else simulation.outside.state(),
-        "exposure": {} if simulation.exposure is None else simulation.exposure.state(),
+        "exposure": {} if simulation.exposure is None else simulation.exposure.state(simulation.scene),
         "quickest": {} if simulation.scene.quickest is None else simulation.scene.quickest.state(),
         "watch": simulation.watch.state(),
         "simulation": {
@@ -64,7 +64,7 @@ def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -
             simulation.outside.restore(own)
     if simulation.exposure is not None and any(key.startswith("exposure.") for key in state):
         with part_of(state, "exposure.") as own:
-            simulation.exposure.restore(own)
+            simulation.exposure.restore(own, simulation.scene)
     simulation.deciding.restore(state)
     contact = simulation.contact
     what = f"contact model {contact.name!r}: restore"

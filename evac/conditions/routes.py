@@ -1,0 +1,131 @@
+"""Routes in smoke: the share of the speed that it leaves at the nodes of all levels, and when it has changed."""
+
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.base.saved import part_of, taken
+from evac.building.model.building import Building
+from evac.conditions.air import Air
+from evac.conditions.dose import irritant_concentration
+from evac.conditions.law import SmokeLaw, share_in_smoke
+from evac.conditions.quantities import IRRITANTS
+from evac.directions.fields import Fields
+from evac.directions.smoky import Smoky, own_nodes
+from evac.people.groups import reference_speeds
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+    from evac.simulation.scene import Scene
+
+#: Factor of the time through smoke in which people turn back if they have another way.
+TURN_BACK = 100.0
+
+
+class RoutesInSmoke:
+    """Has routes solved again when smoke has changed by more than `smoke.noticed` on a level.
+
+    Parameters
+    ----------
+    case : Case
+    air : Air
+    law : SmokeLaw
+        The law that people follow, too.
+    height : float
+        Mean height of people [m].
+    """
+
+    def __init__(self, case: "Case", air: Air, law: SmokeLaw, height: float) -> None:
+        self._settings, self._air, self._law, self._height = case.smoke, air, law, height
+        flat, up, down = reference_speeds(case)
+        self._flat, self._sloped = flat, 0.5 * (up + down)
+        names = ("extinction", *(IRRITANTS if case.smoke.irritants else ()))
+        self._quantities = tuple(name for name in air.quantities if name in names)
+        self._ticks = max(1, round(case.smoke.period / case.simulation.tick))
+        self._nodes: list[tuple[IndexArray, FloatArray, FloatArray, FloatArray]] = []  # of each level
+        self._of: object = None  # the grids that the nodes are those of
+        self._version = -1
+        self._counts, self._seconds = np.zeros(2, np.int64), 0.0  # solves, and levels that were solved in them
+
+    def is_due(self, tick: int, version: int) -> bool:
+        """Return whether to look at the smoke at a tick: in each period, and when the scene has changed."""
+        return tick % self._ticks == 0 or version != self._version
+
+    def update(self, now: float, scene: "Scene") -> bool:
+        """Solve the routes again where smoke has changed; return whether any was solved.
+
+        Parameters
+        ----------
+        now : float
+            Time of the run [s].
+        scene : Scene
+        """
+        self._version = scene.version
+        began = time.process_time()
+        self._find_nodes(scene.building, scene.fields)
+        smoky: Smoky | None = scene.smoky
+        size = scene.fields.grids[0].grids.size
+        before = np.ones(size) if smoky is None else smoky.share
+        share, changed = before.copy(), set()
+        for level, (nodes, *_) in enumerate(self._nodes):
+            share[nodes] = self._share_on(level, now)
+            if len(nodes) and np.abs(share[nodes] - before[nodes]).max() > self._settings.noticed:
+                changed.add(level)
+        if changed:
+            solved = scene.in_smoke().solve(changed, share)
+            self._counts += (1, solved)
+        self._seconds += time.process_time() - began
+        return bool(changed)
+
+    def _find_nodes(self, building: Building, fields: Fields) -> None:
+        """Find places and heights of heads at the nodes on the ground of all levels, and the speeds in clear air."""
+        if self._of is fields.grids:
+            return
+        self._of, self._nodes = fields.grids, []
+        for level in building.levels:
+            nodes, places = own_nodes(fields, level.index)
+            at = np.full(len(nodes), level.index, np.int32)
+            heads = self._air.heads_at(at, places, self._height)
+            desired = np.full(len(nodes), self._flat if level.slope == 0.0 else self._sloped)
+            self._nodes.append((nodes, places, heads, desired))
+
+    def _share_on(self, level: int, now: float) -> FloatArray:
+        """Return the share (n,) of the speed at the nodes of a level, less where people turn back."""
+        nodes, places, heads, desired = self._nodes[level]
+        at = np.full(len(nodes), level, np.int32)
+        air = dict(zip(self._quantities, self._air.at(self._quantities, now, at, places, heads), strict=True))
+        smoke = air.get("extinction", np.zeros(len(nodes)))
+        irritants = irritant_concentration(air) if len(air) > 1 else None
+        share = share_in_smoke(self._law, desired, smoke, irritants)
+        if self._settings.visibility > 0.0:
+            share = np.where(smoke * self._settings.visibility > self._settings.contrast, share / TURN_BACK, share)
+        return share
+
+    def report(self) -> dict[str, float]:
+        """Return what the summary of a run says about the solves."""
+        return {"solves": int(self._counts[0]), "levels_solved": int(self._counts[1]), "cpu_seconds": self._seconds}
+
+    def state(self, scene: "Scene") -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays that are needed to continue with the same bits."""
+        counts = {"counts": self._counts.copy(), "seconds": np.array(self._seconds), "version": np.array(self._version)}
+        smoky = {} if scene.smoky is None else scene.smoky.state()
+        return counts | {f"smoky.{name}": values for name, values in smoky.items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
+        """Restore the arrays that `state` returned.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        self._counts[:] = taken(state, "counts", np.int64, (2,), 0, np.iinfo(np.int64).max)
+        self._seconds = float(taken(state, "seconds", np.float64, (), 0.0, np.inf))
+        self._version = int(taken(state, "version", np.int64, (), -1, np.iinfo(np.int64).max))
+        with part_of(state, "smoky.") as own:
+            if own:
+                scene.in_smoke().restore(own)

@@ -1,0 +1,114 @@
+"""Routes that are solved again with the speeds that smoke leaves, whatever their strategy.
+
+Until smoke is first noticed, directions are those of the building. Then each route has a `Column`, as those that follow
+the crowd have, whose slowness is divided by the share of the speed at each node. A level is solved again if the share
+has changed on it, or if its ways lead through a level that is.
+"""
+
+from collections.abc import Mapping, Set
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IndexArray
+from evac.base.saved import part_of, taken
+from evac.directions.column import Column
+from evac.directions.fields import Fields
+from evac.directions.gates import Gates
+from evac.directions.quickest import Quickest
+from evac.directions.raster.grids import OWN
+
+#: Least share of the speed, so that travel times remain finite.
+LEAST_SHARE = 1e-5
+
+
+class Smoky:
+    """The routes of a run in smoke.
+
+    Parameters
+    ----------
+    fields : Fields
+        Directions of the building, with the grids that they were solved on; not changed.
+    quickest : Quickest, optional
+        The routes that follow the crowd: these are solved with smoke and crowd.
+
+    Attributes
+    ----------
+    fields : Fields
+        With travel times and directions of their own, which `solve` changes in place.
+    share : (nodes,) float64
+        Share of the speed with which they are solved.
+    """
+
+    def __init__(self, fields: Fields, quickest: Quickest | None = None) -> None:
+        clear = fields if quickest is None else quickest.clear
+        if quickest is None:
+            packed = fields.packed
+            own = packed.replace(direction=packed.direction.copy(), travel_time=packed.travel_time.copy())
+            fields = replace(fields, packed=own, uncongested=fields)
+        self.fields, grids = fields, fields.grids[0].grids
+        self._grids, self.share = grids, np.ones(grids.size)
+        self._followers = {} if quickest is None else quickest.columns
+        self._columns: dict[int, Column] = {}
+        routes = len(fields.routes)
+        for number in range(len(fields.grids) * routes):
+            if number not in self._followers:
+                lower = self._columns.get(number - routes)
+                packed = fields.packed
+                column = Column(clear, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
+                self._columns[number] = column
+
+    def solve(self, levels: Set[int], share: FloatArray) -> int:
+        """Solve all routes with new shares of the speed on some levels; return the number of levels that were solved.
+
+        Parameters
+        ----------
+        levels : set of int
+        share : (nodes,) float64
+        """
+        is_first = bool((self.share == 1.0).all())
+        solved = 0
+        for level in levels:
+            packed = self._grids.levels[level].packed
+            self.share[packed] = np.maximum(share[packed], LEAST_SHARE)
+        everywhere = set(range(len(self._grids.levels)))
+        for column in (*self._columns.values(), *self._followers.values()):
+            for level in levels:
+                column.take_smoke(level, self.share)
+            solved += column.solve(levels, everywhere, True)
+            if is_first:
+                column.write(everywhere)
+        return solved
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays that are needed to continue with the same bits."""
+        state: dict[str, NDArray[Any]] = {"share": self.share.copy()}
+        for number, column in self._columns.items():
+            state |= {f"{number}.{name}": values for name, values in column.state().items()}
+        return state
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned; the routes that follow the crowd have been restored.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        self.share[:] = taken(state, "share", np.float64, self.share.shape, LEAST_SHARE, 1.0)
+        for level in range(len(self._grids.levels)):
+            for column in (*self._columns.values(), *self._followers.values()):
+                column.take_smoke(level, self.share)
+        for number, column in self._columns.items():
+            with part_of(state, f"{number}.") as own:
+                column.restore(own)
+
+
+def own_nodes(fields: Fields, level: int) -> tuple[IndexArray, FloatArray]:
+    """Return the packed indices of the nodes on the ground of a level, and their places in plan (n, 2) [m]."""
+    grid = fields.grids[0].grids.levels[level]
+    nodes = np.flatnonzero(grid.sheet == OWN)
+    places = grid.window.places(np.stack(np.unravel_index(nodes, grid.window.shape), axis=1))
+    return grid.offset + nodes, places

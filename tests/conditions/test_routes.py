@@ -1,0 +1,122 @@
+"""Routes in smoke: people turn back where there is another way, and go through it where there is none."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+
+def two_ways(*conditions, people=12, **changes):
+    """Return a case of a room with a near exit and a far one, and areas before both."""
+    plan = {
+        "storeys": [{"name": "f", "polygons": [[[0, 0], [30, 0], [30, 6], [0, 6]]]}],
+        "exits": [
+            {"name": "near", "storey": "f", "segment": [[0, 2], [0, 4]]},
+            {"name": "far", "storey": "f", "segment": [[30, 2], [30, 4]]},
+        ],
+        "areas": [
+            {"name": "start", "storey": "f", "polygon": [[9, 1], [13, 1], [13, 5], [9, 5]]},
+            {"name": "west", "storey": "f", "polygon": [[0, 0], [6, 0], [6, 6], [0, 6]]},
+            {"name": "east", "storey": "f", "polygon": [[24, 0], [30, 0], [30, 6], [24, 6]]},
+        ],
+    }
+    table = {
+        "building": {"plan": plan},
+        "contact": {"model": "nsm1"},
+        "people": [{"name": "p", "number": people, "area": "start", "speed": 1.2}],
+        "conditions": list(conditions),
+        "simulation": {"duration": 120.0},
+    }
+    return evac.load(table, changes)
+
+
+def smoke(area, *values, times=None):
+    values = {"extinction": values[0] if times is None else list(values)}
+    return {"source": "prescribed", "area": area, "values": values, "times": times, "hold": True}
+
+
+def exits_of(results):
+    names = list(results.exits)
+    return {names[used] for used in results.crowd.exit_used.tolist()}
+
+
+def test_people_turn_back_in_front_of_smoke_if_there_is_another_way():
+    simulation = Simulation(two_ways(smoke("west", 2.0)))
+    results = simulation.run()
+    assert (results.ended, exits_of(results)) == ("everybody out", {"far"})
+    assert results.conditions["routes"]["solves"] == 1
+
+
+def test_people_go_through_smoke_if_there_is_no_other_way():
+    results = Simulation(two_ways(smoke("west", 2.0), smoke("east", 2.0))).run()
+    assert (results.ended, exits_of(results)) == ("everybody out", {"near"})
+    only = Simulation(two_ways(smoke("west", 2.0), **{"building.closed": ["far"]})).run()
+    assert (only.ended, exits_of(only)) == ("everybody out", {"near"})
+
+
+def test_thin_smoke_turns_nobody_back_but_counts_with_the_speed_that_it_leaves():
+    assert exits_of(Simulation(two_ways(smoke("west", 0.9))).run()) == {"near"}
+    stated = {"smoke.visibility": 5.0}
+    assert exits_of(Simulation(two_ways(smoke("west", 0.9), **stated)).run()) == {"far"}
+    off = {"smoke.routes": False}
+    results = Simulation(two_ways(smoke("west", 2.0), **off)).run()
+    assert exits_of(results) == {"near"}
+    assert results.conditions["routes"] is None
+
+
+def test_travel_times_are_those_with_the_speeds_that_smoke_leaves():
+    """In half the speed of everywhere, times are twice as long."""
+    case = two_ways(
+        {"source": "prescribed", "values": {"extinction": 0.5 * 0.706 / 0.057}}, **{"smoke.visibility": 0.0}
+    )
+    simulation = Simulation(case)
+    crowd = simulation.population.crowd
+    place = crowd.level, crowd.position.copy(), crowd.route, crowd.contact_radius
+    clear = simulation.fields.travel_time_at(*place)
+    before = simulation.fields.directions_at(*place)
+    simulation.advance_tick()
+    np.testing.assert_allclose(simulation.fields.travel_time_at(*place), 2.0 * clear, rtol=0.05)
+    assert (np.einsum("ij,ij->i", before, simulation.fields.directions_at(*place)) > 0.99).all()
+
+
+def test_smoke_that_closes_one_of_two_ways_sends_people_to_the_other():
+    case = two_ways(smoke("west", 0.0, 0.0, 3.0, times=[0, 2, 4]), **{"smoke.period": 1.0, "people.p.speed": 0.8})
+    simulation = Simulation(case)
+    run_ticks(simulation, 20)
+    towards = simulation.population.crowd.position[:, 0].mean()
+    assert towards < 10.5
+    results = simulation.run()
+    assert "far" in exits_of(results)
+    assert results.conditions["routes"]["solves"] == 1
+    assert results.ended == "everybody out"
+
+
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_a_run_is_resumed_in_the_middle_of_smoke_with_the_same_bits(strategy):
+    changes = {"smoke.period": 1.0, "people.p.strategy": strategy, "people.p.speed": 0.8}
+    case = two_ways(smoke("west", 0.0, 0.0, 3.0, times=[0, 2, 4]), **changes)
+    whole, first, rest = Simulation(case), Simulation(case), Simulation(case)
+    run_ticks(first, 45)
+    assert first.scene.smoky is not None
+    rest.restore(first.state())
+    assert_same_bits(run_ticks(whole, 140), run_ticks(rest, 95))
+    assert whole.results().conditions["routes"]["solves"] == rest.results().conditions["routes"]["solves"]
+
+
+def test_a_door_that_closes_in_smoke_leaves_the_ways_of_smoke():
+    event = {"kind": "close", "target": "far", "time": 3.0}
+    case = two_ways(smoke("west", 2.0), event=[event])
+    simulation = Simulation(case)
+    run_ticks(simulation, 29)
+    assert simulation.population.crowd.position[:, 0].mean() > 12.0
+    results = simulation.run()
+    assert (results.ended, exits_of(results)) == ("everybody out", {"near"})
+
+
+def test_lean_full_and_threads_give_the_same_bits():
+    case = two_ways(smoke("west", 0.0, 3.0, times=[0, 4]), **{"smoke.period": 1.0})
+    one = run_ticks(Simulation(case), 60)
+    assert_same_bits(one, run_ticks(Simulation(case, full=True), 60))
+    assert_same_bits(one, run_ticks(Simulation(case, threads=2), 60))
