@@ -65,6 +65,13 @@ class SmokeSettings(Table):
 
     law: str = key("name of the law of speed in smoke; `none`: smoke slows nobody", "", "fds_evac")
     irritants: Switch = key("whether irritant gases slow people too, if the data have them", "", True)
+    sampling: Real = key(
+        "time between two readings of the air at people's heads, rounded to ticks; doses are linear in between",
+        "s",
+        0.5,
+        ge=0.001,
+        le=60,
+    )
     routes: Switch = key("whether people choose their ways for the speeds that smoke leaves", "", True)
     visibility: Real = key(
         "visibility below which people turn back if there is another way; 0: never", "m", 3.0, ge=0, le=100

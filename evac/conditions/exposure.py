@@ -166,7 +166,12 @@ class Exposure:
             The current directions: people on stairs go up or down.
         """
         crowd = self._crowd
-        rows = np.flatnonzero(crowd.level >= 0)
+        owed = self._owed(time)
+        out = crowd.level < 0
+        self.gas[out] += owed[0, out]
+        self.heat[out] += owed[1, out]
+        self._rates[:, out] = np.nan
+        rows = np.flatnonzero(~out)
         level, position = crowd.level[rows], crowd.position[rows]
         heads = self.air.heads_at(level, position, crowd.height[rows])
         values = self.air.at(self.quantities, time, level, position, heads)
@@ -181,6 +186,13 @@ class Exposure:
             self.share[rows] = share_in_smoke(self._law, self._desired(rows, fields), smoke, irritants)
         np.isfinite(self.stopped_at, out=self.stopped)
         self.share[self.stopped] = 0.0
+
+    def _owed(self, time: float) -> FloatArray:
+        """Return the doses (2, n) since the air was last read, at constant rates; of people who are out, up to then."""
+        if np.isnan(self._time):
+            return np.zeros_like(self._rates)
+        span = np.maximum(np.fmin(self._crowd.exit_time, time) - self._time, 0.0)
+        return np.where(np.isnan(self._rates), 0.0, self._rates) * span
 
     def _desired(self, rows: IndexArray, fields: Fields) -> FloatArray:
         """Return the desired speeds of people in clear air: on the flat, up or down [m/s]."""
@@ -217,9 +229,10 @@ class Exposure:
             at = time - span + span * np.minimum(since, 1.0)
             self.stopped_at[rows[reached]] = np.fmin(self.stopped_at[rows[reached]], at[reached])
 
-    def results(self) -> dict[str, Any]:
-        """Return what the results of a run say: ``exposure``, columns of people.csv, and ``conditions``."""
+    def results(self, time: float) -> dict[str, Any]:
+        """Return what the results of a run say at a time: ``exposure``, columns of people.csv, and ``conditions``."""
         dose, inside = self._dose, self._crowd.level >= 0
+        gas, heat = np.stack([self.gas, self.heat]) + self._owed(time)
         report: dict[str, Any] = {
             "sources": [one.source for one in self._case.conditions],
             "law": self._law.name,
@@ -237,17 +250,17 @@ class Exposure:
                 "threshold": dose.threshold,
                 "susceptibility": dose.susceptibility,
                 "not_in_data": [name for name in counted if name not in self.quantities],
-                "gas_above_0.3": int((self.gas >= 0.3).sum()),
-                "gas_above_1": int((self.gas >= 1.0).sum()),
-                "heat_above_0.3": int((self.heat >= 0.3).sum()),
-                "heat_above_1": int((self.heat >= 1.0).sum()),
-                "greatest_gas": float(self.gas.max(initial=0.0)),
-                "greatest_heat": float(self.heat.max(initial=0.0)),
+                "gas_above_0.3": int((gas >= 0.3).sum()),
+                "gas_above_1": int((gas >= 1.0).sum()),
+                "heat_above_0.3": int((heat >= 0.3).sum()),
+                "heat_above_1": int((heat >= 1.0).sum()),
+                "greatest_gas": float(gas.max(initial=0.0)),
+                "greatest_heat": float(heat.max(initial=0.0)),
                 "stopped": int((self.stopped & inside).sum()),
             }
         exposure = {
-            "gas_dose": self.gas.copy(),
-            "heat_dose": self.heat.copy(),
+            "gas_dose": gas,
+            "heat_dose": heat,
             "greatest_extinction": self.extinction.copy(),
             "greatest_irritants": self.irritants.copy(),
             "stopped_at": self.stopped_at.copy(),

@@ -103,7 +103,11 @@ class Deciding:
             self._places.assign(self._scene.fields)
         # The scene and smoke multiply the speed factors.
         again = changed or bool(self._scene.building.slowed) or self._share is not None
-        acting = [pair for pair in self.used if self.acts[pair[0].name] or again]
+        acting = [
+            (behaviour, scene)
+            for behaviour, scene in self.used
+            if self.acts[behaviour.name] or changed or (again and "speed_factor" in behaviour.writes)
+        ]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         if again or "speed_factor" in renewed:
             self._crowd.speed_factor[:] = 1.0

@@ -67,7 +67,9 @@ class Loop:
             Operation("progress", "output", self._show, lambda: self.progress is not None),
         ]
         if (exposure := one.exposure) is not None:
+            ticks = max(1, round(simulation.case.smoke.sampling / self._settings.tick)) * self._settings.steps_per_tick
             breathe = Operation("conditions", "behaviours", lambda: exposure.act(one.time, one.fields))
+            breathe.is_due = lambda: one.step % ticks == 0
             breathe.begin = lambda: exposure.begin(one.time, one.fields)
             self.operations.insert(5, breathe)
         if one.outside is not None:

@@ -337,7 +337,7 @@ class Simulation:
             waiting_outside=sum(len(one.waiting(self.population.crowd, self.time)) for one in self.population.sources),
             resumed=self.resumed,
             quickest=None if self.scene.quickest is None else self.scene.quickest.report(),
-            **({} if self.exposure is None else self.exposure.results()),
+            **({} if self.exposure is None else self.exposure.results(self.time)),
         )
         return replace(results, metrics=dict(metrics(self.registry, results)))
 
