@@ -114,7 +114,7 @@ def add_repulsions(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
         if crowd.level[i] < 0:
             continue
         px, py = 0.0, 0.0
-        list_near(world, sights, i, rule.cutoff)
+        list_near(world, sights, i, rule.cutoff, 0.0, 0.0, 0.0, 0.0)
         for k in range(sights.number):
             j = sights.near[k]
             dx = sights.position[j, 0] - sights.position[i, 0]
@@ -139,7 +139,7 @@ def reduce_speeds(world, crowd, outside, sights, rule):  # type: ignore[no-untyp
             continue
         ex, ey = sights.direction[i, 0], sights.direction[i, 1]
         nearest = rule.length + full
-        list_near(world, sights, i, nearest)
+        list_near(world, sights, i, nearest, 0.0, 0.0, 0.0, 0.0)
         for k in range(sights.number):
             j = sights.near[k]
             dx = sights.position[j, 0] - sights.position[i, 0]

@@ -15,7 +15,9 @@ from evac.jit import Floats, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.outside import Outside
 from evac.people.sights import Sights, is_hidden, list_near, look_round, make_sights, sees, set_desired_motion
+from evac.physics.sight import walls_near
 from evac.physics.state import Crowd, World
+from evac.physics.world import BUCKET_REACH
 
 #: Side steps below this share of the desired direction are neglected.
 FAINT = 0.03
@@ -26,17 +28,7 @@ LONGEST = 1.0 + 1e-9
 #: Distance beside the line of walking below which a person is on it, and the side is the person's own [m].
 ON_LINE = 1e-6
 
-
-#: Least time gap of the preset `regulation` [s]: at most 1.33 people per second pass a door of 1 m (IMO 4).
-REGULATION_TIME_GAP = 1.4
-
-#: Multiple of the desired speed from which on the speed that a distance allows is no restriction.
-FREE = 2.2
-
-#: Least share of the way that people beside it take, if they count.
-LEAST_SHARE = 0.02
-
-#: Gap between bodies below which people do not push on those ahead [m].
+#: Gap to the bodies of those who stand at which people stop [m].
 TOUCHING = 0.02
 
 #: Gap that people leave to the bodies of those who stand when they walk around them [m].
@@ -48,6 +40,12 @@ TURNED = tuple((math.cos(TURN * k), math.sin(TURN * k)) for k in range(-TURNS, T
 
 #: Value of a way of 1 m across the desired direction, in metres along it; and of a way along the present heading.
 ASIDE, STEADY = 0.3, 0.1
+
+#: Length of the way within which people beside those who stand heed walls, and speed from which on they do [m, m/s].
+NEAR_WALL, SLOW = 0.5, 0.05
+
+#: How far behind a person the nearest place of a wall may be from which it steps away [m].
+BEHIND = 0.05
 
 #: Share of a wanted change of velocity that is made by the time a person comes near those who stand.
 SOON = 0.5
@@ -61,6 +59,7 @@ class Rule(Struct):
     length: float
     anticipation: float
     width: float
+    edge: float
     stair_time_gap: float
     stair_length: float
     oncoming_time_gap: float
@@ -71,6 +70,8 @@ class Rule(Struct):
     side_time: float
     side_limit: float
     right: float
+    wall_step: float
+    wall_distance: float
     reaction_time: float
     creep: float
     sight: float
@@ -96,22 +97,23 @@ class Walking(Behaviour):
 
     each, away from the side on which j will be after the time t_s: s is the distance, r are contact radii, c is the
     speed at which the two approach each other, and h_j is the heading of j. Of people who come towards it (e.h_j < 0),
-    it passes on the right: they are taken to be `right` farther to the left. The sum S of all side steps is at most
-    `side_limit`, and the heading h turns towards e + S n, with n normal to e, within the reaction time. The speed
-    becomes
+    it passes on the right: they are taken to be `right` farther to the left. From the nearest wall on either side, it
+    steps away by k_w (1 - d / d_w), where d is its distance. The sum S of all side steps is at most `side_limit`, and
+    the heading h turns towards e + S n, with n normal to e, within the reaction time. The speed becomes
 
-        max(V, v (1 - exp(-x / v)) / (1 - exp(-2.2))) with x = (s - g l + T_a max(0, u_j.h)) / (g T), at most 2.2 v,
+        min(v, max(V, (s - g l + T_a max(0, u_j.h)) / (g T)))
 
-    with the previous desired speed v and the least such x for any person who is
+    with the previous desired speed v, the least such speed for any person who is
 
-    - ahead of the heading, less than `width` beside it, and visible: g falls from 1 on the line of the heading to 0 at
-      that distance from it, since people who walk on different sides of a way follow each other more closely;
+    - ahead of the heading, and of e or the heading before, within `sight`, and visible: g is 1 up to the distance
+      `width` beside the line of the heading, and falls to 0 within the next `edge`. People walk in lanes about as wide
+      as shoulders, and follow those of their own lane;
     - farther ahead on the way: has a smaller remaining travel time on the same route, or, on another route, is ahead
       along the sum of both desired directions. Oncoming people count with the parameters of their own, and g = 1;
 
-    and the velocity u_j of that person. V is `creep`, so that nobody waits for ever; it is 0 for people whose body is
-    at most 0.02 m behind the one ahead of them on the same route. Bodies that push on others at a narrow door would
-    form arches, which hold under the load.
+    and the velocity u_j of that person. V is `creep`, so that nobody waits for ever; it is 0 behind people on the same
+    route, of whom the first one never waits: queues keep their distances, and nobody pushes. People follow in single
+    file at l + (T - T_a) u if all have the speed u, and closer where those ahead walk off faster, as behind a door.
 
     People who stand, because they have not started yet or wait for others, are walked around: if one of them is in the
     way, the heading turns instead towards the direction in which the person comes farthest, of those up to 90 degrees
@@ -125,20 +127,21 @@ class Walking(Behaviour):
 
     Notes
     -----
-    The form of the speed is that of Weidmann's fundamental diagram; `length` was chosen with a prototype. The
-    parameters of time gap, anticipation, side steps, `width` and `chest_depth` are fitted to measured flows through
-    doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre and in a corridor of two
-    directions, and the flow down a stair ([people](evidence/people/README.md)). Above 2 per square metre, people in
-    a corridor are too fast, and queue more densely than measured, while the flows out of it agree.
+    Experiments in single file found distances of 0.36 m + 1.06 s u (Seyfried et al.), near which `length` and
+    `time_gap` - `anticipation` were sought. They, side steps, steps from walls, `width`, `edge` and `chest_depth` are
+    fitted to measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre
+    and in a corridor of two directions ([people](evidence/people/README.md)), and to the speeds of Weidmann's diagram
+    from 2 to 3.5 per square metre in a corridor of 2.4 m with narrow ends; those on stairs to the flow down a stair.
 
     References
     ----------
     Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
-    (2016), 225-232, for the speed; Xu, Chraibi, Seyfried: Anticipation in a velocity-based model for pedestrian
-    dynamics. Transportation Research C 133 (2021) 103464, for side steps; Moussaid, Helbing, Theraulaz: How simple
-    rules determine pedestrian behavior and crowd disasters. PNAS 108 (2011) 6884-6888, for ways around those who
-    stand; Weidmann: Transporttechnik der Fussgaenger, ETH Zurich (1993). The reaction time, creeping and not pushing
-    are additions.
+    (2016), 225-232, for the speed; Seyfried, Steffen, Klingsch, Boltes: The fundamental diagram of pedestrian movement
+    revisited. Journal of Statistical Mechanics (2005) P10002, for distances in single file; Xu, Chraibi, Seyfried:
+    Anticipation in a velocity-based model for pedestrian dynamics. Transportation Research C 133 (2021) 103464, for
+    side steps; Moussaid, Helbing, Theraulaz: How simple rules determine pedestrian behavior and crowd disasters. PNAS
+    108 (2011) 6884-6888, for ways around those who stand; Weidmann: Transporttechnik der Fussgaenger, ETH Zurich
+    (1993). Lanes, steps from walls, the reaction time and creeping are additions.
     """
 
     name = "walking"
@@ -161,38 +164,43 @@ class Walking(Behaviour):
 
     preset = Parameter(
         "measured",
-        "measured: as in experiments; regulation: time gaps of at least 1.4 s and no anticipation of those ahead, "
-        "for flows through doors that standard tests prescribe",
+        "measured: as in experiments; regulation: no anticipation of those ahead, for flows through doors that "
+        "standard tests prescribe",
         choices=("measured", "regulation"),
     )
     chest_depth = Parameter(
-        0.28, "depth of the chest, the diameter of bodies that touch", "m", minimum=0.02, maximum=2.0
+        0.30, "depth of the chest, the diameter of bodies that touch", "m", minimum=0.02, maximum=2.0
     )
-    time_gap = Parameter(0.7, "time gap T to the person ahead", "s", above=0.0, maximum=60.0)
-    length = Parameter(0.4, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
+    time_gap = Parameter(1.95, "time gap T to a person ahead who stands", "s", above=0.0, maximum=60.0)
+    length = Parameter(0.42, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
     anticipation = Parameter(
-        0.14, "time for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
+        1.17, "time T_a for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
     )
-    width = Parameter(
-        1.05, "distance beside the heading at which people are not ahead any more", "m", minimum=0.01, maximum=4.0
+    width = Parameter(0.25, "distance beside the heading up to which people are ahead", "m", minimum=0.0, maximum=4.0)
+    edge = Parameter(
+        0.15, "farther distance beside the heading at which people are not ahead any more", "m", above=0.0, maximum=4.0
     )
-    stair_time_gap = Parameter(0.75, "time gap on stairs", "s", above=0.0, maximum=60.0)
-    stair_length = Parameter(0.55, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
+    stair_time_gap = Parameter(2.0, "time gap on stairs", "s", above=0.0, maximum=60.0)
+    stair_length = Parameter(0.5, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
     oncoming_time_gap = Parameter(0.5, "time gap to oncoming people", "s", above=0.0, maximum=60.0)
     oncoming_length = Parameter(0.25, "distance l to oncoming people", "m", minimum=0.0, maximum=2.0)
     oncoming_width = Parameter(
         0.2, "greatest distance of oncoming people beside the heading", "m", minimum=0.0, maximum=2.0
     )
     side_step = Parameter(3.0, "strength of side steps", minimum=0.0, maximum=100.0)
-    side_range = Parameter(0.23, "range of side steps", "m", minimum=0.01, maximum=10.0)
-    side_time = Parameter(0.5, "time for which motion is anticipated in side steps", "s", minimum=0.0, maximum=10.0)
+    side_range = Parameter(0.26, "range of side steps", "m", minimum=0.01, maximum=10.0)
+    side_time = Parameter(0.6, "time for which motion is anticipated in side steps", "s", minimum=0.0, maximum=10.0)
     side_limit = Parameter(2.0, "greatest side step", minimum=0.0, maximum=100.0)
     right = Parameter(
         0.3, "how far oncoming people are taken to be on the left of where they are", "m", minimum=-5.0, maximum=5.0
     )
+    wall_step = Parameter(10.0, "strength k_w of steps away from walls", minimum=0.0, maximum=100.0)
+    wall_distance = Parameter(
+        0.31, "distance d_w from walls below which people step away", "m", above=0.0, maximum=BUCKET_REACH
+    )
     reaction_time = Parameter(0.3, "time within which the heading turns", "s", minimum=0.0, maximum=10.0)
     creep = Parameter(0.1, "least speed of people who are blocked by others", "m/s", minimum=0.0, maximum=1.0)
-    sight = Parameter(2.0, "distance up to which people step aside for others", "m", minimum=0.1, maximum=20.0)
+    sight = Parameter(2.0, "distance up to which people heed others", "m", minimum=0.1, maximum=20.0)
 
     def contact_radius(self, radius: FloatArray, settings: Mapping[str, Any]) -> FloatArray:
         """Return half the depth of the chest, since shoulders turn; at most the radius."""
@@ -211,8 +219,6 @@ class Walking(Behaviour):
         )
         self._rule = Rule(**{name: getattr(self, name) for name in Rule.kinds})
         if self.preset == "regulation":
-            self._rule.time_gap = max(self.time_gap, REGULATION_TIME_GAP)
-            self._rule.stair_time_gap = max(self.stair_time_gap, REGULATION_TIME_GAP)
             self._rule.anticipation = 0.0
 
     def act(self, crowd: Crowd, time: float) -> None:
@@ -284,19 +290,23 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         climb = ex * world.uphill[sights.level[i], 0] + ey * world.uphill[sights.level[i], 1]
         if climb != 0.0:
             length, gap = rule.stair_length, rule.stair_time_gap
-    reach = length + FREE * gap * wanted
-    list_near(world, sights, i, max(reach, rule.sight) if is_inside else reach)
+    if someone_stands:
+        list_near(world, sights, i, rule.sight, 0.0, 0.0, 0.0, 0.0)
+    else:
+        list_near(world, sights, i, rule.sight, ex, ey, hx, hy)
     standing, free = 0, 0.0
     if is_inside:
         if someone_stands:
             standing = list_standing(world, sights, rule, i)
+        side = 0.0
         if rule.side_step > 0.0:
-            side = side_step(world, crowd, sights, motion, rule, standing, i)
-            tx, ty = ex - side * ey, ey + side * ex
-            norm = math.sqrt(tx * tx + ty * ty)
-            tx, ty = tx / norm, ty / norm
-        else:
-            tx, ty = ex, ey
+            side += side_step(world, crowd, sights, motion, rule, standing, i)
+        if rule.wall_step > 0.0 and sights.open_to[i] == 0.0:
+            side += wall_step(world, sights, rule, i)
+        side = min(max(side, -rule.side_limit), rule.side_limit)
+        tx, ty = ex - side * ey, ey + side * ex
+        norm = math.sqrt(tx * tx + ty * ty)
+        tx, ty = tx / norm, ty / norm
         if standing:
             tx, ty, free = way_round(world, crowd, sights, motion, rule, standing, i, tx, ty)
         share = turn
@@ -308,7 +318,7 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
             gx, gy, norm = tx, ty, 1.0
         hx, hy = gx / norm, gy / norm
         motion.next[i, 0], motion.next[i, 1] = hx, hy
-    best, least = FREE * wanted, min(rule.creep, wanted)
+    best, least = wanted, min(rule.creep, wanted)
     for k in range(sights.number):
         j = sights.near[k]
         if sights.wanted[j] <= 0.0 or j == i:
@@ -318,12 +328,12 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         square = dx * dx + dy * dy
         beside = abs(hx * dy - hy * dx)
         wide = max(crowd.contact_radius[i] + crowd.contact_radius[j] - rule.chest_depth, 0.0)
-        share = 1.0 - max(beside - wide, 0.0) / rule.width
+        share = min((rule.width + rule.edge + wide - beside) / rule.edge, 1.0)
         nearest = share * (length + gap * best) + wide
         if beside <= rule.oncoming_width + wide:
             nearest = max(nearest, rule.oncoming_length + wide + rule.oncoming_time_gap * best)
         # In one branch, which is rarely taken: is this person ahead, and near enough to restrict the speed even more?
-        if not ((hx * dx + hy * dy > 0.0) & (share >= LEAST_SHARE) & (square < nearest * nearest)):
+        if not ((hx * dx + hy * dy > 0.0) & (share > 0.0) & (square < nearest * nearest)):
             continue
         distance, within, leads_on = share * length + wide, share * gap, crowd.route[i] == crowd.route[j]
         if hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0:
@@ -338,15 +348,10 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         if speed >= best:
             continue
         if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
-            best = speed
-            if leads_on and s < crowd.contact_radius[i] + crowd.contact_radius[j] + TOUCHING:
-                least = 0.0
-    if best < FREE * wanted:
-        best = wanted * (1.0 - math.exp(-max(best, 0.0) / wanted)) / (1.0 - math.exp(-FREE))
-    else:
-        best = wanted
+            best, least = speed, 0.0 if leads_on else min(rule.creep, wanted)
     if standing:
         free = min(free, free_way(crowd, sights, motion, rule, standing, i, hx, hy, TOUCHING))
+        free = free_of_walls(world, crowd, sights, motion, i, free)
         if free < rule.sight:
             # A way of tau u is left to the present velocity u after the desired one is zero.
             stop = crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
@@ -420,13 +425,36 @@ def way_round(world, crowd, sights, motion, rule, standing, i, tx, ty):  # type:
         cx, cy = cosine * tx - sine * ty, sine * tx + cosine * ty
         free = free_way(crowd, sights, motion, rule, standing, i, cx, cy, CLEARANCE)
         if k != 0:
-            far = crowd.contact_radius[i]
-            while free > 0.0 and is_hidden(world, level, x, y, level, x + (free + far) * cx, y + (free + far) * cy):
-                free = 0.5 * free if free > 2.0 * TOUCHING else 0.0
+            free = way_to_wall(world, level, x, y, cx, cy, free, crowd.contact_radius[i])
         value = free * (cosine + ASIDE) + STEADY * (cx * motion.heading[i, 0] + cy * motion.heading[i, 1])
         if value > most:
             bx, by, most, farthest = cx, cy, value, free
     return bx, by, farthest
+
+
+@inner
+def free_of_walls(world, crowd, sights, motion, i, free):  # type: ignore[no-untyped-def]
+    """Return the free distance of person i, or a shorter one if its velocity leads into a wall within `NEAR_WALL`."""
+    ux, uy = motion.velocity[i, 0], motion.velocity[i, 1]
+    u = math.sqrt(ux * ux + uy * uy)
+    if u < SLOW:
+        return free
+    near, radius = min(free, NEAR_WALL), crowd.contact_radius[i] - TOUCHING
+    x, y = sights.position[i, 0], sights.position[i, 1]
+    found = way_to_wall(world, sights.level[i], x, y, ux / u, uy / u, near, radius)
+    return found if found < near else free
+
+
+@inner
+def way_to_wall(world, level, x, y, cx, cy, free, radius):  # type: ignore[no-untyped-def]
+    """Return a way of at most `free` towards c that leads neither side of a body into a wall, by halving it [m]."""
+    for side in (-radius, radius):
+        ax, ay = x - side * cy, y + side * cx
+        while free > 0.0 and is_hidden(
+            world, level, ax, ay, level, ax + (free + radius) * cx, ay + (free + radius) * cy
+        ):
+            free = 0.5 * free if free > 2.0 * TOUCHING else 0.0
+    return free
 
 
 @inner
@@ -472,7 +500,31 @@ def side_step(world, crowd, sights, motion, rule, standing, i):  # type: ignore[
         if abs(across) < ON_LINE:
             across = motion.side[i]
         total += -weight if across > 0.0 else weight
-    return min(max(total, -rule.side_limit), rule.side_limit)
+    return total
+
+
+@inner
+def wall_step(world, sights, rule, i):  # type: ignore[no-untyped-def]
+    """Return the step of person i away from walls, relative to the desired direction, positive to the left."""
+    ex, ey = sights.direction[i, 0], sights.direction[i, 1]
+    x, y = sights.position[i, 0], sights.position[i, 1]
+    left = right = 0.0
+    first, last = walls_near(world, sights.level[i], x, y, 0.0)
+    for slot in range(first, last):
+        w = world.bucket_wall[slot]
+        if world.wall_open[w]:
+            continue
+        x1, y1 = world.wall[w, 0], world.wall[w, 1]
+        px, py = world.wall[w, 2] - x1, world.wall[w, 3] - y1
+        part = min(max(((x - x1) * px + (y - y1) * py) / (px * px + py * py), 0.0), 1.0)
+        dx, dy = x1 + part * px - x, y1 + part * py - y
+        weight = rule.wall_step * (1.0 - math.sqrt(dx * dx + dy * dy) / rule.wall_distance)
+        if weight > 0.0 and ex * dx + ey * dy >= -BEHIND:
+            if ex * dy - ey * dx > 0.0:
+                left = max(left, weight)
+            else:
+                right = max(right, weight)
+    return right - left
 
 
 evac_interface = 3

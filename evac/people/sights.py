@@ -107,8 +107,10 @@ def set_open_distances(world, sights):  # type: ignore[no-untyped-def]
 
 
 @inner
-def list_near(world, sights, i, reach):  # type: ignore[no-untyped-def]
-    """List all people within `reach` [m] whom person i may see in `sights.near`.
+def list_near(world, sights, i, reach, ex, ey, hx, hy):  # type: ignore[no-untyped-def]
+    """List all people within `reach` [m] whom person i may see in `sights.near`: those ahead of e or of h.
+
+    Of two directions that are zero, everybody is ahead.
 
     People on other levels are seen through portals only, and people outside from the level that they have left, or
     through portals; these see only others outside of the same level.
@@ -116,25 +118,27 @@ def list_near(world, sights, i, reach):  # type: ignore[no-untyped-def]
     sights.number = 0
     own = sights.level[i]
     if own >= sights.levels:
-        list_level(sights, i, own, reach)
+        list_level(sights, i, own, reach, ex, ey, hx, hy)
         return
     slack = 2.0 * max(SEAM, world.rounding)
     for k in range(levels_in_reach(world, own, sights.position[i, 0], sights.position[i, 1], reach + slack)):
         level = world.linked_level[world.linked_start[own] + k]
-        list_level(sights, i, level, reach)
-        list_level(sights, i, level + sights.levels, reach)
+        list_level(sights, i, level, reach, ex, ey, hx, hy)
+        list_level(sights, i, level + sights.levels, reach, ex, ey, hx, hy)
 
 
 @inner
-def list_level(sights, i, level, reach):  # type: ignore[no-untyped-def]
-    """Add the people of a level within `reach` [m] of person i to `sights.near`."""
+def list_level(sights, i, level, reach, ex, ey, hx, hy):  # type: ignore[no-untyped-def]
+    """Add the people of a level within `reach` [m] of person i, and ahead of e or h, to `sights.near`."""
     cells = sights.cells
     columns, rows, wraps = cells.columns[level], cells.rows[level], cells.wraps[level]
     x, y, number = sights.position[i, 0], sights.position[i, 1], sights.number
-    left = line_at(x - reach, cells.size) - cells.low_column[level]
-    right = line_at(x + reach, cells.size) - cells.low_column[level] + 1
-    low = line_at(y - reach, cells.size) - cells.low_row[level]
-    high = line_at(y + reach, cells.size) - cells.low_row[level] + 1
+    west, east = max(extent(-ex, ey), extent(-hx, hy)), max(extent(ex, ey), extent(hx, hy))
+    south, north = max(extent(-ey, ex), extent(-hy, hx)), max(extent(ey, ex), extent(hy, hx))
+    left = line_at(x - reach * west, cells.size) - cells.low_column[level]
+    right = line_at(x + reach * east, cells.size) - cells.low_column[level] + 1
+    low = line_at(y - reach * south, cells.size) - cells.low_row[level]
+    high = line_at(y + reach * north, cells.size) - cells.low_row[level] + 1
     if wraps:  # each column and row once
         right, high = min(right, left + columns), min(high, low + rows)
     else:
@@ -151,8 +155,15 @@ def list_level(sights, i, level, reach):  # type: ignore[no-untyped-def]
                 j = cells.slots[slot]
                 dx, dy = sights.position[j, 0] - x, sights.position[j, 1] - y
                 sights.near[number] = j  # without a branch, which the processor could not predict
-                number += dx * dx + dy * dy <= reach * reach
+                is_ahead = (ex * dx + ey * dy >= 0.0) | (hx * dx + hy * dy >= 0.0)
+                number += is_ahead & (dx * dx + dy * dy <= reach * reach)
     sights.number = number
+
+
+@inner
+def extent(along, across):  # type: ignore[no-untyped-def]
+    """Return how far the half of a unit disc ahead of a direction with these components reaches along the first one."""
+    return 1.0 if along >= 0.0 else abs(across)
 
 
 @inner

@@ -1,6 +1,7 @@
 """Walking: the speed, the side step and the turn against exact numbers; nobody is stuck at a narrow door."""
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
 from evac.simulation.scene import Scene, make_ground
 from evac.simulation.simulation import Simulation
-from evac_plugins.behaviour_walking import FREE, Walking
+from evac_plugins.behaviour_walking import Walking
 from tests.physics.scenes import make_building, uniform_fields
 from tests.runs import MODELS, assert_same_bits, run_ticks
 
@@ -52,29 +53,58 @@ def test_the_speed_anticipates_the_motion_of_the_person_ahead(distance, leader):
 
 def share_at(speed):
     """Return the share of the desired speed of 1.2 m/s at which people walk if a distance allows a speed [m/s]."""
-    return -math.expm1(-min(speed / 1.2, FREE)) / -math.expm1(-FREE)
+    return min(max(speed / 1.2, 0.0), 1.0)
 
 
-@pytest.mark.parametrize(("distance", "is_free"), [(3.0, False), (3.05, True)])
+@pytest.mark.parametrize(("distance", "is_free"), [(1.55, False), (1.6, True), (1.65, True)])
 def test_the_speed_is_the_desired_one_from_a_distance_on(distance, is_free):
     factor, _ = acted([[0.0, 0.0], [distance, 0.0]], time_gap=1.0, length=0.4, **STRAIGHT)
-    assert factor[0] == pytest.approx(1.0, abs=1e-2)
-    assert (factor[0] == 1.0) == is_free
+    assert factor[0] == pytest.approx(1.0, abs=0.05)
+    assert (factor[0] == pytest.approx(1.0, rel=1e-12)) == is_free
 
 
-@pytest.mark.parametrize(("gap", "expected"), [(0.03, 0.1), (0.01, 0.0)])
-def test_blocked_people_creep_but_do_not_push_on_those_ahead(gap, expected):
-    factor, _ = acted([[0.0, 0.0], [0.28 + gap, 0.0]], creep=0.1, **STRAIGHT)
-    assert factor == pytest.approx([expected / 1.2, 1.0])
+@pytest.mark.parametrize(("sight", "expected"), [(0.75, 1.0), (0.85, 0.25)])
+def test_people_farther_away_than_the_sight_are_not_heeded(sight, expected):
+    factor, _ = acted([[0.0, 0.0], [0.8, 0.0]], time_gap=4.0 / 3.0, length=0.4, sight=sight, **STRAIGHT)
+    assert factor[0] == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("across", [0.0, 0.25, -0.25, 0.49])
+@pytest.mark.parametrize("distance", [0.3, 0.38])
+def test_people_wait_behind_those_on_their_route_and_creep_behind_others(distance):
+    position = [[0.0, 0.0], [distance, 0.0]]
+    waiting, _ = acted(position, creep=0.1, **STRAIGHT)
+    assert waiting == pytest.approx([0.0, 1.0])
+    creeping, _ = acted(position, creep=0.1, fields=uniform_fields(1, EAST, EAST), route=[0, 1], **STRAIGHT)
+    assert creeping == pytest.approx([0.1 / 1.2, 1.0])
+
+
+@pytest.mark.parametrize("order", list(permutations(range(4))))
+def test_the_speed_does_not_depend_on_the_order_of_people(order):
+    position = np.array([[0.0, 0.0], [0.29, 0.1], [0.33, -0.1], [0.45, 0.0]])
+    velocity = np.array([[0.0, 0.0], [0.1, 0.0], [0.03, 0.0], [0.0, 0.0]])
+    route = np.array([0, 0, 1, 0])
+    fields, some = uniform_fields(1, EAST, EAST), list(order)
+    factor, _ = acted(position[some], velocity[some], fields=fields, route=route[some], **STRAIGHT)
+    first, _ = acted(position, velocity, fields=fields, route=route, **STRAIGHT)
+    assert factor == pytest.approx(first[some], rel=1e-12)
+
+
+@pytest.mark.parametrize("across", [0.0, 0.15, 0.25, -0.25, 0.49, 0.51])
 def test_people_beside_the_way_take_a_share_of_it(across):
-    parameters = {"width": 0.5, "time_gap": 1.0, "length": 0.4, "anticipation": 0.0, **STRAIGHT}
+    parameters = {"width": 0.2, "edge": 0.3, "time_gap": 1.0, "length": 0.4, "anticipation": 0.0, **STRAIGHT}
     factor, _ = acted([[0.0, 0.0], [0.6, across]], **parameters)
-    share = 1.0 - abs(across) / 0.5
-    allowed = (math.hypot(0.6, across) - share * 0.4) / share if share > 0.02 else math.inf
+    share = min((0.5 - abs(across)) / 0.3, 1.0)
+    allowed = (math.hypot(0.6, across) - share * 0.4) / share if share > 0.0 else math.inf
     assert factor[0] == pytest.approx(share_at(allowed), rel=1e-12)
+
+
+@pytest.mark.parametrize("wall", [-0.2, 0.2, 0.35])
+def test_people_step_away_from_walls(wall):
+    walls = [(-1.0, wall, 3.0, wall), (-1.0, math.copysign(3.0, -wall), 3.0, math.copysign(3.0, -wall))]
+    parameters = {"wall_step": 2.0, "wall_distance": 0.3, "reaction_time": 0.0}
+    _, heading = acted([[0.0, 0.0]], building=make_building(walls=walls), **parameters)
+    step = 2.0 * max(1.0 - abs(wall) / 0.3, 0.0)
+    assert heading[0, 1] / heading[0, 0] == pytest.approx(-math.copysign(step, wall), abs=1e-9)
 
 
 def oncoming(across, **parameters):
@@ -119,7 +149,7 @@ def test_nobody_is_seen_through_a_wall():
     plan = evac.Plan()
     plan.storey("floor", box(0, 0, 6, 4).difference(box(2.9, 0, 3.0, 3)))
     plan.exit("out", "floor", [(6, 1), (6, 2)])
-    factor, heading = acted([[2.6, 1.0], [3.3, 1.0]], building=plan.building())
+    factor, heading = acted([[2.6, 1.0], [3.3, 1.0]], building=plan.building(), wall_step=0.0)
     assert factor[0] == 1.0
     assert heading[0] == pytest.approx(EAST)
 
@@ -173,7 +203,7 @@ def test_people_without_an_open_way_stand_until_one_opens(step):
 
 def test_bodies_have_the_depth_of_the_chest():
     crowd = Simulation(room(0.8, 20)).population.crowd
-    assert (crowd.contact_radius == 0.14).all()
+    assert (crowd.contact_radius == 0.15).all()
     assert (crowd.radius >= 0.2).all()
 
 
@@ -261,10 +291,11 @@ def test_people_wait_behind_a_row_of_people_who_close_a_corridor():
 
 @pytest.mark.parametrize("distance", [0.5, 0.8])
 def test_people_with_wide_bodies_stop_farther_apart_by_what_they_are_wider(distance):
-    """Two bodies of 0.8 m instead of 0.28 m: 0.52 m farther, ahead or beside."""
+    """Two bodies of 0.8 m instead of 0.3 m: 0.5 m farther, ahead or beside."""
     one, _ = acted([[0.0, 0.0], [distance, 0.0]], **STRAIGHT)
-    other, _ = acted([[0.0, 0.0], [distance + 0.52, 0.0]], contact_radius=0.4, **STRAIGHT)
+    other, _ = acted([[0.0, 0.0], [distance + 0.5, 0.0]], contact_radius=0.4, **STRAIGHT)
     assert other[0] == pytest.approx(one[0], rel=1e-9)
-    ahead, _ = acted([[0.0, 0.0], [distance + 0.52, 0.6]], contact_radius=0.4, width=0.3, **STRAIGHT)
-    beside, _ = acted([[0.0, 0.0], [distance + 0.52, 0.83]], contact_radius=0.4, width=0.3, **STRAIGHT)
+    lane = {"width": 0.2, "edge": 0.1, **STRAIGHT}
+    ahead, _ = acted([[0.0, 0.0], [distance + 0.5, 0.7]], contact_radius=0.4, **lane)
+    beside, _ = acted([[0.0, 0.0], [distance + 0.5, 0.81]], contact_radius=0.4, **lane)
     assert ahead[0] < beside[0] == 1.0
