@@ -11,7 +11,7 @@ from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError, plugin_code
 from evac.base.parameters import did_you_mean
 from evac.base.saved import part_of, taken
-from evac.building.model.building import DOWN, FLAT, UP, Building
+from evac.building.model.building import DOWN, FLAT, UP
 from evac.conditions.air import Air
 from evac.conditions.dose import (
     COMPROMISING,
@@ -25,7 +25,8 @@ from evac.conditions.dose import (
 from evac.conditions.law import SmokeLaw, share_in_smoke
 from evac.conditions.quantities import IRRITANTS, QUANTITIES
 from evac.conditions.routes import RoutesInSmoke
-from evac.conditions.source import HEAD
+from evac.conditions.smokefield import NAME, PERIOD, SmokeField
+from evac.conditions.source import AT_ONCE, HEAD
 from evac.directions.fields import Fields
 from evac.people.population import Group
 from evac.physics.state import Crowd
@@ -59,8 +60,10 @@ def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
     return tuple(name for name in needed if name not in dose.without)
 
 
-def exposure_of(case: "Case", building: Building, crowd: Crowd, groups: Sequence[Group]) -> "Exposure":
+def exposure_of(case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> "Exposure":
     """Return the exposure of the people of a case, with its sources and its law of speed in smoke.
+
+    The field of smoke is added to the scene.
 
     Raises
     ------
@@ -76,8 +79,8 @@ def exposure_of(case: "Case", building: Building, crowd: Crowd, groups: Sequence
     law: SmokeLaw = made("law", "smoke_law", case.smoke.law, case.smoke.tables.get(case.smoke.law, {}))
     sources = [made("source", "condition_source", one.source, one.parameters) for one in case.conditions]
     heads = {people.name: HEAD * people.height.mean() for people in case.people}
-    air = Air(case, building, sources, heads, quantities_needed(case, law))
-    return Exposure(case, air, law, building, crowd, groups)
+    air = Air(case, scene.building, sources, heads, quantities_needed(case, law))
+    return Exposure(case, air, law, scene, crowd, groups)
 
 
 class Exposure:
@@ -88,7 +91,7 @@ class Exposure:
     case : Case
     air : Air
     law : SmokeLaw
-    building : Building
+    scene : Scene
     crowd : Crowd
     groups : sequence of Group
 
@@ -115,7 +118,7 @@ class Exposure:
     """
 
     def __init__(
-        self, case: "Case", air: Air, law: SmokeLaw, building: Building, crowd: Crowd, groups: Sequence[Group]
+        self, case: "Case", air: Air, law: SmokeLaw, scene: "Scene", crowd: Crowd, groups: Sequence[Group]
     ) -> None:
         self._case, self.air, self._law, self._crowd = case, air, law, crowd
         self._dose: DoseSettings | None = case.dose
@@ -132,8 +135,11 @@ class Exposure:
             wanted |= {*COUNTED[self._dose.form], "temperature", "radiation"} - {*self._dose.without}
         self.quantities = tuple(name for name in air.quantities if name in wanted)
         self._slows = bool(case.smoke.irritants) and any(name in self.quantities for name in IRRITANTS)
-        self.routes = RoutesInSmoke(case, air, law, float(crowd.height.mean())) if case.smoke.routes else None
-        self._uphill = np.array([level.uphill for level in building.levels])
+        height = float(crowd.height.mean())
+        self.routes = RoutesInSmoke(case, air, law, height) if case.smoke.routes else None
+        self._field = SmokeField(air, scene, height) if NAME in air.quantities else None
+        self._shown = -PERIOD  # time at which the field was updated
+        self._uphill = np.array([level.uphill for level in scene.building.levels])
         n = len(crowd.level)
         self.share, self.gas, self.heat = np.ones(n), np.zeros(n), np.zeros(n)
         self.extinction, self.irritants, self.stopped_at = np.zeros(n), np.zeros(n), np.full(n, np.nan)
@@ -166,6 +172,9 @@ class Exposure:
             The current directions: people on stairs go up or down.
         """
         crowd = self._crowd
+        if self._field is not None and time >= self._shown + PERIOD - AT_ONCE:
+            self._field.update(time)
+            self._shown = time
         owed = self._owed(time)
         out = crowd.level < 0
         self.gas[out] += owed[0, out]
@@ -273,7 +282,7 @@ class Exposure:
         state: dict[str, NDArray[Any]] = {name: getattr(self, name).copy() for name in names}
         routes = {} if self.routes is None else self.routes.state(scene)
         state |= {f"routes.{name}": values for name, values in routes.items()}
-        return state | {"rates": self._rates.copy(), "time": np.array(self._time)}
+        return state | {"rates": self._rates.copy(), "time": np.array(self._time), "shown": np.array(self._shown)}
 
     def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
         """Restore the arrays that `state` returned.
@@ -290,6 +299,7 @@ class Exposure:
             values[:] = taken(state, name, np.float64, shape, 0.0, np.inf, nan=name == "stopped_at")
         np.isfinite(self.stopped_at, out=self.stopped)
         self._rates[:] = taken(state, "rates", np.float64, self._rates.shape, 0.0, np.inf, nan=True)
+        self._shown = float(taken(state, "shown", np.float64, (), -PERIOD, np.inf))
         if self.routes is not None and "routes.counts" in state:  # not if a changed case has added them
             with part_of(state, "routes.") as own:
                 self.routes.restore(own, scene)

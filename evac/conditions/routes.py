@@ -111,7 +111,7 @@ class RoutesInSmoke:
 
     def state(self, scene: "Scene") -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
-        counts = {"counts": self._counts.copy(), "seconds": np.array(self._seconds), "version": np.array(self._version)}
+        counts = {"counts": self._counts.copy(), "version": np.array(self._version)}
         smoky = {} if scene.smoky is None else scene.smoky.state()
         return counts | {f"smoky.{name}": values for name, values in smoky.items()}
 
@@ -124,7 +124,6 @@ class RoutesInSmoke:
             An array is not what `state` returns.
         """
         self._counts[:] = taken(state, "counts", np.int64, (2,), 0, np.iinfo(np.int64).max)
-        self._seconds = float(taken(state, "seconds", np.float64, (), 0.0, np.inf))
         self._version = int(taken(state, "version", np.int64, (), -1, np.iinfo(np.int64).max))
         with part_of(state, "smoky.") as own:
             if own:

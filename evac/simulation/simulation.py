@@ -183,7 +183,7 @@ class Simulation:
             return None
         from evac.conditions.exposure import exposure_of
 
-        return exposure_of(self.case, self.building, self.population.crowd, self.population.groups)
+        return exposure_of(self.case, self.scene, self.population.crowd, self.population.groups)
 
     def _watch_people(self) -> None:
         """Keep the initial state of people, and begin to watch how they get on."""

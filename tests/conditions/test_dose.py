@@ -9,6 +9,7 @@ from evac.conditions.dose import gas_rate, heat_rate, irritant_concentration
 from evac.conditions.exposure import exposure_of
 from evac.people.population import Group
 from evac.physics.state import make_crowd
+from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
 from tests.conditions.corridor import standing
 
@@ -95,7 +96,7 @@ def exposed(people, dose=None, seed=1, **air):
     simulation = Simulation(case, will_run=False)
     crowd = make_crowd(np.full((people, 2), 1.0))
     groups = [Group("p", np.arange(people, dtype=np.int32), {})]
-    return exposure_of(case, simulation.building, crowd, groups), simulation.fields
+    return exposure_of(case, Scene(simulation.scene.ground), crowd, groups), simulation.fields
 
 
 def test_the_share_of_people_who_are_stopped_is_that_of_the_distribution():

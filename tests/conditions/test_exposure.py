@@ -147,3 +147,17 @@ def test_without_conditions_nothing_of_the_room_is_used():
     assert set(ast.literal_eval(done.stdout.splitlines()[-1])) <= used
     case = evac.load("square_room", {"conditions": [], "dose": {"threshold": 0.3}})
     assert Simulation(case, will_run=False).exposure is None
+
+
+def test_smoke_on_the_levels_is_recorded_and_read_by_behaviours(tmp_path):
+    area = {"name": "west", "level": "f", "polygon": [[0, 0], [50, 0], [50, 2], [0, 2]]}
+    table = prescribed(area="west", times=[0, 2, 4], values={"extinction": [0, 0, 8]}, hold=True)
+    waits = {"behaviours": {"response_time": {"time": 0.0, "begin": "cue", "fields": {"extinction": 2.0}}}}
+    case = corridor(table).change({"building.areas": [area], "simulation.duration": 8.0, **waits})
+    results = evac.run(case, tmp_path / "result")
+    field = results.trajectory.field("extinction")
+    times = results.trajectory.time
+    assert field.unit == "1/m"
+    assert field.at([0, 0], np.array([[10.5, 1.0], [80.5, 1.0]]))[times == 4.0].tolist() == [[8.0, 0.0]]
+    assert field.at([0], np.array([[10.5, 1.0]]))[times == 2.0].tolist() == [[0.0]]
+    assert 4.0 <= results.crowd.start_time[0] <= 4.2
