@@ -31,6 +31,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (3 m apart)")
     what = "parameters of the importer (`evac plugins` lists them), and scale, up, weld, headroom, treads and angles"
     declare_set(parser, what, option="--option")
+    what = "spacing of the grids of directions [m]; for large buildings, the message about memory proposes one"
+    parser.add_argument("--spacing", type=float, metavar="S", help=what)
     what = "write a case even if parts of the building are missing; each of its runs has a quality warning"
     parser.add_argument("--partial", action="store_true", help=what)
     declare_plugin(parser)
@@ -38,7 +40,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Import the files and show the result; return 2 if the building is incomplete, 0 even if there is no exit yet."""
-    for key, least in (("people", 1), ("density", 0.0)):
+    for key, least in (("people", 1), ("density", 0.0), ("spacing", 0.001)):
         value = getattr(arguments, key)
         if value is not None and not value >= least:
             raise ScenarioError(f"--{key} must be at least {least:g}, got {value:g}")
@@ -60,6 +62,7 @@ def execute(arguments: argparse.Namespace) -> int:
             density=arguments.density,
             z=z,
             options=options,
+            spacing=arguments.spacing,
             partial=arguments.partial,
             registry=Registry(arguments.plugins),
         )

@@ -42,7 +42,9 @@ seed = 1
 """
 
 
-def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str, Any]) -> str:
+def case_text(
+    made: "Imported", exits: list[dict[str, Any]], building: dict[str, Any], spacing: float | None = None
+) -> str:
     """Return the text of case.toml.
 
     Parameters
@@ -52,6 +54,8 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
         Exits made from openings.
     building : dict
         Keys of ``[building]``.
+    spacing : float, optional
+        Spacing of the grids of directions [m].
     """
     names = _one_line(", ".join(file.name for file in made.files))
     lines = [
@@ -72,7 +76,7 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
         lines += ["", "[[building.exits]]", *toml_lines(exit_)]
     if not made.building.exits and made.openings:
         lines += ["", "# There is no exit yet. The widest opening:"]
-        first = made.openings[0].exit(made.building)
+        first = made.openings[0].exit()
         lines += ["# [[building.exits]]", *(f"# {line}" for line in toml_lines(first))]
     lines += PEOPLE.rstrip().splitlines()
     for room in made.rooms:
@@ -80,6 +84,8 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
         ground = f"  # {room.ground:.1f} m2, {room.number / max(room.ground, 1e-9):.2f} people per square metre"
         group = ["[[people]]", *toml_lines({"name": room.name, "preset": "person", room.key: room.name})]
         lines += ["", *(f"{comment}{line}" for line in [*group, f"number = {max(room.number, 1)}{ground}"])]
+    if spacing is not None:
+        lines += ["", "[directions]", *toml_lines({"spacing": spacing})]
     return "\n".join(lines) + "\n" + REST
 
 

@@ -70,6 +70,7 @@ def import_building(
     density: float | None = None,
     z: Sequence[float] | None = None,
     options: Mapping[str, Any] | None = None,
+    spacing: float | None = None,
     partial: bool = False,
     registry: Registry | None = None,
 ) -> Imported:
@@ -94,6 +95,8 @@ def import_building(
         Heights of the storeys of several files [m]; 3 m from one to the next by default.
     options : mapping
         Parameters of the importers, and keys of ``[building]`` that control how a mesh is read.
+    spacing : float, optional
+        Spacing of the grids of directions [m], for buildings whose grids would not fit into memory at the default.
     partial : bool
         Whether a case is written for a building that lacks something; every run of it has a quality warning.
     registry : Registry, optional
@@ -120,7 +123,7 @@ def import_building(
     with _drafted(place) as draft:
         building = _Draft(draft, read, paths[0], own, registry)
         openings = find_openings(building.written, building.openings)
-        chosen = [opening.exit(building.written) for opening in _chosen(exits, openings)]
+        chosen = [opening.exit() for opening in _chosen(exits, openings)]
         building.add(chosen, place)
         written = building.written
         findings += building.findings
@@ -150,7 +153,7 @@ def import_building(
         else:
             # Names of files need not be UTF-8.
             keys = {"mesh": building.name} | building.kept | ({"missing": list(missing)} if missing else {})
-            text = case_text(made, [] if building.name == PLAN else chosen, keys)
+            text = case_text(made, [] if building.name == PLAN else chosen, keys, spacing)
             (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
         if not made.is_accepted:
             made = replace(made, fault="the building is incomplete")
@@ -359,5 +362,8 @@ def _draw(made: Imported, folder: Path, *, are_named: bool) -> None:
     from evac.pictures.annotated import Mark, draw_levels
 
     offered = () if made.building.exits and not are_named else made.openings[:MOST_OPENINGS]
-    marks = [Mark(f"{one.number}: {one.width:.2f} m", one.level, one.segment) for one in offered]
+    index = {level.name: level.index for level in made.building.levels}
+    marks = [
+        Mark(f"{one.number}: {one.width:.2f} m", index[one.level], one.segment) for one in offered if one.level in index
+    ]
     draw_levels(made.building, folder / PICTURE, made.findings, marks, ", ".join(one.name for one in made.files))

@@ -28,15 +28,15 @@ class Opening:
     """A part of an outline that can become an exit."""
 
     number: int  # number in lists, from 1
-    level: int
+    level: str  # name of its level in the building that the files describe, which edits may have taken away
+    z: float  # height [m]
     segment: FloatArray  # (4,) float64: x1, y1, x2, y2 [m]
     width: float  # [m]
 
-    def exit(self, building: Building) -> dict[str, Any]:
+    def exit(self) -> dict[str, Any]:
         """Return the opening as an exit of a case."""
         x1, y1, x2, y2 = np.round(self.segment, 3).tolist()
-        name = f"exit {self.number}"
-        return {"name": name, "segment": [[x1, y1], [x2, y2]], "level": building.levels[self.level].name}
+        return {"name": f"exit {self.number}", "segment": [[x1, y1], [x2, y2]], "level": self.level}
 
 
 def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) -> list[Opening]:
@@ -64,7 +64,13 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
     width = segment_lengths(np.array([segment for _, segment in found]).reshape(-1, 4))
     order = sorted(range(len(found)), key=lambda k: (-round(float(width[k]), 3), found[k][0], *found[k][1].tolist()))
     kept = [k for k in order if width[k] >= LEAST_WIDTH]
-    return [Opening(number, *found[k], float(width[k])) for number, k in enumerate(kept, start=1)]
+    openings = []
+    for number, k in enumerate(kept, start=1):
+        level, segment = building.levels[found[k][0]], found[k][1]
+        middle = ((segment[:2] + segment[2:]) / 2)[None]
+        z = float(level_elevation(building.vertices, level, middle)[0])
+        openings.append(Opening(number, level.name, z, segment, float(width[k])))
+    return openings
 
 
 def _outer(building: Building, level: Level) -> FloatArray:
@@ -93,9 +99,3 @@ def _level_of(building: Building, name: str, segment: FloatArray) -> int | None:
         if is_named and level.polygon.boundary.distance(middle) <= REACH:
             return level.index
     return None
-
-
-def height_of(building: Building, opening: Opening) -> float:
-    """Return the height of an opening [m]."""
-    middle = ((opening.segment[:2] + opening.segment[2:]) / 2)[None]
-    return float(level_elevation(building.vertices, building.levels[opening.level], middle)[0])

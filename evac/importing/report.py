@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from evac.building.model.findings import KINDS
-from evac.importing.openings import height_of
 
 if TYPE_CHECKING:
     from evac.importing.importing import Imported
@@ -65,9 +64,8 @@ def opening_row(made: "Imported", row: int) -> tuple[object, ...]:
     """Return the row of an opening in a list."""
     opening = made.openings[row]
     x1, y1, x2, y2 = opening.segment.tolist()
-    level = made.building.levels[opening.level].name
     ends = (f"({x1:z.2f}, {y1:z.2f})", f"({x2:z.2f}, {y2:z.2f})")
-    return opening.number, level, f"{opening.width:.2f}", *ends, f"{height_of(made.building, opening):z.2f}"
+    return opening.number, opening.level, f"{opening.width:.2f}", *ends, f"{opening.z:z.2f}"
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:

@@ -86,6 +86,18 @@ def test_edits_that_no_longer_fit_are_listed_and_the_others_kept(tmp_path):
     assert "stairs" not in tomllib.loads(text)
 
 
+def test_openings_of_a_storey_that_was_deleted_are_still_listed(tmp_path):
+    path = write(tmp_path / "a.plan.toml")
+    made = import_building([path], tmp_path / "case", partial=True)
+    text = (made.folder / "building.plan.toml").read_text(encoding="utf-8")
+    ground = re.sub(r'(?s)\[\[storeys\]\]\nname = "first".*?\n\n', "", text)
+    (made.folder / "building.plan.toml").write_text(ground, encoding="utf-8")
+    again = import_building([path], tmp_path / "case", partial=True)
+    assert [level.name for level in again.building.levels] == ["ground"]
+    assert [one.level for one in again.openings] == [one.level for one in made.openings]
+    assert "first" in {one.level for one in again.openings}
+
+
 @pytest.mark.parametrize("name", ["a.plan.toml", "a.msh"])
 def test_the_plan_gives_the_building_that_was_imported(tmp_path, name):
     plan = Plan()

@@ -212,6 +212,11 @@ def test_folders_that_are_not_ours_and_cases_that_are_changed_are_left_alone(roo
     assert text_of(made, "case.toml") == "title = 'mine'"
 
 
+def test_the_spacing_of_a_large_building_is_an_option(room, tmp_path):
+    made = import_building([room], tmp_path / "case", exits=[1], people=1, spacing=0.2)
+    assert (made.fault, evac.load(made.folder).directions.spacing) == ("", 0.2)
+
+
 @pytest.mark.parametrize("scale", [1.0, 0.001])
 def test_openings_that_an_importer_names_come_before_outer_edges(tmp_path, scale):
     ground = shapely.affinity.scale(shapely.from_wkt(ROOM), 1 / scale, 1 / scale, origin=(0, 0))
