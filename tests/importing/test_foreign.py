@@ -1,14 +1,18 @@
 """Buildings made by others (../shared/data/foreign) are imported as independent libraries read them (foreign.csv)."""
 
 import csv
+import html
 import time
 from collections import defaultdict
 
+import numpy as np
 import pytest
 
+import evac
 from evac import BuildingError, import_building
 from evac.building.recover.bodies import Body
 from evac.building.recover.products import LIBRARIES, read_products
+from evac.cli.main import main
 from tests.importing.independent import FOREIGN, TABLE, rows_of
 
 pytestmark = pytest.mark.skipif(not FOREIGN.is_dir(), reason="../shared/data/foreign is not there")
@@ -118,3 +122,59 @@ def test_the_table_is_what_the_independent_reading_finds(name):
     with TABLE.open(encoding="utf-8") as file:
         rows = [tuple(row) for row in csv.reader(file) if row[0] == name]
     assert list(rows_of(FOREIGN / name)) == rows
+
+
+#: What is added to the imported case: a closing door, people who arrive, and two wheelchairs, one of them upstairs.
+ADDED = """
+[[people]]
+name = "wheelchair below"
+preset = "wheelchair"
+area = "B102 Living Room"
+number = 1
+
+[[people]]
+name = "wheelchair above"
+preset = "wheelchair"
+area = "B202 Bedroom 1"
+number = 1
+
+[[people]]
+name = "visitors"
+preset = "person"
+arrive = { times = [2.0, 5.0, 8.0, 14.0], exit = "door 171853" }
+exits = ["door 146678"]
+
+[[place]]
+name = "hallway"
+kind = "refuge"
+area = "B201 Hallway"
+
+[[event]]
+time = 10.0
+kind = "close"
+target = "door 146596"
+"""
+
+
+@pytest.mark.slow
+def test_an_imported_building_runs_with_a_closing_door_arrivals_and_wheelchairs(tmp_path):
+    case, folder = tmp_path / "duplex", tmp_path / "result"
+    assert main(["import", str(FOREIGN / "Ifc2x3_Duplex_Architecture.ifc"), "--out", str(case)]) == 0
+    with (case / "case.toml").open("a", encoding="utf-8") as file:
+        file.write(ADDED)
+    assert main(["run", str(case), "--out", str(folder)]) == 0
+    assert main(["report", str(folder)]) == 0
+    results = evac.read_results(folder)
+    rows = {group.name: group.rows for group in results.groups}
+    exits, out, used = list(results.exits), results.crowd.exit_time, results.crowd.exit_used
+    assert results.ended == "everybody out or at a refuge"
+    assert [refuge.people for refuge in results.refuges] == [tuple(rows["wheelchair above"])]
+    assert exits[used[rows["wheelchair below"][0]]] in ("door 146678", "door 171853")
+    assert (results.crowd.arrival_time[rows["visitors"]] >= np.array([2.0, 5.0, 8.0, 14.0]) - 1e-9).all()
+    assert np.isfinite(out[rows["visitors"]]).all()
+    by_closed = out[used == exits.index("door 146596")]
+    assert len(by_closed)
+    assert by_closed.max() < 11.0
+    (change,) = results.changes
+    assert str(change) in html.unescape((folder / "report.html").read_text(encoding="utf-8"))
+    assert (folder / "replay.html").stat().st_size > 20_000
