@@ -164,7 +164,7 @@ class Fds(ConditionSource):
 
     def deck(self, scene: SourceScene) -> Sequence[str]:
         """Return the lines of an input file of FDS for slices at the heads of people on all levels."""
-        shift = (scene.settings.shift or (0.0, 0.0, 0.0)) if scene.settings is not None else (0.0, 0.0, 0.0)
+        shift = scene.settings.shift or (0.0, 0.0, 0.0)
         lines, wanted = [], dict.fromkeys([*DECK, *scene.needed])
         heads = sorted({round(head, 2) for head in scene.heads.values()})
         chosen = [head for k, head in enumerate(heads) if k == 0 or head - heads[k - 1] > 0.01]

@@ -28,7 +28,20 @@ INTERRUPTED_STATUS = 130
 
 #: Commands in the order of the help, and the modules whose names differ from those of their commands.
 COMMANDS = (
-    *("run", "resume", "repeat", "sweep", "list", "check", "import", "new", "explain", "plugins", "cache"),
+    *(
+        "run",
+        "resume",
+        "repeat",
+        "sweep",
+        "list",
+        "check",
+        "import",
+        "new",
+        "explain",
+        "plugins",
+        "cache",
+        "conditions",
+    ),
     *("replay", "export", "render", "map", "report", "verify", "evidence"),
 )
 MODULES = {"list": "catalogue", "import": "importing"}

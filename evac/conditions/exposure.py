@@ -60,6 +60,24 @@ def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
     return tuple(name for name in needed if name not in dose.without)
 
 
+def law_of(case: "Case") -> SmokeLaw:
+    """Return the law of the speed in smoke of a case."""
+    law: SmokeLaw = _made(case, "law", "smoke_law", case.smoke.law, case.smoke.tables.get(case.smoke.law, {}))
+    return law
+
+
+def heads_of(case: "Case") -> dict[str, float]:
+    """Return the mean height of the heads of each group above the floor [m]."""
+    return {people.name: HEAD * people.height.mean() for people in case.people}
+
+
+def _made(case: "Case", word: str, kind: str, name: str, table: Mapping[str, Any]) -> Any:
+    """Return a plugin with its parameters."""
+    cls = case.registry.get(kind, name)
+    with plugin_code(f"{word} {name!r}: cannot be made", cls):
+        return cls(**table)
+
+
 def exposure_of(case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> "Exposure":
     """Return the exposure of the people of a case, with its sources and its law of speed in smoke.
 
@@ -70,16 +88,9 @@ def exposure_of(case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Gro
     EvacError
         A source cannot be read, or lacks a quantity, or a plugin fails.
     """
-
-    def made(word: str, kind: str, name: str, table: Mapping[str, Any]) -> Any:
-        cls = case.registry.get(kind, name)
-        with plugin_code(f"{word} {name!r}: cannot be made", cls):
-            return cls(**table)
-
-    law: SmokeLaw = made("law", "smoke_law", case.smoke.law, case.smoke.tables.get(case.smoke.law, {}))
-    sources = [made("source", "condition_source", one.source, one.parameters) for one in case.conditions]
-    heads = {people.name: HEAD * people.height.mean() for people in case.people}
-    air = Air(case, scene.building, sources, heads, quantities_needed(case, law))
+    law = law_of(case)
+    sources = [_made(case, "source", "condition_source", one.source, one.parameters) for one in case.conditions]
+    air = Air(case, scene.building, sources, heads_of(case), quantities_needed(case, law))
     return Exposure(case, air, law, scene, crowd, groups)
 
 
@@ -237,6 +248,16 @@ class Exposure:
             since = np.divide(np.maximum(left, 0.0), gain, out=np.zeros_like(gain), where=gain > 0.0)
             at = time - span + span * np.minimum(since, 1.0)
             self.stopped_at[rows[reached]] = np.fmin(self.stopped_at[rows[reached]], at[reached])
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what the sources do not cover, and when their values end before the end of the longest run."""
+        lines = [line for source in self.air.sources for line in source.findings()]
+        if self.air.last < self._case.simulation.duration:
+            lines.append(
+                f"{self._case.source}: conditions end at {self.air.last:g} s, and the run may last "
+                f"{self._case.simulation.duration:g} s: it fails there, unless everybody is out, or hold = true"
+            )
+        return tuple(lines)
 
     def results(self, time: float) -> dict[str, Any]:
         """Return what the results of a run say at a time: ``exposure``, columns of people.csv, and ``conditions``."""

@@ -26,5 +26,8 @@ BUILTIN_PLUGINS = (
 #: The behaviour with which people keep distances in the cases that evac writes, and which the output of a run names.
 DEFAULT_MOVEMENT = "walking"
 
+#: The source of conditions for which `evac conditions deck` prints lines.
+DEFAULT_FIRE = "fds"
+
 #: Solvers of the contact problem: that of models, and that of solves in which another solver fails.
 DEFAULT_SOLVER, DEFAULT_STRONGER_SOLVER = "accelerated_sweeps", "conjugate_faces"

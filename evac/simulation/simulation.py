@@ -235,7 +235,8 @@ class Simulation:
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
         if self.scene.changes:
             shut += cut_off(self.scene.building, self.fields, crowd, self.population.groups)
-        return (*self.building.warnings, *map(str, (*narrow, *self.stopping)), *people, *shut, *unused)
+        air = () if self.exposure is None else self.exposure.warnings()
+        return (*self.building.warnings, *air, *map(str, (*narrow, *self.stopping)), *people, *shut, *unused)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.
