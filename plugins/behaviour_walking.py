@@ -127,11 +127,12 @@ class Walking(Behaviour):
 
     Notes
     -----
-    Experiments in single file found distances of 0.36 m + 1.06 s u (Seyfried et al.), near which `length` and
-    `time_gap` - `anticipation` were sought. They, side steps, steps from walls, `width`, `edge` and `chest_depth` are
-    fitted to measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2 per square metre
-    and in a corridor of two directions ([people](evidence/people/README.md)), and to the speeds of Weidmann's diagram
-    from 2 to 3.5 per square metre in a corridor of 2.4 m with narrow ends; those on stairs to the flow down a stair.
+    In single file, people follow at 0.43 m + 0.73 s u; experiments found 0.36 m + 1.06 s u (Seyfried et al.), the same
+    where they queue. `length`, `time_gap`, `anticipation`, side steps, steps from walls, `width`, `edge` and
+    `chest_depth` are fitted to measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2
+    per square metre and in a corridor of two directions ([people](evidence/people/README.md)), and to the speeds of
+    Weidmann's diagram from 2 to 3.5 per square metre in a corridor of 2.4 m with narrow ends; `stair_time_gap` and
+    `stair_length` to the flow down a stair.
 
     References
     ----------
@@ -172,15 +173,15 @@ class Walking(Behaviour):
         0.30, "depth of the chest, the diameter of bodies that touch", "m", minimum=0.02, maximum=2.0
     )
     time_gap = Parameter(1.95, "time gap T to a person ahead who stands", "s", above=0.0, maximum=60.0)
-    length = Parameter(0.42, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
+    length = Parameter(0.43, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
     anticipation = Parameter(
-        1.17, "time T_a for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
+        1.22, "time T_a for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
     )
     width = Parameter(0.25, "distance beside the heading up to which people are ahead", "m", minimum=0.0, maximum=4.0)
     edge = Parameter(
         0.15, "farther distance beside the heading at which people are not ahead any more", "m", above=0.0, maximum=4.0
     )
-    stair_time_gap = Parameter(2.0, "time gap on stairs", "s", above=0.0, maximum=60.0)
+    stair_time_gap = Parameter(1.92, "time gap on stairs", "s", above=0.0, maximum=60.0)
     stair_length = Parameter(0.5, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
     oncoming_time_gap = Parameter(0.5, "time gap to oncoming people", "s", above=0.0, maximum=60.0)
     oncoming_length = Parameter(0.25, "distance l to oncoming people", "m", minimum=0.0, maximum=2.0)

@@ -165,6 +165,8 @@ def two_exits_scene() -> Scene:
     halls = [box(-3, 0, -0.2, 10), box(0, 0, 22, 10), box(22.2, 0, 25, 10)]
     doors = [box(-0.2, 4.5, 0, 5.5), box(22, 4, 22.2, 6)]
     plan = _one_storey(*halls, *doors)
+    plan.door("near door", "floor", [(-0.1, 4.5), (-0.1, 5.5)])
+    plan.door("far door", "floor", [(22.1, 4), (22.1, 6)])
     plan.exit("near", "floor", [(-3, 0), (-3, 10)])
     plan.exit("far", "floor", [(25, 0), (25, 10)])
     plan.area("start", "floor", box(0.5, 0, 9.5, 10))
