@@ -87,7 +87,7 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     if case is None:
         case = run(classes.check_registration, cls, values, pace)
     if issubclass(cls, ConditionSource):
-        run(air.check_source, case, cls.name)
+        run(air.check_source, case)
     if issubclass(cls, Behaviour):
         run(behaviours.check_declared_arrays, case, cls.name, ticks)
         if cls.keeps_distance:

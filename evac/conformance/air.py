@@ -17,7 +17,7 @@ def check_speeds(law: SmokeLaw) -> None:
     """Check that speeds are finite, one for each person, and the desired ones in clear air; arguments are kept."""
     desired, extinction = (values.ravel() for values in np.meshgrid(SPEEDS, SMOKE))
     given = desired.copy(), extinction.copy()
-    with examining("speed()"):
+    with examining("its speed()"):
         speed = np.asarray(law.speed(desired, extinction))
         require(
             speed.shape == desired.shape, f"returns {speed.shape}, not {desired.shape}", "return one for each person"
@@ -34,20 +34,20 @@ def check_speeds(law: SmokeLaw) -> None:
 def check_people_are_independent(law: SmokeLaw) -> None:
     """Check that the speed of each person follows from its own extinction coefficient alone."""
     desired, extinction = np.full(len(SMOKE), 1.25), np.array(SMOKE)
-    with examining("speed()"):
+    with examining("its speed()"):
         together = law.speed(desired, extinction)
         alone = np.array([law.speed(desired[k : k + 1], extinction[k : k + 1])[0] for k in range(len(SMOKE))])
         wrong = "gives a person another speed if others are there"
         require(bool((together == alone).all()), wrong, "use only the values of each person")
 
 
-def check_source(case: Case, name: str) -> None:
+def check_source(case: Case) -> None:
     """Check that a source gives values of its quantities, in their ranges, at people's heads, the same each time."""
     simulation = Simulation(case, will_run=False)
     assert simulation.exposure is not None
     air, crowd = simulation.exposure.air, simulation.population.crowd
     heads = air.heads_at(crowd.level, crowd.position, crowd.height)
-    with examining(f"at() of {name!r}"):
+    with examining("its at()"):
         values = air.at(air.quantities, 0.0, crowd.level, crowd.position, heads)
         again = air.at(air.quantities, 0.0, crowd.level, crowd.position, heads)
         require(

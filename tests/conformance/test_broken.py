@@ -12,6 +12,7 @@ from evac.contract.registry import Registry
 from tests.conformance import (
     broken_behaviours,
     broken_classes,
+    broken_conditions,
     broken_contact_models,
     broken_files,
     broken_forces,
@@ -33,6 +34,7 @@ BROKEN = [
     pytest.param(broken, id=f"{module.__name__.rpartition('.')[2]}-{k}")
     for module in (
         broken_classes,
+        broken_conditions,
         broken_contact_models,
         broken_solvers,
         broken_forces,

@@ -5,6 +5,7 @@ import pytest
 from shapely import box
 
 import evac
+from evac.contract.registry import Registry
 from evac.report.of_run import banner, main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
@@ -63,7 +64,7 @@ def test_wheelchairs_that_choose_exits_take_the_ramp():
 def test_wheelchairs_keep_their_width():
     crowd = Simulation(case_of(two_ways())).population.crowd
     assert crowd.contact_radius[crowd.group == 1] == pytest.approx(0.4)
-    assert crowd.contact_radius[crowd.group == 0] == pytest.approx(0.14)
+    assert crowd.contact_radius[crowd.group == 0] == pytest.approx(Registry().behaviours["walking"]().chest_depth / 2)
 
 
 def test_without_limit_wheelchairs_have_the_route_of_all():
