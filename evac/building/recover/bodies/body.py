@@ -78,6 +78,10 @@ class Body:
         """Return the level faces that point downwards: for each height, their union in plan and the height [m]."""
         return self._level(self.normals[:, 2] < -LEVEL)
 
+    def flats(self) -> list[tuple[BaseGeometry, float]]:
+        """Return all level faces, for bodies whose triangles are not oriented alike; see `tops`."""
+        return self._level(np.abs(self.normals[:, 2]) > LEVEL)
+
     def _level(self, mask: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> list[tuple[BaseGeometry, float]]:
         rows = np.flatnonzero(mask)
         height = self.corners[rows, :, 2].mean(axis=1)

@@ -166,7 +166,7 @@ def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
 def _lowest(space: Body) -> list[tuple[BaseGeometry, float]]:
     """Return the level faces of a space that point downwards and have no other one of them below."""
     faces: list[tuple[BaseGeometry, float]] = []
-    for plan, z in space.bottoms():
+    for plan, z in space.bottoms() or space.flats():
         rest = cut(plan, united([lower for lower, _ in faces])) if faces else plan
         if not rest.is_empty:
             faces.append((rest, z))
