@@ -1,4 +1,4 @@
-"""Importer of plan files: TOML with storeys, stairs, doors, exits, areas and obstacles, see docs/buildings.md."""
+"""Importer of plan files: TOML with storeys, stairs, doors, exits, areas and obstacles, see docs/plans.md."""
 
 from collections.abc import Sequence
 from pathlib import Path

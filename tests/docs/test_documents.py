@@ -18,9 +18,12 @@ DOCUMENTS = (
     "README.md",
     "docs/architecture.md",
     "docs/buildings.md",
+    "docs/case.md",
     "docs/compilation.md",
     "docs/exports.md",
+    "docs/meshes.md",
     "docs/pictures.md",
+    "docs/plans.md",
     "docs/plugins.md",
     "docs/results.md",
     "docs/status.md",
@@ -121,17 +124,17 @@ def test_python_of_the_guide_to_results_runs(text, tmp_path, monkeypatch, capsys
 
 
 def test_the_reference_of_a_case_is_the_generated_one(text):
-    assert text("docs/buildings.md").endswith("\n\n" + reference())
+    assert text("docs/case.md").endswith("\n\n" + reference())
 
 
 def test_the_plan_of_the_guide_is_evacuated(text, capsys):
-    (block,) = fenced(text("docs/buildings.md"), "python")
+    (block,) = fenced(text("docs/plans.md"), "python")
     exec(compile(block, "two_storeys.py", "exec"), {})
     assert capsys.readouterr().out == "20 of 20 out\n"
 
 
 def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
-    plan, *_ = fenced(text("docs/buildings.md"), "toml")
+    (plan,) = fenced(text("docs/plans.md"), "toml")
     (tmp_path / "house.plan.toml").write_text(plan, encoding="utf-8")
     rooms = "POLYGON ((0 0, 9 0, 9 6, 0 6, 0 0))\nPOLYGON ((9 0, 14 0, 14 6, 9 6, 9 0))"
     (tmp_path / "ground.wkt").write_text(rooms, encoding="utf-8")
@@ -148,8 +151,8 @@ def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
 
 
 def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
-    (mesh,) = fenced(text("docs/buildings.md"), "text")
-    case = fenced(text("docs/buildings.md"), "toml")[2]
+    (mesh,) = fenced(text("docs/meshes.md"), "text")
+    _, case = fenced(text("docs/meshes.md"), "toml")
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
     (tmp_path / "case.toml").write_text(case, encoding="utf-8")
     results = evac.run(evac.load(tmp_path))
@@ -161,9 +164,11 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
 
 
 def test_the_presets_of_the_guide_are_taken(text, tmp_path):
-    (mesh,) = fenced(text("docs/buildings.md"), "text")
+    (mesh,) = fenced(text("docs/meshes.md"), "text")
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
-    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")[2:]), encoding="utf-8")
+    _, case = fenced(text("docs/meshes.md"), "toml")
+    (presets,) = fenced(text("docs/case.md"), "toml")
+    (tmp_path / "case.toml").write_text(f"{case}\n{presets}", encoding="utf-8")
     simulation = Simulation(evac.load(tmp_path))
     rows = {group.name: group.rows for group in simulation.population.groups}
     crowd = simulation.population.crowd

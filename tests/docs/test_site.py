@@ -53,7 +53,7 @@ def test_every_page_is_in_the_contents(root):
 @pytest.fixture
 def split_level(root, tmp_path):
     """Return the building of the guide and a folder that has its mesh."""
-    text = (root / "docs/buildings.md").read_text(encoding="utf-8")
+    text = (root / "docs/meshes.md").read_text(encoding="utf-8")
     mesh = next(block for block in fenced(text, "text") if block.startswith("v "))
     case = next(block for block in fenced(text, "toml") if "split_level.obj" in block)
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")

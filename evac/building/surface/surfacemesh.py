@@ -28,7 +28,7 @@ class SurfaceMesh:
     """The surfaces that people can walk on, as read from a file, before any processing.
 
     The core welds vertices, splits cells at hanging nodes and ignores the orientation of cells, so neighbours need not
-    share vertices or edges exactly. Tags are names ``kind:NAME``, see docs/buildings.md.
+    share vertices or edges exactly. Tags are names ``kind:NAME``, see docs/meshes.md.
 
     Attributes
     ----------
