@@ -344,6 +344,24 @@ def test_openings_and_shafts_are_no_exits(tmp_path):
     assert building.exits == ()
 
 
+def test_a_curtain_wall_does_not_close_its_doors(tmp_path):
+    ifc = IfcFile()
+    ifc.storey("L0", 0.0)
+    ifc.box("IFCSLAB", "S", (0, 0, -0.2), (10, 6, 0), predefined="FLOOR")
+    for number, (low, high) in enumerate([((0, 0), (10, 0.1)), ((0, 5.9), (10, 6)), ((9.9, 0.1), (10, 5.9))]):
+        ifc.box("IFCWALL", f"W{number}", (*low, 0), (*high, 3))
+    ifc.box("IFCCURTAINWALL", "outer", (0, 0.1, 0), (0.1, 5.9, 3), tail="")
+    ifc.box("IFCPLATE", "inner", (5, 0.1, 0), (5.05, 5.9, 3))
+    for name, x in (("front", 0.0), ("between", 5.0)):
+        ifc.box("IFCDOOR", name, (x, 2, 0), (x + 0.06, 3, 2.1), tail=",$,$,.DOOR.,.NOTDEFINED.,$")
+    ifc.space("hall", [(0.1, 0.1), (5, 0.1), (5, 5.9), (0.1, 5.9)], 0)
+    ifc.space("room", [(5.05, 0.1), (9.9, 0.1), (9.9, 5.9), (5.05, 5.9)], 0)
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
+    assert len(building.levels) == 1
+    assert [(way.name, round(way.width, 2)) for way in building.exits] == [("front", 1.0)]
+    assert [(door.name, round(door.width, 2)) for door in building.doors] == [("between", 1.0)]
+
+
 def test_a_stair_that_is_there_twice_is_left_out_once(tmp_path):
     ifc = house(IfcFile(), storeys=2, hole=(6.3, 0.8, 7.7, 5.38))
     solids = steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT)
