@@ -1,38 +1,63 @@
-"""Passages of people through the lines of portals and exits, from a recorded run."""
+"""Passages of people through lines: exits, portals, doors between rooms, and lines of the case."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from evac.analysis.flows import FEWEST, steady_flow
+from evac.analysis.occupancy import Moves
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Portal
 from evac.trajectory.trajectory import Trajectory
 
+#: Time between two rows of a table of flows, over which each flow is a mean [s].
+SPAN = 5.0
+
+#: Number of ways of people between two recorded times that are looked at together.
+MOST_WAYS = 200_000
+
+#: Person, time and whether it is forward, of passages.
+Passages = tuple[IntArray, FloatArray, NDArray[np.bool_]]
+
 
 @dataclass(frozen=True)
 class LineFlow:
-    """The passages through the line of a portal or an exit.
+    """The passages through a line.
 
     Attributes
     ----------
-    link : Portal or Exit
+    kind : str
+        ``"exit"``, ``"portal"``, ``"door"`` or ``"line"``.
+    name : str
+    levels : tuple of int
+        Level of the line, or both levels of a portal.
+    segments : (s, 4) float64 [m]
+    width : float [m]
+    directions : (str, str)
+        Names of the directions forward and back: forward is out through an exit, from the first to the second level of
+        a portal, and to the left of a door or a line, seen from its first end to its second one.
     person : (m,) int32
         Index of the person of each passage, in order of time.
     time : (m,) float64 [s]
-        Middle of the interval between the recorded times before and after, with an error of up to half of
-        ``output.every``.
+        See `line_flows`.
     forward : (m,) bool
-        Whether the passage is out through an exit, or from the first to the second level of a portal.
     """
 
-    link: Portal | Exit
+    kind: str
+    name: str
+    levels: tuple[int, ...]
+    segments: FloatArray = field(repr=False)
+    width: float
+    directions: tuple[str, str]
     person: IntArray = field(repr=False)
     time: FloatArray = field(repr=False)
-    forward: IntArray = field(repr=False)
+    forward: NDArray[np.bool_] = field(repr=False)
 
     @property
     def people(self) -> int:
@@ -45,26 +70,111 @@ class LineFlow:
 
         None for fewer people than `evac.analysis.flows.FEWEST`, and for people who all passed at the same time.
         """
-        flow = steady_flow(self.time) if self.people >= FEWEST else float("nan")
-        return None if np.isnan(flow) else flow
+        return _flow_of(self.time)
 
     @property
     def flow_per_metre(self) -> float | None:
         """`flow` per metre of width [1/(m s)]."""
-        return None if self.flow is None else self.flow / self.link.width
+        return None if self.flow is None else self.flow / self.width
+
+    def by_direction(self) -> Iterator[tuple[str, FloatArray]]:
+        """Yield each direction in which people passed, and their times; of exits, the way out in any case."""
+        for name, passed in zip(self.directions, (self.forward, ~self.forward), strict=True):
+            if passed.any() or name == "out":
+                yield name, self.time[passed]
 
 
-def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
-    """Return the passages through each portal and exit, by its name.
+def _flow_of(times: FloatArray) -> float | None:
+    flow = steady_flow(times) if len(times) >= FEWEST else float("nan")
+    return None if np.isnan(flow) else flow
 
-    Between two recorded times, people are assumed to have taken the path over the fewest levels, and the nearest of
-    several portals or exits between two levels; those that were closed at both times are not considered.
+
+def line_flows(trajectory: Trajectory, moves: Moves | None = None) -> Mapping[str, LineFlow]:
+    """Return the passages through each portal, exit, door and line of the case, by its name.
+
+    Those through portals and exits are exact if the moves of the run are given. Otherwise they are in the middle
+    between the recorded times before and after: people are assumed to have taken the path over the fewest levels, and
+    the nearest of several portals or exits between two levels; those that were closed at both times are not considered.
+    Doors and lines are passed on straight ways between recorded positions, at a constant speed, and on the way from the
+    last recorded position to the exit that is nearest to it.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    moves : Moves, optional
+        `Results.moves`.
 
     Examples
     --------
     >>> door = line_flows(trajectory)["main_door"]  # doctest: +SKIP
     >>> door.people, door.flow_per_metre  # doctest: +SKIP
     """
+    links = _recorded(trajectory) if moves is None else link_flows(trajectory.building, moves)
+    return {line.name: line for line in (*links, *_crossed(trajectory))}
+
+
+def link_flows(building: Building, moves: Moves) -> list[LineFlow]:
+    """Return the passages through portals and exits, from the moves of a run."""
+    links: list[Portal | Exit] = [*building.portals, *building.exits]
+    flows = []
+    for number, link in enumerate(links):
+        passed = moves.link == number
+        forward = np.ones(passed.sum(), bool) if isinstance(link, Exit) else moves.source[passed] == link.levels[0]
+        flows.append(_of_link(building, link, moves.row[passed], moves.time[passed], forward))
+    return flows
+
+
+def flow_rows(flows: Iterable[LineFlow], end: float) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of flows.csv: time, kind, name, direction, count, flow and specific flow, every `SPAN`.
+
+    Parameters
+    ----------
+    flows : iterable of LineFlow
+    end : float [s]
+        Time of the last row; the flows of this row are those since the row before.
+    """
+    times = np.append(np.arange(SPAN, end, SPAN), end) if end > 0.0 else np.zeros(0)
+    for line in flows:
+        for direction, passed in line.by_direction():
+            counts = np.searchsorted(passed, times, side="right")
+            flow = np.diff(counts, prepend=0) / np.diff(times, prepend=0.0)
+            for row in zip(times.tolist(), counts.tolist(), flow.tolist(), (flow / line.width).tolist(), strict=True):
+                yield row[0], line.kind, line.name, direction, *row[1:]
+
+
+def totals(flows: Iterable[LineFlow]) -> list[dict[str, Any]]:
+    """Return a row for each line and direction, as in summary.json."""
+    return [
+        {
+            "kind": line.kind,
+            "name": line.name,
+            "direction": direction,
+            "width": line.width,
+            "people": len(times),
+            "first": float(times[0]) if len(times) else None,
+            "last": float(times[-1]) if len(times) else None,
+            "flow": (flow := _flow_of(times)),
+            "flow_per_metre": None if flow is None else flow / line.width,
+        }
+        for line in flows
+        for direction, times in line.by_direction()
+    ]
+
+
+def _of_link(
+    building: Building, link: Portal | Exit, person: IntArray, time: FloatArray, forward: NDArray[np.bool_]
+) -> LineFlow:
+    if isinstance(link, Exit):
+        return LineFlow(
+            "exit", link.name, (link.level,), link.segments, link.width, ("out", "in"), person, time, forward
+        )
+    names = [building.levels[index].name for index in link.levels]
+    what = "portal", link.name, link.levels, link.segments, link.width, (f"to {names[1]}", f"to {names[0]}")
+    return LineFlow(*what, person, time, forward)
+
+
+def _recorded(trajectory: Trajectory) -> list[LineFlow]:
+    """Return the passages through portals and exits, from the levels on which people were recorded."""
     building = trajectory.building
     links: list[Portal | Exit] = [*building.portals, *building.exits]
     passages: list[list[tuple[float, int, bool]]] = [[] for _ in links]
@@ -85,15 +195,101 @@ def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
                 forward = target < 0 or links[link].levels[0] == source  # type: ignore[union-attr]
                 passages[link].append((time, person, forward))
                 source = target
-    return {
-        link.name: LineFlow(
-            link=link,
-            person=np.array([person for _, person, _ in passed], np.int32),
-            time=np.array([time for time, _, _ in passed], np.float64),
-            forward=np.array([forward for _, _, forward in passed], bool),
+    return [
+        _of_link(
+            building,
+            link,
+            np.array([person for _, person, _ in passed], np.int32),
+            np.array([time for time, _, _ in passed], np.float64),
+            np.array([forward for _, _, forward in passed], bool),
         )
         for link, passed in zip(links, passages, strict=True)
+    ]
+
+
+def _crossed(trajectory: Trajectory) -> list[LineFlow]:
+    """Return the passages through doors and lines, from recorded positions."""
+    building = trajectory.building
+    lines = [("door", door.name, door.level, door.segment, door.width) for door in building.doors]
+    for place in building.places:
+        if place.kind == "line":
+            ends = shapely.get_coordinates(place.shape).ravel()
+            lines.append(("line", place.name, place.level, ends, place.shape.length))
+    if not lines:
+        return []
+    passed: list[list[Passages]] = [[] for _ in lines]
+    for moved in _moved(trajectory):
+        for parts, (_, _, level, segment, _) in zip(passed, lines, strict=True):
+            parts.append(_through(moved, level, segment))
+    flows = []
+    for parts, (kind, name, level, segment, width) in zip(passed, lines, strict=True):
+        person, time, forward = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order, directions = np.argsort(time, kind="stable"), ("to the left", "to the right")
+        what = kind, name, (level,), segment.reshape(1, 4), width, directions
+        flows.append(LineFlow(*what, person[order], time[order], forward[order]))
+    return flows
+
+
+class _Moved(NamedTuple):
+    """Straight ways of people between recorded times."""
+
+    person: IntArray
+    level: IntArray  # at the start
+    after: IntArray  # level at the end
+    start: FloatArray
+    end: FloatArray
+    begin: FloatArray  # time at the start [s]
+    span: FloatArray  # time that it takes [s]
+
+
+def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
+    """Yield the ways of everybody who moved, in parts of which each fits into memory."""
+    building = trajectory.building
+    exits = {
+        level.index: shapely.MultiLineString(
+            [segment.reshape(2, 2) for exit_ in building.exits_of(level.index) for segment in exit_.segments]
+        )
+        for level in building.levels
     }
+    parts: list[_Moved] = []
+    for there, here in pairwise(trajectory.rows):
+        start = there.motion[:, :2].astype(np.float64) + trajectory.origin
+        level = there.level.astype(np.int32)
+        end, after = start.copy(), level.copy()
+        stays = np.isin(there.person, here.person, assume_unique=True)
+        rows = np.searchsorted(here.person, there.person[stays])
+        end[stays] = here.motion[rows, :2].astype(np.float64) + trajectory.origin
+        after[stays] = here.level[rows]
+        for index in np.unique(level[~stays]).tolist():
+            left = ~stays & (level == index)
+            if not shapely.is_empty(exits[index]):
+                nearest = shapely.shortest_line(exits[index], shapely.points(start[left]))
+                end[left] = shapely.get_coordinates(nearest).reshape(-1, 2, 2)[:, 0]
+        moved = (start != end).any(axis=1)
+        times = np.full((2, moved.sum()), [[there.time], [here.time - there.time]])
+        person = there.person[moved].astype(np.int32)
+        parts.append(_Moved(person, level[moved], after[moved], start[moved], end[moved], *times))
+        if sum(len(part.person) for part in parts) > MOST_WAYS:
+            yield _Moved(*map(np.concatenate, zip(*parts, strict=True)))
+            parts = []
+    if parts:
+        yield _Moved(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
+    """Return person, time and whether it is to the left, of each passage through a segment on a level."""
+    first, along = segment[:2], segment[2:] - segment[:2]
+    here = np.flatnonzero((moved.level == level) | (moved.after == level))
+    start, end = moved.start[here] - first, moved.end[here] - first
+    before = along[0] * start[:, 1] - along[1] * start[:, 0]  # positive to the left of the line
+    after = along[0] * end[:, 1] - along[1] * end[:, 0]
+    turns = np.flatnonzero((before < 0.0) != (after < 0.0))
+    share = before[turns] / (before[turns] - after[turns])
+    place = (start[turns] + share[:, None] * (end[turns] - start[turns])) @ along / (along @ along)
+    hits = (place >= 0.0) & (place <= 1.0)
+    turns, share = turns[hits], share[hits]
+    rows = here[turns]
+    return moved.person[rows], moved.begin[rows] + share * moved.span[rows], after[turns] >= 0.0
 
 
 class _Ways:

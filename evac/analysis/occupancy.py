@@ -42,6 +42,9 @@ class Moves:
         Index of the person.
     source, target : (m,) int32
         Level that the person left and level that it entered, -1 outside.
+    link : (m,) int32
+        Portal or exit that the person crossed, numbered as in `Building.link_of`; -1 of those who came, and if it is
+        not known.
     time : (m,) float64 [s]
     """
 
@@ -49,6 +52,7 @@ class Moves:
     row: IntArray
     source: IntArray
     target: IntArray
+    link: IntArray
     time: FloatArray
 
     def occupancy(self, levels: Sequence[int]) -> Occupancy:
@@ -79,6 +83,7 @@ def recorded_moves(trajectory: Trajectory) -> Moves:
         row=row.astype(np.int32),
         source=level[frame, row],
         target=level[frame + 1, row],
+        link=np.full(row.size, -1, np.int32),
         time=trajectory.time[frame + 1],
     )
 
@@ -89,6 +94,7 @@ def moves_of(
     crossings: tuple[IntArray, IntArray, FloatArray],
     exit_time: FloatArray,
     arrival_time: FloatArray | None = None,
+    exit_used: IntArray | None = None,
 ) -> Moves:
     """Return all changes of level of a run.
 
@@ -104,6 +110,8 @@ def moves_of(
         NaN for people who are not out.
     arrival_time : (n,) float64, optional
         Times at which people came [s], NaN for those who have not; by default all are there from time zero.
+    exit_used : (n,) int32, optional
+        Exit of each person who is out.
 
     Raises
     ------
@@ -131,6 +139,8 @@ def moves_of(
     time = np.concatenate([np.zeros(0) if arrival_time is None else arrival_time[came], time, exit_time[out]])
     source = np.concatenate([np.full(came.size, -1, np.int32), source, level[out]])
     target = np.concatenate([begin[came], target, np.full(out.size, -1, np.int32)])
+    left = np.full(out.size, -1, np.int32) if exit_used is None else len(building.portals) + exit_used[out]
+    link = np.concatenate([np.full(came.size, -1, np.int32), link, left]).astype(np.int32)
     begin[came] = -1
     order = np.argsort(time, kind="stable")
-    return Moves(begin, row[order], source[order], target[order], time[order])
+    return Moves(begin, row[order], source[order], target[order], link[order], time[order])

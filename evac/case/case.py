@@ -12,7 +12,7 @@ from evac.base.keys import Parameters, Table, Title, key, wrong
 from evac.building.options import MOST_ITEMS
 from evac.case.events import EventSettings
 from evac.case.fire import ConditionSettings, DoseSettings, SmokeSettings
-from evac.case.places import PlaceSettings
+from evac.case.places import LineSettings, PlaceSettings
 from evac.case.schema import (
     MOST_PEOPLE,
     BuildingSettings,
@@ -59,6 +59,9 @@ class Case(Table):
     )
     place: tuple[PlaceSettings, ...] = key(
         "areas with a task, such as refuges: a table [[place]] for each", "", (), max_length=MOST_ITEMS
+    )
+    line: tuple[LineSettings, ...] = key(
+        "lines through which people are counted: a table [[line]] for each", "", (), max_length=MOST_ITEMS
     )
     event: tuple[EventSettings, ...] = key(
         "what changes during the run: a table [[event]] for each", "", (), max_length=MOST_ITEMS

@@ -1,4 +1,4 @@
-"""The section `[[place]]` of case.toml: areas with a task in the evacuation, and signs."""
+"""The sections `[[place]]` and `[[line]]` of case.toml: areas with a task in the evacuation, signs, and lines."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -54,6 +54,20 @@ class PlaceSettings(Table):
         return self
 
 
+class LineSettings(Table):
+    """`[[line]]`: a line through which people are counted."""
+
+    name: Name = key("name of the line")
+    level: str = key("name of its level", "", min_length=1)
+    segment: tuple[Point, Point] = key("its ends [[x1, y1], [x2, y2]]", "m")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if self.segment[0] == self.segment[1]:
+            raise wrong("segment", "its ends are the same point; move one of them")
+        return self
+
+
 def place_faults(case: "Case", groups: Sequence[Any], follows_signs: bool) -> list[Fault]:
     """Return the faults of places, and of groups and events that name them.
 
@@ -72,6 +86,9 @@ def place_faults(case: "Case", groups: Sequence[Any], follows_signs: bool) -> li
         if place.kind == "sign" and not follows_signs:
             text = "no behaviour of the case follows signs; add one, such as [behaviours.familiarity]"
             faults.append(Fault(("place", index, "kind"), text))
+    for index, line in enumerate(case.line):
+        if line.name in [other.name for other in case.line[:index]]:
+            faults.append(Fault(("line", index, "name"), f"{line.name!r} names two lines; rename one"))
     known = [place.name for place in case.place if place.kind == "assembly"]
     for group in case.people:
         for name in group.assembly:

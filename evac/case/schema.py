@@ -379,7 +379,7 @@ class OutputSettings(Table):
     every: Real = key(
         "time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0, le=LONGEST_RUN
     )
-    tables: Switch = key("whether people.csv, egress.csv and crossings.csv are written", "", True)
+    tables: Switch = key("whether people.csv, egress.csv, flows.csv and crossings.csv are written", "", True)
     picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
     replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
     trajectory: Switch = key(

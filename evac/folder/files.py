@@ -22,6 +22,7 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 CROSSINGS_NAME = "crossings.csv"
+FLOWS_NAME = "flows.csv"
 RUNS_NAME = "runs.csv"
 RUNS_STREAM_NAME = "runs.arrows"
 RUNS_PARQUET_NAME = "runs.parquet"
@@ -71,6 +72,7 @@ WRITTEN = (
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
     CROSSINGS_NAME,
+    FLOWS_NAME,
     RUNS_NAME,
     RUNS_STREAM_NAME,
     RUNS_PARQUET_NAME,

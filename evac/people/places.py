@@ -62,12 +62,13 @@ class PeopleAt:
 
 
 def with_places(case: "Case", building: Building) -> Building:
-    """Return the building with the places of a case.
+    """Return the building with the places and lines of a case.
 
     Raises
     ------
     ScenarioError
-        One line for each place whose area or exit does not exist, or which is not on its level.
+        One line for each place whose area or exit does not exist, or which is not on its level, and for each line
+        whose level does not exist.
     BuildingError
         The level of a sign does not exist.
     """
@@ -77,6 +78,13 @@ def with_places(case: "Case", building: Building) -> Building:
             places.append(_sign(building, one) if one.kind == "sign" else _area(building, one))
         except ScenarioError as error:
             problems.append(f"{case.source}: place.{one.name}.{error}")
+    for line in case.line:
+        level = building.level_named(line.level)
+        if level is None:
+            hint = did_you_mean(line.level, [one.name for one in building.levels])
+            problems.append(f"{case.source}: line.{line.name}.level: no level is named {line.level!r}; {hint}")
+        else:
+            places.append(Place(line.name, "line", level.index, shapely.LineString(line.segment)))
     if problems:
         raise ScenarioError("\n".join(problems))
     return replace(building, places=tuple(places))
@@ -175,7 +183,7 @@ class Places:
     """
 
     def __init__(self, case: "Case", building: Building, routes: Sequence[Route], crowd: Crowd) -> None:
-        self._places = tuple(place for place in building.places if place.kind != "sign")
+        self._places = tuple(place for place in building.places if place.kind not in ("sign", "line"))
         self._crowd = crowd
         self._index = {place.name: index for index, place in enumerate(self._places)}
         self._ways = [

@@ -170,10 +170,12 @@ def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> Non
 
 
 def _draw_place(axes: Axes, place: Place) -> None:
-    """Draw a refuge or assembly area with its name, or a sign with the exit that it shows."""
+    """Draw a refuge, an assembly area or a line with its name, or a sign with the exit that it shows."""
     colour, middle = palette.PLACES[place.kind], place.shape.representative_point()
     if place.kind == "sign":
         axes.plot(middle.x, middle.y, marker="s", markersize=5.0, color=colour, zorder=5)
+    elif place.kind == "line":
+        axes.plot(*place.shape.xy, color=colour, linewidth=1.4, linestyle=(0, (4, 1.5)), zorder=5)
     else:
         style = {"facecolor": colour, "edgecolor": colour, "alpha": 0.25, "linewidth": 1.2, "zorder": 0.7}
         axes.add_patch(PathPatch(outline_of(place.shape), **style))

@@ -11,14 +11,14 @@ from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
-from evac.analysis.lines import LineFlow, line_flows
+from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
-from evac.building.model.building import Exit
 from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import Plans, draw_plans, outline
 from evac.pictures.scales import MAPS as SCALES
 from evac.pictures.scales import Scale, high_value
+from evac.results.reading import recorded_flows
 from evac.trajectory.trajectory import Trajectory
 
 #: Colours of floors where a map has no value, and of cells that are never cleared.
@@ -105,7 +105,7 @@ def draw_map(
             image.set_clip_path(clip)
             axes.set(xlim=limits[0], ylim=limits[1])
     if quantity == "flow":
-        _label_lines(plans, line_flows(trajectory))
+        _label_lines(plans, recorded_flows(trajectory))
     _add_scale(plans, ScalarMappable(norm, colours), scale, top)
     if any(np.isinf(grid).any() for grid in grids.values()):
         plans.figure.text(plans.side[0], 0.02, "not cleared", color=NEVER, fontsize=9, fontweight="bold")
@@ -183,25 +183,26 @@ def _add_scale(plans: Plans, colours: ScalarMappable, scale: Scale, top: float) 
     bar.set_label(f"{scale.label} [{scale.unit}]", fontsize=9, color=palette.TEXT)
 
 
-def _label_lines(plans: Plans, flows: Mapping[str, LineFlow]) -> None:
-    """Label each portal and exit with the number of people who passed, and per second and metre."""
+def _label_lines(plans: Plans, flows: Iterable[LineFlow]) -> None:
+    """Label each line with the number of people who passed, and per second and metre."""
     box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": palette.EDGE, "linewidth": 0.5, "alpha": 0.9}
     for axes, levels in zip(plans.axes, plans.levels, strict=True):
         rows = {level.index for level in levels}
-        for flow in flows.values():
-            link = flow.link
-            is_exit = isinstance(link, Exit)
-            if not flow.people or not rows & ({link.level} if isinstance(link, Exit) else set(link.levels)):
+        for flow in flows:
+            if not flow.people or not rows & set(flow.levels):
                 continue
-            x1, y1, x2, y2 = link.segments[len(link.segments) // 2].tolist()
+            x1, y1, x2, y2 = flow.segments[len(flow.segments) // 2].tolist()
             length = math.hypot(x2 - x1, y2 - y1)
             inward = (y1 - y2) / length, (x2 - x1) / length
             rate = flow.flow_per_metre
+            place = (
+                0.9 if flow.kind == "line" else 0.5
+            )  # a line may be close to an exit, and has its name in the middle
             axes.annotate(
                 f"{flow.people}" if rate is None else f"{flow.people}\n{rate:.2f}",
-                (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
+                (x1 + place * (x2 - x1), y1 + place * (y2 - y1)),
                 xytext=(14.0 * inward[0], 14.0 * inward[1])
-                if is_exit
+                if flow.kind == "exit"
                 else (0.0, 0.0),  # the name of an exit is on its outside
                 textcoords="offset points",
                 ha="center",

@@ -21,7 +21,7 @@ WALL, EDGE, TEXT, FURNITURE = "#c3cad3", "#6b7785", "#1f2933", "#d9bf9b"
 EXIT, CLOSED, PORTAL = "#0b7a3c", "#b3261e", "#6b7785"
 
 #: Colours of the places of a case, by their kinds.
-PLACES = {"refuge": "#1f5fa8", "assembly": EXIT, "sign": EXIT}
+PLACES = {"refuge": "#1f5fa8", "assembly": EXIT, "sign": EXIT, "line": "#7a3b9c"}
 
 
 #: Colour map of each quantity. All are perceptually uniform and suitable for colour-blind people.

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.analysis.lines import LineFlow, line_flows
 from evac.analysis.occupancy import Moves, recorded_moves
 from evac.base.arrays import FloatArray, IntArray
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
@@ -31,6 +32,7 @@ class Account:
     radius: FloatArray  # [m]
     height: FloatArray  # of the body [m]
     moves: Moves
+    lines: Sequence[LineFlow]  # of the case
     speed: FloatArray | None = None  # desired speed on the flat [m/s]
     response_time: FloatArray | None = None  # [s]
     exit_used: IntArray | None = None  # index of the exit, -1 for people who are inside
@@ -59,6 +61,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         radius=crowd.radius,
         height=crowd.height,
         moves=results.moves,
+        lines=[flow for flow in results.flows if flow.kind == "line"],
         speed=crowd.speed[:, 0],
         response_time=crowd.start_time,
         exit_used=crowd.exit_used,
@@ -82,6 +85,7 @@ def account_of_folder(trajectory: Trajectory) -> Account:
     folder, header = trajectory.path.parent, trajectory.header
     known: dict[str, Any] = {name: getattr(trajectory, name) for name in ("groups", "group", "radius", "height")}
     known["moves"] = recorded_moves(trajectory)
+    known["lines"] = [flow for flow in line_flows(trajectory).values() if flow.kind == "line"]
     if not (folder / SUMMARY_NAME).exists():
         facts = [("Seed", str(header.get("seed"))), ("Versions", _versions(header.get("versions", {})))]
         text = (

@@ -24,6 +24,9 @@ FURNITURE = 4.0
 #: Half the diagonal of the square on the floor that stands for a sign [m].
 SIGN = 0.3
 
+#: Half of the width of a line on the page [m].
+THIN = 0.06
+
 
 def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str, Any], NDArray[np.uint8]]:
     """Return levels, walls, portals, exits, stairs and places as lists of numbers and strings, and the floors.
@@ -113,8 +116,9 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
 
 
 def _place(building: Building, place: Place, origin: FloatArray) -> dict[str, Any]:
-    """Return the middle of a place, and its triangles as points in space; of a sign, those of a square on the floor."""
-    shape = place.shape.buffer(SIGN, quad_segs=1) if place.kind == "sign" else place.shape
+    """Return the middle of a place, and its triangles as points in space; of a sign or a line, of some width."""
+    width = {"sign": SIGN, "line": THIN}.get(place.kind)
+    shape = place.shape if width is None else place.shape.buffer(width, quad_segs=1)
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
     corners = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
     points = np.vstack([shapely.get_coordinates(shape.representative_point()), corners])

@@ -191,6 +191,9 @@ def _about(account: Account) -> dict[str, Any]:
         "response_time": whole(account.response_time, 100.0),
         "exit_used": None if account.exit_used is None else account.exit_used.tolist(),
         "exit_time": whole(account.exit_time, 100.0),
+        "lines": [
+            {"name": line.name, "width": line.width, "times": np.round(line.time, 2).tolist()} for line in account.lines
+        ],
         "moves": {
             "start": account.moves.start.tolist(),
             "person": account.moves.row.tolist(),

@@ -1,7 +1,7 @@
 """The results of one run: who was out when, and the times of groups, exits, levels and stairs."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,15 @@ from evac.base.arrays import FloatArray
 from evac.report import figures
 from evac.report.templates import Section, fixed, section, told
 from evac.results.answer import time_of_share
-from evac.results.record import PlaceUse
+from evac.results.record import FlowUse, PlaceUse
 from evac.results.results import Results
 
 #: Shares of the people whose times are told [%].
 SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)
+
+
+#: Greatest numbers of doors and of portals in the table of flows.
+MOST_ROWS = 10
 
 
 def times_section(run: Results) -> Section:
@@ -42,11 +46,31 @@ def times_section(run: Results) -> Section:
         ],
         groups=groups,
         exits=exits,
+        flows=_flow_rows(record.flows),
         **place_rows(run),
         others=record.left_by_other_exits,
         stuck=[(person.person, person.level, fixed(person.x, 2), fixed(person.y, 2)) for person in record.stuck],
         metrics=[(name, told(values)) for name, values in record.metrics.items()],
     )
+
+
+def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:
+    """Return the rows of lines and doors, and of the portals with the greatest specific flows."""
+    portals = [use for use in flows if use.kind == "portal" and use.flow_per_metre is not None]
+    portals.sort(key=lambda use: -(use.flow_per_metre or 0.0))
+    chosen = [use for use in flows if use.kind == "line"] + [use for use in flows if use.kind == "door"][:MOST_ROWS]
+    return [
+        (
+            use.kind,
+            use.name,
+            use.direction,
+            use.people,
+            fixed(use.width, 2),
+            fixed(use.flow, 2),
+            fixed(use.flow_per_metre, 2),
+        )
+        for use in [*chosen, *portals[:MOST_ROWS]]
+    ]
 
 
 def place_rows(run: Results) -> dict[str, Any]:

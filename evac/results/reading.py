@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evac.analysis.lines import LineFlow, line_flows
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS
 from evac.base.errors import BuildingError, ResultError, usable_path
@@ -58,6 +59,14 @@ def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) ->
     recorded = place / TRAJECTORY_NAME
     trajectory = read_trajectory(recorded) if recorded.is_file() else None
     return results_beside(trajectory, place, tuple(Path(path).resolve() for path in plugin_files))
+
+
+def recorded_flows(trajectory: Trajectory) -> tuple[LineFlow, ...]:
+    """Return the passages of a recorded run: `Results.flows` if its results are beside it, else from motion alone."""
+    folder = trajectory.path.parent
+    if trajectory.path.name == TRAJECTORY_NAME and all((folder / one).exists() for one in (SUMMARY_NAME, PEOPLE_NAME)):
+        return results_beside(trajectory, folder).flows
+    return tuple(line_flows(trajectory).values())
 
 
 def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tuple[Path, ...] = ()) -> Results:
@@ -125,7 +134,9 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
         source=summary.source,
     )
-    vars(results)["trajectory"] = trajectory  # the cached property, so that the file is not read again
+    # Cached properties, so that the file is not read again.
+    vars(results)["trajectory"] = trajectory
+    vars(results)["flow_totals"] = [use.model_dump() for use in summary.flows]
     return results
 
 

@@ -40,6 +40,20 @@ class PortalUse(Record):
     passages: Count
 
 
+class FlowUse(Record):
+    """People and flow through a line in one direction, see docs/results.md."""
+
+    kind: str
+    name: str
+    direction: str
+    width: Amount
+    people: Count
+    first: Amount | None
+    last: Amount | None
+    flow: Amount | None
+    flow_per_metre: Amount | None
+
+
 class PlaceUse(Record):
     """How a level or a stair was used."""
 
@@ -151,6 +165,7 @@ class Summary(Record):
     exits: dict[str, ExitUse]
     portals: dict[str, PortalUse]
     doors: list[DoorRow]
+    flows: list[FlowUse] = []
     left_by_other_exits: Count
     levels: dict[str, PlaceUse]
     stairs: dict[str, PlaceUse]

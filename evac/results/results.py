@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.analysis.flows import exit_table
+from evac.analysis.lines import LineFlow, flow_rows, line_flows, link_flows, totals
 from evac.analysis.occupancy import Moves, moves_of
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
@@ -23,6 +24,7 @@ from evac.directions.routes import Route
 from evac.folder.files import (
     CROSSINGS_NAME,
     EGRESS_NAME,
+    FLOWS_NAME,
     PEOPLE_NAME,
     PLUGIN_FILES,
     SUMMARY_NAME,
@@ -51,6 +53,7 @@ if TYPE_CHECKING:
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
 
 EGRESS_COLUMNS = ("time", "number_out")
+FLOWS_COLUMNS = ("time", "kind", "name", "direction", "count", "flow", "specific_flow")
 CROSSINGS_COLUMNS = ("person", "portal", "time")
 PEOPLE_COLUMNS = (
     "person",
@@ -368,7 +371,24 @@ class Results:
     @cached_property
     def moves(self) -> Moves:
         """All changes of level, in order of time."""
-        return moves_of(self.building, self.start_level, self.crossings, self.crowd.exit_time, self.crowd.arrival_time)
+        crowd = self.crowd
+        return moves_of(
+            self.building, self.start_level, self.crossings, crowd.exit_time, crowd.arrival_time, crowd.exit_used
+        )
+
+    @cached_property
+    def flow_totals(self) -> Sequence[Mapping[str, Any]]:
+        """People and flow through each exit, portal, door and line, by direction, as in summary.json."""
+        return totals(self.flows)
+
+    @cached_property
+    def flows(self) -> tuple[LineFlow, ...]:
+        """Passages through exits and portals and, from the recorded motion, through doors and the lines of the case."""
+        if self.folder is None or not (self.folder / TRAJECTORY_NAME).is_file():
+            return tuple(link_flows(self.building, self.moves))
+        from evac.trajectory.trajectory import read_trajectory
+
+        return tuple(line_flows(read_trajectory(self.folder), self.moves).values())
 
     def egress(self, rows: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the egress curve of all people, or of the people with indices `rows`.
@@ -443,6 +463,7 @@ class Results:
             "portals": self.portals,
             "doors": self.doors,
             "left_by_other_exits": len(self.left_by_other_exits),
+            "flows": self.flow_totals,
             "levels": self.levels,
             "stairs": self.stairs,
             "routes": [asdict(route) for route in self.routes],
@@ -486,7 +507,7 @@ class Results:
         self.write_summary(folder)
 
     def write_tables(self, folder: Path) -> None:
-        """Write people.csv, egress.csv, and crossings.csv if the building has portals, to `folder`.
+        """Write people.csv, egress.csv, flows.csv, and crossings.csv if the building has portals, to `folder`.
 
         Raises
         ------
@@ -496,6 +517,7 @@ class Results:
         egress = zip(*(column.tolist() for column in self.egress()), strict=True)
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
         write_csv(folder / PEOPLE_NAME, self.people_columns, zip(*self._people_columns(), strict=True))
+        write_csv(folder / FLOWS_NAME, FLOWS_COLUMNS, flow_rows(self.flows, self.time))
         if self.portals:
             names = list(self.portals)
             person, portal, time = (column.tolist() for column in self.crossings)

@@ -21,7 +21,10 @@ from evac.building.model.findings import as_findings
 COORDINATE_MAX = 1e9
 
 KINDS = ("floor", "flight", "landing")
-PLACE_KINDS = ("refuge", "assembly", "sign")
+PLACE_KINDS = ("refuge", "assembly", "sign", "line")
+
+#: Kinds of shapes of places that are no areas.
+SHAPES = {"sign": ("Point",), "line": ("LineString",)}
 
 
 class HeaderError(ValueError):
@@ -230,7 +233,7 @@ def _place(index: int, data: Any, levels: int) -> Place:
         _get(data, key, "name", str),
         kind,
         _row(data, key, "level", levels),
-        _shape(data, key, "shape", ("Point",) if kind == "sign" else ("Polygon", "MultiPolygon")),
+        _shape(data, key, "shape", SHAPES.get(kind, ("Polygon", "MultiPolygon"))),
         _get(data, key, "area", str),
         capacity,
         _get(data, key, "exit", str),

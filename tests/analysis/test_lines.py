@@ -1,9 +1,13 @@
 """Who passed portals and exits, from the levels on which people were recorded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from shapely import LineString
 
-from evac.analysis.lines import line_flows
+from evac.analysis.lines import flow_rows, line_flows
+from evac.building.model.building import Door, Place
 
 
 def test_a_descent_passes_every_portal_and_the_door(written):
@@ -40,3 +44,35 @@ def test_a_steady_stream_has_its_rate(written):
     assert flow.people == people
     assert flow.flow == pytest.approx(2.0)
     assert flow.flow_per_metre == pytest.approx(2.0 / 1.0)
+
+
+def test_lines_and_doors_are_passed_where_and_when_they_are(written):
+    # One walks along y = 3 at 1 m/s and back, one beyond the end of the line, one on another level.
+    out = [*range(1, 7), 5, 4, 3, 2, 1]
+    position = [[[x, 3.0], [x, 5.5], [x, 3.0]] for x in np.array(out) + 0.25]
+    trajectory = written(position, [[0, 0, 4]] * len(out))
+    line = Place("line", "line", 0, LineString([(3.0, 1.0), (3.0, 5.0)]))
+    door = Door("door between", 0, np.array([5.0, 2.0, 5.0, 4.0]), 2.0)
+    trajectory = replace(trajectory, building=replace(trajectory.building, places=(line,), doors=(door,)))
+    flows = line_flows(trajectory)
+    assert flows["line"].time.tolist() == pytest.approx([1.75, 8.25])
+    assert flows["line"].forward.tolist() == [False, True]  # the line points upwards: to the right, then to the left
+    assert flows["line"].person.tolist() == [0, 0]
+    assert flows["door between"].time.tolist() == pytest.approx([3.75, 6.25])
+    assert (flows["line"].width, flows["door between"].kind) == (4.0, "door")
+
+
+def test_who_leaves_passes_a_line_before_the_exit(written):
+    line = Place("line", "line", 0, LineString([(0.5, 0.0), (0.5, 6.0)]))
+    trajectory = written([[[1.0, 1.5]], [[1.0, 1.5]]], [[0], [-1]], interval=2.0)
+    trajectory = replace(trajectory, building=replace(trajectory.building, places=(line,)))
+    assert line_flows(trajectory)["line"].time.tolist() == [1.0]
+
+
+def test_rows_of_flows_are_counts_and_means_between_them(written):
+    level = [[-1 if p < k else 0 for p in range(24)] for k in range(25)]
+    flow = line_flows(written(np.full((25, 24, 2), 1.0), level, interval=0.5))["door"]
+    rows = list(flow_rows([flow], 12.0))
+    assert [row[0] for row in rows] == [5.0, 10.0, 12.0]
+    assert [row[1:5] for row in rows] == [("exit", "door", "out", count) for count in (10, 20, 24)]
+    assert [row[5:] for row in rows] == [(2.0, 2.0)] * 3

@@ -37,7 +37,7 @@ def test_crossing_of_a_portal_elsewhere_is_refused(building):
 
 
 def test_moves_within_a_place_do_not_count():
-    moves = Moves(ints(1, 0), ints(0, 0, 1), ints(1, 2, 0), ints(2, -1, 1), np.array([1.0, 2.0, 3.0]))
+    moves = Moves(ints(1, 0), ints(0, 0, 1), ints(1, 2, 0), ints(2, -1, 1), ints(0, 1, 0), np.array([1.0, 2.0, 3.0]))
     assert moves.occupancy([1, 2]) == Occupancy(people=2, greatest_number=1, last_left=None)
     assert moves.occupancy([2]) == Occupancy(people=1, greatest_number=1, last_left=2.0)
     assert moves.occupancy([7]) == Occupancy(people=0, greatest_number=0, last_left=None)
@@ -53,7 +53,7 @@ def test_occupancy_agrees_with_counting_at_every_moment():
         source, track[person] = track[person], generator.integers(0, levels)
         rows.append((person, source, track[person], time))
     columns = list(zip(*rows, strict=True))
-    moves = Moves(start, ints(*columns[0]), ints(*columns[1]), ints(*columns[2]), np.array(columns[3]))
+    moves = Moves(start, *(ints(*column) for column in columns[:3]), ints(*columns[0]), np.array(columns[3]))
     place = [1, 3]
     now, seen, most = start.copy(), set(np.flatnonzero(np.isin(start, place))), np.isin(start, place).sum()
     for person, _, target, _ in rows:

@@ -4,6 +4,7 @@ import pytest
 from shapely import box
 
 import evac
+from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
@@ -121,3 +122,13 @@ def test_a_change_to_an_area_without_directions_is_refused():
     case = case_of(places=("yard", "corner"), rooms=(None, None))
     with pytest.raises(evac.EvacError, match=r"no directions for the route at corner"):
         Simulation(case).scene.apply(evac.Change(5.0, "strategy", "class", {"value": ["at corner"]}))
+
+
+def test_lines_have_a_level_of_the_building_and_a_name_of_their_own():
+    line = {"name": "across", "level": "nowhere", "segment": [[0, 0], [1, 0]]}
+    with pytest.raises(ScenarioError, match="line.across.level: .*'nowhere'"):
+        evac.run(evac.load("square_room", {"line": [line]}))
+    with pytest.raises(ScenarioError, match="two lines"):
+        evac.load("square_room", {"line": [line, line]})
+    with pytest.raises(ScenarioError, match="same point"):
+        evac.load("square_room", {"line": [line | {"segment": [[1, 0], [1, 0]]}]})

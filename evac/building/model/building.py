@@ -157,9 +157,9 @@ class Place:
     ----------
     name : str
     kind : str
-        "refuge", "assembly" or "sign".
+        "refuge", "assembly" or "sign"; or "line", through which people are counted.
     level : int
-    shape : shapely polygon or multipolygon, or point
+    shape : shapely polygon or multipolygon, point or line
         In plan [m]; a point for signs.
     area : str
         Name of the area; empty for signs.

@@ -10,6 +10,8 @@ class Panel {
     const { groups } = record.colours;
     this.lineColour = (index) => LINES[index % LINES.length];
     this.exits = this.table("exits", series.exits, 2);
+    this.lines = this.table("lines", record.lines, 3);
+    by("line-section").hidden = !record.lines.length;
     this.stairs = this.table("stairs", series.stairs, 2);
     this.storeys = this.table("storeys", series.storeys, 1);
     by("stair-section").hidden = !series.stairs.length;
@@ -83,6 +85,12 @@ class Panel {
       this.exits[index][0].parentElement.classList.toggle("closed", closed.includes(portals.length + index));
       this.exits[index][0].textContent = countUpTo(times, time);
       this.exits[index][1].textContent = flowAt(times, time, record.begin).toFixed(1);
+    });
+    record.lines.forEach(({ times, width }, index) => {
+      const flow = flowAt(times, time, record.begin);
+      this.lines[index][0].textContent = countUpTo(times, time);
+      this.lines[index][1].textContent = flow.toFixed(1);
+      this.lines[index][2].textContent = (flow / width).toFixed(2);
     });
     series.stairs.forEach(({ entered, inside }, index) => {
       this.stairs[index][0].textContent = countUpTo(entered, time);
