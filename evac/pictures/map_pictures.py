@@ -195,9 +195,7 @@ def _label_lines(plans: Plans, flows: Iterable[LineFlow]) -> None:
             length = math.hypot(x2 - x1, y2 - y1)
             inward = (y1 - y2) / length, (x2 - x1) / length
             rate = flow.flow_per_metre
-            place = (
-                0.9 if flow.kind == "line" else 0.5
-            )  # a line may be close to an exit, and has its name in the middle
+            place = 0.9 if flow.kind == "line" else 0.5  # a line has its name in the middle
             axes.annotate(
                 f"{flow.people}" if rate is None else f"{flow.people}\n{rate:.2f}",
                 (x1 + place * (x2 - x1), y1 + place * (y2 - y1)),

@@ -8,7 +8,7 @@ from evac.folder.files import REPLAY_NAME
 
 ALL = {"tables", "picture", "replay", "trajectory", "animation"}
 FILES = {
-    "tables": {"egress.csv", "people.csv"},
+    "tables": {"egress.csv", "flows.csv", "people.csv"},
     "picture": {"egress.png"},
     "replay": {"replay.html"},
     "trajectory": {"trajectory.evac"},

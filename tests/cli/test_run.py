@@ -18,6 +18,7 @@ from evac.trajectory.trajectory import read_trajectory
 FILES = {
     "summary.json",
     "egress.csv",
+    "flows.csv",
     "people.csv",
     "egress.png",
     "trajectory.evac",
@@ -30,7 +31,7 @@ FILES = {
 }
 
 #: Without picture and animation.
-BARE = {"manifest.jsonl", "summary.json", "egress.csv", "people.csv", "replay.html"}
+BARE = {"manifest.jsonl", "summary.json", "egress.csv", "flows.csv", "people.csv", "replay.html"}
 
 
 def test_writes_a_result_folder(result):

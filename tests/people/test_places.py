@@ -126,7 +126,7 @@ def test_a_change_to_an_area_without_directions_is_refused():
 
 def test_lines_have_a_level_of_the_building_and_a_name_of_their_own():
     line = {"name": "across", "level": "nowhere", "segment": [[0, 0], [1, 0]]}
-    with pytest.raises(ScenarioError, match="line.across.level: .*'nowhere'"):
+    with pytest.raises(ScenarioError, match=r"line\.across\.level: .*'nowhere'"):
         evac.run(evac.load("square_room", {"line": [line]}))
     with pytest.raises(ScenarioError, match="two lines"):
         evac.load("square_room", {"line": [line, line]})

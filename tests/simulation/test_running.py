@@ -50,7 +50,15 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     assert (tmp_path / "r" / "runs.parquet").is_file()
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html", "manifest.jsonl"}
+    assert names == {
+        "summary.json",
+        "egress.csv",
+        "flows.csv",
+        "people.csv",
+        "trajectory.evac",
+        "replay.html",
+        "manifest.jsonl",
+    }
 
 
 def test_a_script_is_told_what_the_command_tells(tmp_path):
