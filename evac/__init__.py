@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from evac.physics.contact.pair_contact import PairContact as PairContact
     from evac.physics.contact.solver import Solver as Solver
     from evac.physics.force import Force as Force
+    from evac.report.comparison import Comparison as Comparison
+    from evac.report.comparison import compare as compare
     from evac.results.reading import read_results as read_results
     from evac.results.results import Results as Results
     from evac.simulation.assembly import read_building as read_building
@@ -66,6 +68,7 @@ _HOMES = {
     "BuildingError": "evac.base.errors",
     "Case": "evac.case.case",
     "Change": "evac.base.change",
+    "Comparison": "evac.report.comparison",
     "ConditionSource": "evac.conditions.source",
     "ContactModel": "evac.physics.contact.model",
     "EvacError": "evac.base.errors",
@@ -93,6 +96,7 @@ _HOMES = {
     "Study": "evac.study.study",
     "SurfaceMesh": "evac.building.surface.surfacemesh",
     "Trajectory": "evac.trajectory.trajectory",
+    "compare": "evac.report.comparison",
     "hookimpl": "evac.contract.hooks",
     "import_building": "evac.importing",
     "load": "evac.case.loading",

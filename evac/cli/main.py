@@ -42,7 +42,7 @@ COMMANDS = (
         "cache",
         "conditions",
     ),
-    *("replay", "export", "render", "map", "report", "verify", "evidence"),
+    *("replay", "export", "render", "map", "report", "compare", "verify", "evidence"),
 )
 MODULES = {"list": "catalogue", "import": "importing"}
 

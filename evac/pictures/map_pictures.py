@@ -6,7 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -17,7 +19,7 @@ from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import Plans, draw_plans, outline
 from evac.pictures.scales import MAPS as SCALES
-from evac.pictures.scales import Scale, high_value
+from evac.pictures.scales import Scale, high_value, round_up
 from evac.results.reading import recorded_flows
 from evac.trajectory.trajectory import Trajectory
 
@@ -85,31 +87,53 @@ def draw_map(
     plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False)
     scale = SCALES[quantity].with_service(service)
     top, colours, norm = scale.end(high_value([*grids.values()])), _colours(scale), Normalize(0.0, 1.0)
-    for axes, shown in zip(plans.axes, plans.levels, strict=True):
-        for level in shown:
-            axes.add_patch(PathPatch(outline(level), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
-            if level.name not in maps:
-                continue
-            clip = PathPatch(outline(level), transform=axes.transData)
-            limits = axes.get_xlim(), axes.get_ylim()
-            image = axes.imshow(
-                np.ma.masked_invalid(_drawn(maps[level.name], quantity, scale, top)),
-                origin="lower",
-                extent=maps[level.name].extent,
-                cmap=colours,
-                norm=norm,
-                zorder=1,
-                aspect="auto",
-                interpolation="nearest",
-            )
-            image.set_clip_path(clip)
-            axes.set(xlim=limits[0], ylim=limits[1])
+    drawn = {name: _drawn(one, quantity, scale, top) for name, one in maps.items()}
+    _draw_grids(plans, drawn, maps, colours, norm)
     if quantity == "flow":
         _label_lines(plans, recorded_flows(trajectory))
     _add_scale(plans, ScalarMappable(norm, colours), scale, top)
     if any(np.isinf(grid).any() for grid in grids.values()):
         plans.figure.text(plans.side[0], 0.02, "not cleared", color=NEVER, fontsize=9, fontweight="bold")
     return plans.figure
+
+
+def draw_difference(first: Trajectory, other: Trajectory, quantity: str, dpi: int = 120) -> Figure:
+    """Draw the difference of the maps of a quantity of two runs, other - first, on the plans of the first.
+
+    Levels are those with the same name; cells on the floor of only one of the two have no colour.
+
+    Parameters
+    ----------
+    first, other : Trajectory
+    quantity : str
+        One of `evac.analysis.maps.QUANTITIES`.
+    dpi : int
+    """
+    maps, others = level_maps(first), level_maps(other)
+    grids = {
+        name: _aligned(others[name].array(quantity), others[name], own) - own.array(quantity)
+        for name, own in maps.items()
+        if name in others
+    }
+    scale = SCALES[quantity]
+    most = round_up(high_value([np.abs(grid) for grid in grids.values()]))
+    title = f"{first.header.get('title', '')}\n{scale.label} [{scale.unit}], difference"
+    plans = draw_plans(first.building, title, dpi=dpi, is_filled=False)
+    colours, norm = colormaps["PuOr_r"], Normalize(-most, most)
+    _draw_grids(plans, grids, maps, colours, norm)
+    _add_bar(plans, ScalarMappable(norm, colours), f"{scale.label}, difference [{scale.unit}]")
+    return plans.figure
+
+
+def _aligned(grid: np.ndarray, own: LevelMaps, wanted: LevelMaps) -> np.ndarray:
+    """Return a map on the cells of another one with the same spacing; NaN where it has none."""
+    found = np.full(wanted.shape, np.nan)
+    column, row = np.rint((own.origin - wanted.origin) / own.spacing).astype(int).tolist()
+    for y, values in enumerate(grid):
+        low, high = max(0, -column), min(len(values), wanted.shape[1] - column)
+        if 0 <= y + row < wanted.shape[0] and high > low:
+            found[y + row, low + column : high + column] = values[low:high]
+    return found
 
 
 def write_maps(
@@ -148,6 +172,31 @@ def write_maps(
     return written
 
 
+def _draw_grids(
+    plans: Plans, grids: Mapping[str, np.ndarray], maps: Mapping[str, LevelMaps], colours: Colormap, norm: Normalize
+) -> None:
+    """Draw the values in the cells of levels on their plans, clipped to the floors."""
+    for axes, shown in zip(plans.axes, plans.levels, strict=True):
+        for level in shown:
+            axes.add_patch(PathPatch(outline(level), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
+            if level.name not in grids:
+                continue
+            clip = PathPatch(outline(level), transform=axes.transData)
+            limits = axes.get_xlim(), axes.get_ylim()
+            image = axes.imshow(
+                np.ma.masked_invalid(grids[level.name]),
+                origin="lower",
+                extent=maps[level.name].extent,
+                cmap=colours,
+                norm=norm,
+                zorder=1,
+                aspect="auto",
+                interpolation="nearest",
+            )
+            image.set_clip_path(clip)
+            axes.set(xlim=limits[0], ylim=limits[1])
+
+
 def _colours(scale: Scale) -> Colormap:
     """Return the colours of a map; where there is nothing, or little of some quantities, the floor shows through."""
     share = np.linspace(0.0, 1.0, 256)
@@ -170,17 +219,22 @@ def _drawn(maps: LevelMaps, quantity: str, scale: Scale, top: float) -> np.ndarr
 
 
 def _add_scale(plans: Plans, colours: ScalarMappable, scale: Scale, top: float) -> None:
-    """Add the colour bar at the right."""
+    """Add the colour bar of a scale at the right."""
+    shares, texts = zip(*scale.ticks(top), strict=True)
+    _add_bar(plans, colours, f"{scale.label} [{scale.unit}]").set_ticks(shares, labels=texts)
+
+
+def _add_bar(plans: Plans, colours: ScalarMappable, label: str) -> Colorbar:
+    """Add a colour bar at the right."""
     left, bottom, _, height = plans.side
     inch = 1.0 / plans.figure.get_size_inches()
     tall = min(height, 4.0 * inch[1])
     axes = plans.figure.add_axes((left + 0.1 * inch[0], bottom + 0.5 * (height - tall), 0.16 * inch[0], tall))
-    shares, texts = zip(*scale.ticks(top), strict=True)
     bar = plans.figure.colorbar(colours, cax=axes)
-    bar.set_ticks(shares, labels=texts)
     bar.outline.set_linewidth(0.5)
     bar.ax.tick_params(labelsize=9, labelcolor=palette.TEXT, color=palette.TEXT)
-    bar.set_label(f"{scale.label} [{scale.unit}]", fontsize=9, color=palette.TEXT)
+    bar.set_label(label, fontsize=9, color=palette.TEXT)
+    return bar
 
 
 def _label_lines(plans: Plans, flows: Iterable[LineFlow]) -> None:

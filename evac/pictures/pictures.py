@@ -120,6 +120,26 @@ def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> F
     return figure
 
 
+def designs_figure(title: str, people: int, time: FloatArray, curves: Mapping[str, FloatArray]) -> Figure:
+    """Return the numbers of people out over time of several designs.
+
+    Parameters
+    ----------
+    title : str
+    people : int
+    time : (k,) float64 [s]
+    curves : mapping of str to (k,) float64
+        Number of people out at these times, by the name of the design.
+    """
+    figure, axes = new_axes(title, people)
+    for (name, number), colour in zip(curves.items(), group_colours(len(curves)), strict=False):
+        axes.plot(time, number, label=name, color=colour, linewidth=1.8)
+    axes.set_xlim(0.0, float(time[-1]))
+    for text in axes.legend(frameon=False, loc="lower right", fontsize=8).get_texts():
+        text.set_parse_math(False)
+    return figure
+
+
 def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
     """Return a figure and axes for people out over time, up to `people`."""
     figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)))

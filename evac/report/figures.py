@@ -16,8 +16,9 @@ from evac.building.model.building import Building
 from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
-from evac.pictures.map_pictures import draw_map
+from evac.pictures.map_pictures import draw_difference, draw_map
 from evac.pictures.pictures import Curve, curves_figure, runs_figure
+from evac.pictures.scales import MAPS as SCALES
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
@@ -93,6 +94,16 @@ def egress_over_runs(people: int, columns: Mapping[str, FloatArray]) -> Picture:
         " total number of people."
     )
     return drawing(runs_figure("", people, columns), caption, "egress curves over runs")
+
+
+def difference_picture(first: Trajectory, other: Trajectory, quantity: str, name: str) -> Picture:
+    """Return the map of the difference of a quantity, other - first."""
+    what = SCALES[quantity]
+    caption = f"{what.label}: difference of {name} from the first design; where only one has a floor, nothing is drawn."
+    file = io.BytesIO()
+    figure = draw_difference(first, other, quantity, dpi=DPI)
+    figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)
+    return _picture(file, "png", caption, caption, "map")
 
 
 def map_picture(

@@ -34,6 +34,8 @@ from evac.study.convergence import convergence, settled
 from evac.study.statistics import PERCENTILES
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from evac.study.study import Study
 
 #: Greatest number of times of an egress curve over runs; in longer runs their distance exceeds ``output.every``.
@@ -60,7 +62,10 @@ def write_outputs(study: "Study") -> None:
         egress_curves = [egress(study, point.index) for point in study.points]
         _write_egress(study, egress_curves, folder / EGRESS_NAME)
         if study.points[0].case.output.picture:
-            _draw(study, egress_curves)
+            from evac.pictures.pictures import save
+
+            name = EGRESS_PICTURE_NAME if len(study.points) == 1 else SWEEP_PICTURE_NAME
+            save(figure_of(study, egress_curves[0]), folder / name)
         write_json(folder / SUMMARY_NAME, plain(summary(study, measures)), "the results")
 
 
@@ -188,9 +193,9 @@ def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], pa
     write_csv(path, [*([] if is_single else ["point"]), *curves[0]], rows)
 
 
-def _draw(study: "Study", curves: Sequence[Mapping[str, FloatArray]]) -> None:
-    """Draw the egress curves of a single point, or else the statistics of all points."""
-    from evac.pictures.pictures import runs_figure, save
+def figure_of(study: "Study", curve: Mapping[str, FloatArray]) -> "Figure":
+    """Return a figure of the curve (`egress`) of a single point, or else of the statistics of all points."""
+    from evac.pictures.pictures import runs_figure
     from evac.pictures.statistics import points_figure
 
     each, case = study.statistics[0], study.points[0].case
@@ -198,14 +203,13 @@ def _draw(study: "Study", curves: Sequence[Mapping[str, FloatArray]]) -> None:
     if len(study.points) == 1:
         title += f"{each.runs} runs, everybody out in {each.runs - each.blocked}"
         people = sum(group.count for group in case.people if group.leave)
-        save(runs_figure(title, people, curves[0]), study.folder / EGRESS_PICTURE_NAME)
-        return
+        return runs_figure(title, people, curve)
     middle = np.array([(of.value, of.low, of.high) for of in (each[study.central] for each in study.statistics)])
     greatest = np.array([each.percentiles[-1].value for each in study.statistics])
     of = "mean of the complete runs" if study.central == "mean" else "median of all runs"
     note = f"dots: {of} and its 95 % interval; triangles: 95th percentile of all runs, if finite"
     parameters = [point.parameters for point in study.points]
-    save(points_figure(title, parameters, middle, greatest, note), study.folder / SWEEP_PICTURE_NAME)
+    return points_figure(title, parameters, middle, greatest, note)
 
 
 def _field(value: Any) -> Any:

@@ -343,7 +343,7 @@ def difference(
         As for `statistics`.
     """
     is_pair = np.isfinite(before) & np.isfinite(after)
-    change = (after - before)[is_pair]
+    change = after[is_pair] - before[is_pair]
     left_out = len(is_pair) - len(change)
     notes = [f"without {counted(left_out, 'pair')} in which a run is blocked or failed"] if left_out else []
     if not len(change):

@@ -35,6 +35,7 @@ from evac.study.store import Store
 if TYPE_CHECKING:
     import pandas
     import pyarrow
+    from matplotlib.figure import Figure
 
     from evac.case.case import Case
     from evac.results.results import Results
@@ -105,6 +106,21 @@ class Study:
 
     def __repr__(self) -> str:
         return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
+
+    def _repr_html_(self) -> str:
+        """Return the statistics of all points as a table, and their picture, for notebooks."""
+        from evac.pictures.notebook import figure_html, table_html
+        from evac.study.outputs import statistics_rows
+
+        rows = statistics_rows(self)
+        table = table_html(list(rows[0]), (list(row.values()) for row in rows))
+        return table + figure_html(self.plot(), "evacuation times")
+
+    def plot(self) -> "Figure":
+        """Return a figure of the egress curves over the runs of a single point, or of the statistics of all points."""
+        from evac.study.outputs import egress, figure_of
+
+        return figure_of(self, egress(self, 0) if len(self.points) == 1 else {})
 
     def move(self, folder: Path) -> None:
         """Set the new path of the renamed folder."""

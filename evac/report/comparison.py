@@ -1,0 +1,287 @@
+"""Designs compared: differences of runs with the same seeds, curves, maps of differences, and their page."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from markupsafe import Markup
+
+from evac.base.arrays import FloatArray
+from evac.base.errors import ResultError, counted
+from evac.report import figures
+from evac.report.templates import fixed, templates
+from evac.results.answer import MOST, time_of_share
+from evac.results.reading import read_results
+from evac.results.results import Results
+from evac.study.statistics import Estimate, difference
+from evac.study.study import Study, read_study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+#: Maps of which differences are drawn.
+MAPS = ("max_density", "waiting")
+
+#: Points of a curve.
+SAMPLES = 400
+
+
+@dataclass(frozen=True)
+class Design:
+    """A design that is compared: one run, or the runs of a study at one point.
+
+    Attributes
+    ----------
+    label : str
+    seeds : tuple of (int, int)
+        Seed and population seed of each run.
+    exit_times : tuple of (people,) float64 [s]
+        Of the people in each run; of those who left, if everybody did who is to leave, else NaN for the others.
+    is_complete : tuple of bool
+        Whether nobody was left in each run.
+    results : Results or None
+        Those of a single run.
+    """
+
+    label: str
+    seeds: tuple[tuple[int, int], ...]
+    exit_times: tuple[FloatArray, ...] = field(repr=False)
+    is_complete: tuple[bool, ...] = field(repr=False)
+    results: Results | None = field(default=None, repr=False)
+
+    def measures(self) -> dict[str, FloatArray]:
+        """Return the measures that are compared, by name: (runs,) [s], infinite where people are left."""
+
+        def most(times: FloatArray) -> float:
+            found = time_of_share(times, MOST) if times.size else None
+            return math.inf if found is None else found
+
+        whole = list(zip(self.exit_times, self.is_complete, strict=True))
+        return {
+            "evacuation time": np.array([most_of(times) if ok else math.inf for times, ok in whole]),
+            f"time of {MOST:g} %": np.array([most(times) for times, _ in whole]),
+            "mean time of people": np.array([float(times.mean()) if ok else math.inf for times, ok in whole]),
+        }
+
+    def curve(self, time: FloatArray) -> FloatArray:
+        """Return the mean number of people out over the runs, at ascending times [s]."""
+        counts = np.array([np.searchsorted(np.sort(times), time, "right") for times in self.exit_times], np.float64)
+        mean: FloatArray = counts.mean(axis=0)
+        return mean
+
+
+def most_of(times: FloatArray) -> float:
+    """Return the greatest time; 0 without people."""
+    return float(times.max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What one measure of a design differs in from the first design.
+
+    Attributes
+    ----------
+    design, measure : str
+    before, after : float [s]
+        Means of the first design and of this one, over pairs of runs with the same seeds in which nobody is left.
+    change : Estimate
+        Mean of ``after - before`` with its interval.
+    """
+
+    design: str
+    measure: str
+    before: float
+    after: float
+    change: Estimate
+
+    @property
+    def verdict(self) -> str:
+        """Longer, shorter, or not certain: the interval contains zero, or there is none."""
+        low, high = self.change.low, self.change.high
+        return "longer" if low > 0.0 else "shorter" if high < 0.0 else "not certain"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Designs compared with the first of them.
+
+    Attributes
+    ----------
+    designs : tuple of Design
+    """
+
+    designs: tuple[Design, ...]
+
+    @cached_property
+    def differences(self) -> tuple[Difference, ...]:
+        """The differences of all measures, for each design but the first."""
+        first, *others = self.designs
+        return tuple(change for other in others for change in _differences(first, other))
+
+    def to_pandas(self) -> "DataFrame":
+        """Return the differences as a data frame: a row for each design and measure."""
+        from pandas import DataFrame
+
+        return DataFrame(self.rows())
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the differences as dictionaries."""
+        return [
+            {
+                "design": one.design,
+                "measure": one.measure,
+                "before": one.before,
+                "after": one.after,
+                "difference": one.change.value,
+                "low": one.change.low,
+                "high": one.change.high,
+                "pairs": one.change.runs,
+                "verdict": one.verdict,
+            }
+            for one in self.differences
+        ]
+
+    def plot(self) -> "Figure":
+        """Return the curves of people out over time, means over the runs of each design, as a figure of matplotlib."""
+        from evac.pictures.pictures import designs_figure
+
+        end = max(most_of(times[np.isfinite(times)]) for one in self.designs for times in one.exit_times)
+        time = np.linspace(0.0, 1.02 * max(end, 1e-9), SAMPLES)
+        people = max(len(times) for one in self.designs for times in one.exit_times)
+        return designs_figure("", people, time, {one.label: one.curve(time) for one in self.designs})
+
+    def page(self) -> str:
+        """Return the comparison as a page of HTML, which needs no other file."""
+        caption = "People out over time; of several runs, the mean over runs."
+        return (
+            templates()
+            .get_template("comparison.html")
+            .render(
+                designs=[(one.label, len(one.seeds), sum(one.is_complete), _seeds(one.seeds)) for one in self.designs],
+                first=self.designs[0].label,
+                differences=[
+                    (
+                        one.design,
+                        one.measure,
+                        fixed(one.before, 2),
+                        fixed(one.after, 2),
+                        fixed(one.change.value, 2),
+                        interval(one.change),
+                        one.change.runs,
+                        f"{one.verdict} ({one.change.note})" if one.change.note else one.verdict,
+                    )
+                    for one in self.differences
+                ],
+                curve=figures.drawing(self.plot(), caption, "egress curves of the designs"),
+                maps=list(self._maps()),
+                style=Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8")),
+            )
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the differences as a table, and the curves, for notebooks."""
+        from evac.pictures.notebook import figure_html, table_html
+
+        rows = self.rows()
+        table = table_html(list(rows[0]), (list(row.values()) for row in rows))
+        return table + figure_html(self.plot(), "egress curves")
+
+    def _maps(self) -> Iterator[figures.Picture]:
+        """Yield the maps of differences of designs that are single runs with a trajectory."""
+        runs = [(one.label, one.results.trajectory) for one in self.designs if one.results is not None]
+        recorded = [(label, trajectory) for label, trajectory in runs if trajectory is not None]
+        for label, trajectory in recorded[1:]:
+            for quantity in MAPS:
+                yield figures.difference_picture(recorded[0][1], trajectory, quantity, label)
+
+
+def compare(*what: "str | Path | Results | Study | tuple[Study, int]") -> Comparison:
+    """Compare designs with the first of them, by runs with the same seeds.
+
+    Parameters
+    ----------
+    *what : str, Path, Results, Study or (Study, int)
+        Result folders of runs, folders of studies, or what has been read from them; of a study with several points,
+        each point is a design, and a pair has one of them.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ResultError
+        There are fewer than two designs, or two of them have no seed in common.
+
+    Examples
+    --------
+    >>> evac.compare("narrow-runs", "wide-runs").to_pandas()  # doctest: +SKIP
+    """
+    designs = [design for one in what for design in _designs(one)]
+    if len(designs) < 2:
+        raise ResultError(f"compare: {counted(len(designs), 'design')}; name two or more runs, studies or points")
+    for other in designs[1:]:
+        if not {*designs[0].seeds} & {*other.seeds}:
+            raise ResultError(
+                f"{designs[0].label} and {other.label} have no seed in common, so their differences would be those of"
+                " chance; run both with the same seeds (--seed)"
+            )
+    return Comparison(tuple(designs))
+
+
+def interval(change: Estimate) -> str:
+    """Return the bounds of an interval in words; empty if there is none."""
+    return f"{change.low:.2f} to {change.high:.2f}" if change.has_interval else ""
+
+
+def _differences(first: Design, other: Design) -> Iterator[Difference]:
+    common = [seeds for seeds in first.seeds if seeds in other.seeds]
+    rows = [first.seeds.index(seeds) for seeds in common], [other.seeds.index(seeds) for seeds in common]
+    populations = [population for _, population in common]
+    measures, others = first.measures(), other.measures()
+    for name in measures:
+        before, after = measures[name][rows[0]], others[name][rows[1]]
+        pairs = np.isfinite(before) & np.isfinite(after)
+        means = [float(values[pairs].mean()) if pairs.any() else math.nan for values in (before, after)]
+        yield Difference(other.label, name, means[0], means[1], difference(before, after, populations))
+
+
+def _designs(what: Any) -> Iterator[Design]:
+    if isinstance(what, str | Path):
+        folder = Path(what)
+        what = read_study(folder) if (folder / "study.json").is_file() else read_results(folder)
+    if isinstance(what, Results):
+        times = what.crowd.exit_time[what.leaving]
+        seeds = what.seed, int(what.settings["simulation"].get("population_seed") or what.seed)
+        label = what.folder.name if what.folder is not None else what.title
+        yield Design(label, (seeds,), (times,), (what.is_complete,), what)
+        return
+    study, point = what if isinstance(what, tuple) else (what, None)
+    for one in study.points if point is None else (study.points[point],):
+        yield _of_point(study, one.index)
+
+
+def _of_point(study: Study, point: int) -> Design:
+    rows = list(study.rows(point, ("seed", "population_seed", "blocked", "exit_time")))
+    label = study.points[point].label
+    return Design(
+        f"{study.folder.name}: {label}" if label else study.folder.name,
+        tuple((row["seed"], row["seed"] if row["population_seed"] is None else row["population_seed"]) for row in rows),
+        tuple(_of_leaving(np.asarray(row["exit_time"], np.float64), row["blocked"]) for row in rows),
+        tuple(not row["blocked"] for row in rows),
+    )
+
+
+def _of_leaving(exit_time: FloatArray, is_blocked: bool) -> FloatArray:
+    return exit_time if is_blocked else exit_time[np.isfinite(exit_time)]
+
+
+def _seeds(seeds: Sequence[tuple[int, int]]) -> str:
+    numbers = sorted({seed for seed, _ in seeds})
+    return f"{numbers[0]}" if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
