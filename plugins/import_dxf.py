@@ -1,10 +1,10 @@
 """Importer of DXF drawings: one storey, on the layers of the JuPedSim convention or on other layers."""
 
 import fnmatch
-import math
+import re
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,11 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError, text_of
 from evac.base.parameters import Parameter
 from evac.building.geometry.overlays import place_of
+from evac.building.geometry.segments import segment_lengths
 from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
-from evac.building.recover.linework import faces_of, rooms_of
+from evac.building.recover.drawings import doors_of, plans_of, swing_of, unit_of, use_of, walls_by_spacing
+from evac.building.recover.linework import faces_of, reaching, rooms_of
 from evac.building.surface.resolution import LARGEST, SMALLEST, helpful_factor
 
 #: Optional prefix of layer names.
@@ -27,12 +29,20 @@ PREFIX = "jps-"
 DEEPEST, MOST_ENTITIES = 30, 500_000
 #: Entity types that are read, besides blocks; texts, dimensions, hatches and images are ignored.
 DRAWN = frozenset(
-    ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "SOLID", "TRACE", "3DFACE"),
+    ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "SOLID", "TRACE", "3DFACE", "HATCH"),
 )
 #: Minimum length of the pieces of a curve, as a share of its extent.
 FINEST = 1e-4
 #: Largest gap between the ends of a polyline that is treated as closed [m].
 CLOSED = 1e-3
+#: Width from which a polyline is an outline; greatest width of the outline of a wall; thickness of a door's leaf [m].
+THINNEST, THICKEST_OUTLINE, LEAF = 0.02, 0.9, 0.06
+#: Length from which lines of windows are walls [m].
+LEAST_PANE = 0.5
+#: Greatest number of findings of a kind with their own places.
+MOST_ALONE = 20
+#: Units that are tried where doors are too wide or too narrow [m].
+DOUBTED = (1e-3, 1e-2, 0.0254, 1.0, 0.3048, 0.1)
 #: Values of $INSUNITS: name and length of the unit [m].
 UNITS = {
     **{1: ("inch", 0.0254), 2: ("foot", 0.3048), 4: ("millimetre", 1e-3), 5: ("centimetre", 1e-2), 6: ("metre", 1.0)},
@@ -51,13 +61,15 @@ class DxfImporter(Importer):
     suffixes = (".dxf",)
 
     floor = Parameter("walkablearea", "layers with outlines of the floor, or with open lines that enclose it")
-    walls = Parameter("", "layers with walls as lines, which enclose rooms")
-    doors = Parameter("", "layers with lines that close doors; doors are also found where walls are interrupted")
+    walls = Parameter("", "layers with walls; if there is neither, those like walls by name, else by spacing of lines")
+    doors = Parameter("", "layers with lines that close doors, besides arcs and interruptions of walls")
     obstacles = Parameter("obstacles", "layers with outlines of obstacles")
     exits = Parameter("exits", "layers with exits: outlines of the ground outside, or lines")
     areas = Parameter("distributions", "layers with outlines of start areas")
     storey = Parameter("floor", "name of the storey")
     z = Parameter(0.0, "height of the storey's floor", unit="m")
+    plan = Parameter("", "numbers of the plans of a drawing with several, which become storeys; empty: all")
+    height = Parameter(3.0, "height between plans of one drawing", unit="m", above=0.0)
     unit = Parameter(0.0, "metres per unit of the drawing; 0: as declared, if plausible", minimum=0.0)
     gap = Parameter(0.1, "ends of lines at most this far from another line are joined to it", unit="m", minimum=0.0)
     door = Parameter(2.5, "largest width of a gap in a wall that is a door; 0: none", unit="m", minimum=0.0)
@@ -66,29 +78,52 @@ class DxfImporter(Importer):
     deviation = Parameter(0.002, "largest distance of a polygon from its curve", unit="m", above=0.0)
 
     def read(self, path: Path) -> Plan:
-        """Read the drawing; raise ValueError if it is damaged, BuildingError if the layers of the floor are empty."""
+        """Read the drawing; raise ValueError if it is damaged, BuildingError if it has neither floor nor walls."""
         optional_library(path, "ezdxf", "dxf")
         document, faults = _opened(path, self.repair)
         plan = Plan(path)
         if faults:
             plan.note("warning", f"the file was damaged in {len(faults)} places and is repaired: {faults[0]}, ...")
+        left_out: Counter[str] = Counter()
         try:
-            shapes = [shape for shape in _shapes(document) if self._use_of(shape.layer)]
+            shapes = [*_shapes(document, self._use_of, left_out)]
         except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # damaged entities
             raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
-        if not any(self._use_of(shape.layer) in ("floor", "walls") for shape in shapes):
+        has_floor = any(shape.use == "floor" for shape in shapes)
+        if has_floor:
+            shapes = [shape for shape in shapes if self._given_use(shape.layer)]
+        if not shapes:
             raise BuildingError(f"{path}: {_no_floor(document)}")
         unit = self._metres(plan, document, shapes)
-        drawn: dict[str, list[Drawn]] = {}
-        for shape in shapes:
-            for line in _drawn(shape, unit, self.deviation, CLOSED):
-                drawn.setdefault(self._use_of(shape.layer), []).append(line)
-        self._add_floor(plan, drawn)
-        self._add_items(plan, drawn)
+        drawn = [line for shape in shapes for line in _drawn(shape, unit, self.deviation, CLOSED)]
+        if has_floor:
+            self._add_floor(plan, drawn)
+            self._add_items(plan, drawn, self.storey)
+            return plan
+        if not any(one.use == "walls" for one in drawn):
+            drawn = _with_walls(plan, drawn)
+        if not any(one.use == "walls" for one in drawn):
+            raise BuildingError(f"{path}: {_no_floor(document)}")
+        for (layer, use), number in sorted(Counter((one.layer, one.use or "nothing") for one in drawn).items()):
+            plan.note("found", f"layer {layer!r}: {number} lines are taken as {use}")
+        for layer, number in sorted(left_out.items()):
+            plan.note("found", f"layer {layer!r}: {number} entities are left out, since it or their block is named so")
+        self._add_plans(plan, drawn)
         return plan
 
-    def _use_of(self, layer: str) -> str:
-        """Return the use of a layer; empty if it is ignored."""
+    def _use_of(self, layer: str, blocks: tuple[str, ...]) -> str:
+        """Return the use of a line, by the options or by likeness of the names of its layer and of the blocks."""
+        given = self._given_use(layer)
+        if given:
+            return given
+        use, around = use_of(layer), [use_of(name) for name in blocks]
+        if "left out" in (use, *(around if use != "walls" else ())):
+            return "left out"
+        use = "windows" if "windows" in around else use or next((one for one in around if one), "")
+        return "" if use == "walls" and self.walls else use
+
+    def _given_use(self, layer: str) -> str:
+        """Return the use of a layer by the options; empty if none names it."""
         name = layer.lower().removeprefix(PREFIX)
         for use in ("floor", "walls", "doors", "obstacles", "exits", "areas"):
             patterns = [pattern.strip().lower().removeprefix(PREFIX) for pattern in getattr(self, use).split(",")]
@@ -97,7 +132,7 @@ class DxfImporter(Importer):
         return ""
 
     def _metres(self, plan: Plan, document: Any, shapes: "list[Shape]") -> float:
-        """Return the metres per unit: as declared in the drawing, or a more plausible value."""
+        """Return the metres per unit: as declared in the drawing, or as doors have it, or a more plausible value."""
         if self.unit:
             return float(self.unit)
         points = np.concatenate([shape.frame for shape in shapes])
@@ -108,97 +143,196 @@ class DxfImporter(Importer):
         unit = said if factor is None else said * factor
         if SMALLEST <= extent <= LARGEST and factor is not None:
             unit = 1.0
+        arcs = [shape for shape in shapes if shape.is_curve]
+        arcs = [shape for shape in arcs if shape.use == "doors"] or arcs
+        swings = [swing for shape in arcs if (swing := swing_of(_corners(shape, 0.0))) is not None]
+        by_doors = unit_of(np.array([swing.radius for swing in swings]), [unit, *DOUBTED]) if swings else None
+        if by_doors is not None and by_doors != unit:
+            unit = by_doors
+            radius = float(np.median([swing.radius for swing in swings]))
+            measure += f"; doors of {radius:.4g} units are then {radius * unit:.2f} m wide"
         kind = "found" if name and unit == said else "assumed"
         says = f"the unit in the file is {name}" if name else "the file has no unit"
         plan.note(kind, f"1 unit is {unit:.4g} m: {says}, and {measure}, {extent * unit:.4g} m (unit)")
         return unit
 
-    def _add_floor(self, plan: Plan, drawn: "dict[str, list[Drawn]]") -> None:
-        """Add the storey: closed outlines, faces of open lines, rooms between walls."""
-        outlines = [line.polygon for line in drawn.get("floor", []) if line.is_closed]
-        lines = [line.line for line in drawn.get("floor", []) if not line.is_closed]
-        ground: list[BaseGeometry] = list(outlines)
+    def _add_floor(self, plan: Plan, drawn: "list[Drawn]") -> None:
+        """Add the storey of a drawing with outlines of the floor: closed ones, and faces of open lines."""
+        floor = [one for one in drawn if one.use == "floor"]
+        lines = [one.line for one in floor if not one.is_closed]
+        ground: list[BaseGeometry] = [one.polygon for one in floor if one.is_closed]
         if lines:
             faces = faces_of(lines, self.gap)
             ground += faces.faces
-            self._note_segments(plan, "repaired", "gap of {:.3f} m closed (gap)", faces.closed)
-            self._note_loose_lines(plan, faces.loose)
-        walls = [line.line for line in drawn.get("walls", [])]
-        openings: list[FloatArray] = []
-        if walls:
-            rooms = rooms_of(walls, self.gap, self.door, self.wall, [line.line for line in drawn.get("doors", [])])
-            ground += [*shapely.get_parts(rooms.floor)]
-            self._note_segments(plan, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
-            self._note_segments(plan, "found", "door {:.2f} m wide", rooms.doors)
-            self._note_segments(plan, "found", "opening to the outside {:.2f} m wide", rooms.openings)
-            self._note_loose_lines(plan, rooms.loose)
-            for face in rooms.left_out:
-                plan.note(
-                    "left out", f"{face.area:.2f} m2 between walls, too small for a room", self.storey, place_of(face)
-                )
-            text = f"walls drawn as one line between two rooms are {self.wall:g} m thick (wall)"
-            plan.note("assumed", text, self.storey)
-            openings = [*rooms.openings.reshape(-1, 2, 2)]
+            self._note_segments(plan, self.storey, "repaired", "gap of {:.3f} m closed (gap)", faces.closed)
+            self._note_loose_lines(plan, self.storey, faces.loose)
+        self._add_storey(plan, self.storey, ground, self.z, lines)
+
+    def _add_plans(self, plan: Plan, drawn: "list[Drawn]") -> None:
+        """Add a storey for each plan of a drawing, from its walls."""
+        grounds = plans_of([one.line for one in drawn if one.use in ("walls", "windows", "doors")])
+        numbers = [*range(1, len(grounds) + 1)]
+        if self.plan:
+            chosen = [int(word) for word in re.findall(r"\d+", self.plan)]
+            if not chosen or not set(chosen) <= set(numbers):
+                raise ValueError(f"plan = {self.plan!r}: the drawing has {len(grounds)} plans; give numbers, as in 1,2")
+            numbers = chosen
+        if len(grounds) > 1:
+            text = f"{len(grounds)} plans, numbered from the left and the top"
+            plan.note(
+                "assumed", f"{text}; {'those chosen' if self.plan else 'all'} are storeys, the lowest first (plan)"
+            )
+        corner = np.array(grounds[numbers[0] - 1].bounds[:2])
+        for index, number in enumerate(numbers):
+            ground = grounds[number - 1]
+            own = [one for one in drawn if one.line.intersects(ground)]
+            name = self.storey if len(numbers) == 1 else f"{self.storey} {number}"
+            if index:
+                move = corner - ground.bounds[:2]
+                own = [replace(one, line=shapely.transform(one.line, lambda xy, move=move: xy + move)) for one in own]
+                plan.note("assumed", f"moved by ({move[0]:.2f}, {move[1]:.2f}) above the first plan", name)
+            self._add_plan(plan, own, name, self.z + index * self.height)
+            self._add_items(plan, own, name)
+
+    def _add_plan(self, plan: Plan, drawn: "list[Drawn]", storey: str, z: float) -> None:
+        """Add one storey from walls and doors."""
+        walls = [one for one in drawn if one.use == "walls" and (one.is_solid or not one.is_fill)]
+        arcs = [one for one in drawn if one.is_curve and one.use != "windows"]
+        arcs = [one for one in arcs if one.use == "doors"] or arcs
+        swings = [swing for one in arcs if (swing := swing_of(shapely.get_coordinates(one.line))) is not None]
+        panes = [one for one in drawn if one.use == "windows"]
+        leaves = [side for one in drawn if not one.is_curve for side in one.sides]
+        doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if not one.is_curve], leaves)
+        swept = shapely.union_all([swing.sector for swing in swings]).buffer(LEAF)
+        shapely.prepare(swept)
+        lines = [one.line for one in walls if not swept.covers(one.line)]
+        long = [side for one in panes for side in one.sides if side.length >= LEAST_PANE and not swept.covers(side)]
+        lines += [*shapely.linestrings(reaching(shapely.get_coordinates(long), lines).reshape(-1, 2, 2))]
+        others = [side for one in drawn if one.use == "doors" and not one.is_curve for side in one.sides]
+        if self.doors:
+            closing = [shapely.get_coordinates(one).ravel() for one in others]
+            doors = np.concatenate([doors, np.array(closing).reshape(-1, 4)])
+            others = []
+        others = [side for side in others if not swept.covers(side)]
+        solids = [one.polygon for one in walls if one.is_solid]
+        rooms = rooms_of(lines, self.gap, self.door, self.wall, doors, others, solids)
+        self._note_segments(plan, storey, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
+        self._note_segments(plan, storey, "found", "opening between rooms {:.2f} m wide", rooms.between)
+        self._note_segments(plan, storey, "found", "opening to the outside {:.2f} m wide", rooms.openings)
+        self._note_loose_lines(plan, storey, rooms.loose)
+        for face in rooms.left_out:
+            text = f"{face.area:.2f} m2 between walls, too small for a room"
+            plan.note("left out", text, storey, place_of(face))
+        plan.note("assumed", f"walls drawn as one line between two rooms are {self.wall:g} m thick (wall)", storey)
+        self._add_storey(plan, storey, [*shapely.get_parts(rooms.floor)], z, lines)
+        for number, ends in enumerate(rooms.doors.reshape(-1, 2, 2), start=1):
+            plan.door(f"door {number}" if storey == self.storey else f"{storey} door {number}", storey, ends)
+        is_exit = not any(one.use == "exits" for one in drawn)
+        for number, ends in enumerate(rooms.outer.reshape(-1, 2, 2), start=1):
+            name = f"exit door {number}" if storey == self.storey else f"{storey} exit door {number}"
+            plan.door(name, storey, ends, outside="exit" if is_exit else "opening")
+        for ends in rooms.openings.reshape(-1, 2, 2):
+            plan.opening(storey, ends)
+
+    def _add_storey(
+        self, plan: Plan, storey: str, ground: list[BaseGeometry], z: float, lines: list[BaseGeometry]
+    ) -> None:
         if not ground:
-            place = shapely.get_coordinates([*lines, *walls])[0]
+            place = shapely.get_coordinates(lines)[0]
             raise ValueError(
                 f"the lines of the floor enclose nothing, for example at ({place[0]:.2f}, {place[1]:.2f}): close "
                 "them, or set gap to the widest gap between their ends [m]"
             )
-        plan.storey(self.storey, ground, self.z)
-        plan.note("found", f"{len(plan.storeys[self.storey].polygons)} polygons of ground", self.storey)
-        for ends in openings:
-            plan.opening(self.storey, ends)
+        plan.storey(storey, ground, z)
+        plan.note("found", f"{len(plan.storeys[storey].polygons)} polygons of ground", storey)
 
-    def _add_items(self, plan: Plan, drawn: "dict[str, list[Drawn]]") -> None:
+    def _add_items(self, plan: Plan, drawn: "list[Drawn]", storey: str) -> None:
         """Add obstacles, exits and areas."""
         for use, word in (("obstacles", "obstacle"), ("exits", "exit"), ("areas", "area")):
-            for number, item in enumerate(drawn.get(use, []), start=1):
-                name, place = f"{word} {number}", place_of(item.line)
+            for number, item in enumerate((one for one in drawn if one.use == use), start=1):
+                name = f"{word} {number}" if storey == self.storey else f"{storey} {word} {number}"
+                place = place_of(item.line)
                 corners = shapely.get_coordinates(item.line)
                 if item.is_closed and item.polygon.area > 0.0 and word == "exit":
-                    plan.exit(name, self.storey, polygon=item.polygon)
+                    plan.exit(name, storey, polygon=item.polygon)
                 elif item.is_closed and item.polygon.area > 0.0:
-                    getattr(plan, word)(name, self.storey, item.polygon)
+                    getattr(plan, word)(name, storey, item.polygon)
                 elif word == "exit" and len(corners) == 2 and item.line.length > CLOSED:
-                    plan.exit(name, self.storey, corners)
+                    plan.exit(name, storey, corners)
                 else:
-                    plan.note("left out", f"{word} {number}: the outline is not closed", self.storey, place)
+                    plan.note("left out", f"{word} {number}: the outline is not closed", storey, place)
                     continue
-                plan.note("found", f"{name!r} on layer {item.layer!r}", self.storey, place)
+                plan.note("found", f"{name!r} on layer {item.layer!r}", storey, place)
 
-    def _note_segments(self, plan: Plan, kind: str, text: str, ends: FloatArray) -> None:
-        """Add a finding for each segment (n, 4), with its length."""
-        for x1, y1, x2, y2 in ends.tolist():
-            plan.note(kind, text.format(math.hypot(x2 - x1, y2 - y1)), self.storey, ((x1 + x2) / 2, (y1 + y2) / 2))
+    def _note_segments(self, plan: Plan, storey: str, kind: str, text: str, ends: FloatArray) -> None:
+        """Add a finding for each segment (n, 4), with its length, or one finding for many."""
+        far = segment_lengths(ends)
+        rows = range(len(ends)) if len(ends) <= MOST_ALONE else [int(np.argmax(far))]
+        more = "" if len(ends) <= MOST_ALONE else f"; the longest of {len(ends)}"
+        for row in rows:
+            x, y = (ends[row, :2] + ends[row, 2:]) / 2
+            plan.note(kind, text.format(far[row]) + more, storey, (float(x), float(y)))
 
-    def _note_loose_lines(self, plan: Plan, lines: list[BaseGeometry]) -> None:
+    def _note_loose_lines(self, plan: Plan, storey: str, lines: list[BaseGeometry]) -> None:
         for line in lines:
             text = f"a line of {line.length:.2f} m encloses nothing; a larger gap may close it"
-            plan.note("left out", text, self.storey, place_of(line))
+            plan.note("left out", text, storey, place_of(line))
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A path of the drawing: its layer, ezdxf's path, and its control points (n, 2) [units of the drawing]."""
+    """A piece of a path of the drawing, straight or curved.
+
+    Its layer, its use by likeness of names, ezdxf's path, its control points (n, 2) and its width [units].
+    """
 
     layer: str
+    use: str
     path: Any
     frame: FloatArray
+    is_curve: bool
+    is_fill: bool
+    width: float
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A line of the drawing in metres, closed or not."""
+    """A line of the drawing in metres."""
 
     layer: str
+    use: str
     line: BaseGeometry
     is_closed: bool
+    is_curve: bool
+    is_fill: bool  # a hatch, whose outline is a wall only if it is narrow
 
     @property
     def polygon(self) -> BaseGeometry:
         """The polygon enclosed by a closed line."""
-        return shapely.Polygon(self.line.coords)
+        return shapely.make_valid(shapely.Polygon(self.line.coords))
+
+    @property
+    def is_solid(self) -> bool:
+        """Whether it is the outline of a wall or a column."""
+        return self.is_closed and self.polygon.buffer(-THICKEST_OUTLINE / 2).is_empty
+
+    @property
+    def sides(self) -> list[BaseGeometry]:
+        """Its lines of two points."""
+        corners = shapely.get_coordinates(self.line)
+        return [*shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))]
+
+
+def _with_walls(plan: Plan, drawn: list[Drawn]) -> list[Drawn]:
+    """Return lines of a drawing whose layers are not named like walls with the walls found by the spacing of lines."""
+    unknown: dict[str, list[BaseGeometry]] = {}
+    for one in drawn:
+        if not one.use and not one.is_curve:
+            unknown.setdefault(one.layer, []).extend(one.sides)
+    walls = walls_by_spacing(unknown)
+    for layer, why in walls.items():
+        plan.note("assumed", f"layer {layer!r}: {why} (walls)")
+    return [replace(one, use="walls") if not one.use and one.layer in walls else one for one in drawn]
 
 
 def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
@@ -222,25 +356,65 @@ def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
         return document, [text_of(first), *(error.message for error in auditor.errors)]
 
 
-def _shapes(document: Any) -> Iterator[Shape]:
-    """Yield the paths of the model space, with blocks expanded."""
-    from ezdxf.path import make_path
-
-    for layer, entity in _entities(document.modelspace(), "", 0, [0]):
-        if entity.dxftype() not in DRAWN or (entity.dxftype() == "POLYLINE" and not _is_line(entity)):
+def _shapes(document: Any, use_of: Callable[[str, tuple[str, ...]], str], left_out: Counter[str]) -> Iterator[Shape]:
+    """Yield the paths of the model space, with blocks expanded; count what is left out by layers."""
+    for layer, names, entity in _entities(document.modelspace(), (), 0, [0]):
+        kind = entity.dxftype()
+        if kind not in DRAWN or (kind == "POLYLINE" and not _is_line(entity)):
+            continue
+        use = use_of(layer, names)
+        if use == "left out":
+            left_out[layer] += 1
             continue
         try:
-            path = make_path(entity)
-            corners = [[vertex.x, vertex.y] for vertex in path.control_vertices()]
-            parts = [*path.sub_paths()] if path.has_sub_paths else [path]
+            paths = [(path, _frame(path)) for path in _paths(entity)]
+            is_fill = kind == "HATCH" and (len(paths) == 1 or any(_crosses_itself(frame) for _, frame in paths))
+            width = float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
+            for path, frame in paths:
+                if len(frame):
+                    yield Shape(layer, use, path, frame, path.has_curves, is_fill, width)
         except Exception as error:  # ezdxf raises errors of many types for damaged entities
             handle = entity.dxf.get("handle", "")
-            text = f"{entity.dxftype()} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
+            text = f"{kind} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
             raise ValueError(text) from error
-        if corners and not np.isfinite(corners).all():
-            raise ValueError(f"{entity.dxftype()} on layer {layer!r}: a coordinate is not finite")
-        for part in parts if corners else ():
-            yield Shape(layer, part, np.array(corners))
+
+
+def _frame(path: Any) -> FloatArray:
+    """Return the control points (n, 2) of a path; raise ValueError if they are not finite."""
+    frame = np.array([[vertex.x, vertex.y] for vertex in path.control_vertices()]).reshape(-1, 2)
+    if not np.isfinite(frame).all():
+        raise ValueError("a coordinate is not finite")
+    return frame
+
+
+def _crosses_itself(frame: FloatArray) -> bool:
+    return len(frame) > 3 and not shapely.Polygon(frame).is_valid
+
+
+def _paths(entity: Any) -> Iterator[Any]:
+    """Yield the paths of an entity; an open path is divided where it changes from straight to curved."""
+    from ezdxf.path import Command, from_hatch, make_path
+    from ezdxf.path import Path as Way
+
+    whole = [*from_hatch(entity)] if entity.dxftype() == "HATCH" else [make_path(entity)]
+    for path in (part for one in whole for part in (one.sub_paths() if one.has_sub_paths else [one])):
+        if path.is_closed or not path.has_curves or not path.has_lines:
+            yield path
+            continue
+        piece, start = Way(path.start), path.start
+        for command in path.commands():
+            is_line = command.type == Command.LINE_TO
+            if len(piece) and piece.has_lines != is_line:
+                yield piece
+                piece = Way(start)
+            if is_line:
+                piece.line_to(command.end)
+            elif command.type == Command.CURVE3_TO:
+                piece.curve3_to(command.end, command.ctrl)
+            else:
+                piece.curve4_to(command.end, command.ctrl1, command.ctrl2)
+            start = command.end
+        yield piece
 
 
 def _is_line(polyline: Any) -> bool:
@@ -248,8 +422,10 @@ def _is_line(polyline: Any) -> bool:
     return bool(polyline.is_2d_polyline or polyline.is_3d_polyline)
 
 
-def _entities(space: Any, outer: str, depth: int, count: list[int]) -> Iterator[tuple[str, Any]]:
-    """Yield (layer, entity), with blocks expanded; layer 0 in a block is the layer of the block."""
+def _entities(
+    space: Any, blocks: tuple[str, ...], depth: int, count: list[int], outer: str = ""
+) -> Iterator[tuple[str, tuple[str, ...], Any]]:
+    """Yield (layer, blocks around it, entity); layer 0 in a block is the layer of the block."""
     for entity in space:
         count[0] += 1
         if count[0] > MOST_ENTITIES or depth > DEEPEST:
@@ -259,10 +435,10 @@ def _entities(space: Any, outer: str, depth: int, count: list[int]) -> Iterator[
         layer = entity.dxf.get("layer", "0")
         layer = outer if layer == "0" and outer else layer
         if entity.dxftype() != "INSERT":
-            yield layer, entity
+            yield layer, blocks, entity
             continue
         for part in entity.multi_insert() if entity.mcount > 1 else [entity]:
-            yield from _entities(_expanded(part), layer, depth + 1, count)
+            yield from _entities(_expanded(part), (part.dxf.name, *blocks), depth + 1, count, layer)
 
 
 def _expanded(insert: Any) -> Iterator[Any]:
@@ -274,25 +450,33 @@ def _expanded(insert: Any) -> Iterator[Any]:
         raise ValueError(f"block {insert.dxf.name!r} at ({x:.2f}, {y:.2f}) cannot be expanded: {error}") from error
 
 
+def _corners(shape: Shape, distance: float) -> FloatArray:
+    """Return the corners (n, 2) of a path within a distance of it [units of the drawing]."""
+    least = max(distance, FINEST * float(np.ptp(shape.frame, axis=0).max()), 1e-9)
+    corners = np.array([[vertex.x, vertex.y] for vertex in shape.path.flattening(least, segments=4)]).reshape(-1, 2)
+    return corners[np.append(True, (np.diff(corners, axis=0) != 0.0).any(axis=1))] if len(corners) else corners
+
+
 def _drawn(shape: Shape, unit: float, deviation: float, closed: float) -> Iterator[Drawn]:
-    """Yield a path as a polyline in metres."""
-    size = float(np.ptp(shape.frame, axis=0).max())
-    distance = max(deviation / unit, FINEST * size, 1e-9)
-    corners = np.array([[vertex.x, vertex.y] for vertex in shape.path.flattening(distance, segments=4)]).reshape(-1, 2)
-    corners = (
-        corners[np.append(True, (np.diff(corners, axis=0) != 0.0).any(axis=1))] * unit if len(corners) else corners
-    )
+    """Yield a path as a polyline in metres; a wide one as its outline."""
+    corners = unit * _corners(shape, deviation / unit)
     if len(corners) < 2:
         return
     is_closed = bool(len(corners) > 3 and np.hypot(*(corners[-1] - corners[0])) <= closed)
     if is_closed:
         corners[-1] = corners[0]
-    yield Drawn(shape.layer, shapely.LineString(corners), is_closed)
+    line = shapely.LineString(corners)
+    if shape.width * unit > THINNEST:
+        body = line.buffer(shape.width * unit / 2, cap_style="flat", join_style="mitre")
+        for ring in shapely.get_rings(body):
+            yield Drawn(shape.layer, shape.use, shapely.LineString(ring.coords), True, False, False)
+        return
+    yield Drawn(shape.layer, shape.use, line, is_closed, shape.is_curve, shape.is_fill)
 
 
 def _no_floor(document: Any) -> str:
     """Return the message for an empty floor, with the layers sorted by their number of entities."""
-    count = Counter(layer for layer, entity in _entities(document.modelspace(), "", 0, [0]))
+    count = Counter(layer for layer, _, _ in _entities(document.modelspace(), (), 0, [0]))
     layers = ", ".join(f"{name} ({number})" for name, number in count.most_common(20)) or "none"
     return (
         "the layers of the floor are empty; set floor to the layers with outlines, or walls to the layers with walls "

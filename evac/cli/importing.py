@@ -29,6 +29,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     many.add_argument("--people", type=int, metavar="N", help="number of people, divided among the rooms by area")
     many.add_argument("--density", type=float, metavar="D", help="people per square metre of every room (0.1)")
     parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (3 m apart)")
+    parser.add_argument("--plan", metavar="N,N", help="numbers of the plans of a drawing that become storeys (all)")
     what = "parameters of the importer (`evac plugins` lists them), and scale, up, weld, headroom, treads and angles"
     declare_set(parser, what, option="--option")
     what = "spacing of the grids of directions [m]; for large buildings, the message about memory proposes one"
@@ -45,6 +46,8 @@ def execute(arguments: argparse.Namespace) -> int:
         if value is not None and not value >= least:
             raise ScenarioError(f"--{key} must be at least {least:g}, got {value:g}")
     options = values_of("--option", arguments.option)
+    if arguments.plan is not None:
+        options["plan"] = arguments.plan
     exits = [int(number) for number in _numbers("--exit", arguments.exits, whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
     from evac.base.display import Display

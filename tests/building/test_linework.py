@@ -24,7 +24,7 @@ def test_walls_of_one_line():
     rooms = rooms_of(SINGLE, gap=0.1, door=2.5, wall=0.1)
     assert rooms.floor.area == pytest.approx(24.0 - 0.1 * 2.0)
     assert rooms.closed.tolist() == [[0.0, 0.0, 0.0, 0.05], [4.03, 3.0, 4.0, 3.0]]
-    assert rooms.doors.tolist() == [[4.0, 1.0, 4.0, 2.0]]
+    assert rooms.between.tolist() == [[4.0, 1.0, 4.0, 2.0]]
     assert rooms.openings.tolist() == [[0.0, 1.0, 0.0, 2.0]]
     assert not rooms.loose
     assert not rooms.left_out
@@ -37,7 +37,7 @@ def test_walls_of_two_lines():
     found = rooms_of(outlines(walls), gap=0.1, door=2.5, wall=0.1)
     expected = shapely.union_all([*rooms, *doors])
     assert found.floor.symmetric_difference(expected).area < 1e-6
-    np.testing.assert_allclose(found.doors, [[4.95, 2.0, 4.95, 2.9]])
+    np.testing.assert_allclose(found.between, [[4.95, 2.0, 4.95, 2.9]])
     np.testing.assert_allclose(found.openings, [[0.0, 2.0, 0.0, 3.0]])
 
 
@@ -46,10 +46,10 @@ def test_what_is_wider_than_a_door_is_none():
 
 
 def test_lines_that_close_doors_are_no_walls():
-    doors = [LineString([(4, 1), (4, 2)]), LineString([(0, 1), (0, 2)])]
+    doors = [[4, 1, 4, 2], [0, 1, 0, 2]]
     rooms = rooms_of(SINGLE, gap=0.1, door=0.0, wall=0.1, doors=doors)
     assert rooms.floor.area == pytest.approx(24.0 - 0.1 * 2.0)
-    assert (len(rooms.doors), len(rooms.openings)) == (1, 1)
+    assert (len(rooms.doors), len(rooms.outer)) == (1, 1)
 
 
 def test_a_wall_that_ends_in_a_room_is_one():

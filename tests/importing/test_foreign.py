@@ -25,23 +25,23 @@ with TABLE.open(encoding="utf-8") as file:
 #: Options of files that name no exit.
 OPTIONS = {
     "aknz_evac.wkt": {"exits": [1]},
+    "bjnortier_floorplan.dxf": {"exits": [1]},
+    "constructiq_house_plan.dxf": {"exits": [4], "options": {"plan": "1"}},
     "corner_with_shortcut.wkt": {"exits": [5]},
     "double_bottleneck.wkt": {"exits": [3]},
     "imdf_unit.geojson": {"exits": [1]},
     "office_rooms.wkt": {"exits": [11]},
     "westport-1.geojson": {"exits": [20]},
+    "wrld3d_cad.dxf": {"exits": [1]},
 }
 #: Nothing in them can be walked to an exit.
 REFUSED = ("TallBuilding.ifc", "ios_411_walls.ifc")
 #: What is known to be wrong, and why.
 WRONG = {
-    "bjnortier_floorplan.dxf": "walls are found only on layers that are named",
     "caserne.geojson": "OSM indoor is not read",
-    "constructiq_house_plan.dxf": "walls are found only on layers that are named",
     "imdf_unit.geojson": "IMDF is not read",
     "nav_test.obj": "a game level, not a surface",
     "westport-1.geojson": "the maps of wrld3d are not read",
-    "wrld3d_cad.dxf": "walls are found only on layers that are named",
 }
 SLOW = (
     "AC11-Institute.ifc",

@@ -1,4 +1,4 @@
-"""Rooms from drawn lines: walls are noded, gaps are closed, doors are found where walls are interrupted."""
+"""Rooms from drawn lines: walls are noded, gaps are closed, doors are known or found where walls are interrupted."""
 
 import math
 from collections.abc import Sequence
@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.base.defaults import LEAST_LENGTH
+from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.building.geometry.overlays import GRID, flat_parts
+from evac.building.geometry.segments import segment_lengths
+from evac.building.plan.doors import placed
+from evac.building.plan.outlines import normal, strip
 from evac.building.surface.welding import weld_points
 
 #: Grid on which lines are noded [m]; lines that were meant to coincide do so on this grid.
@@ -20,8 +23,20 @@ NODING = 1e-4
 WELDED = 0.05
 #: Minimum width of a room [m]; narrower faces are the interior of walls drawn with both sides.
 THICKEST_WALL = 0.6
+#: Widest end face of a wall beside an opening [m].
+THICKEST_JAMB = 0.9
+#: Thickest outer wall with a door to the outside [m].
+THICKEST_HULL = 1.0
 #: Minimum area of a room [m2]; smaller faces are columns, ducts or the swing of doors.
 LEAST_ROOM = 1.5
+#: Area from which what is narrow and open to a room is the interior of walls [m2].
+LEAST_WALL = 0.6
+#: Greatest distance of the panes of a window from its opening [m].
+BETWEEN_PANES = 0.2
+#: Minimum area of a room that has a door [m2].
+LEAST_CABIN = 0.5
+#: Greatest width of a door's frame on either side [m].
+FRAME = 0.3
 #: Distance from a line at which the presence of floor is tested [m].
 BESIDE = 0.01
 #: Lines have the same direction if they differ by less than this (25 degrees).
@@ -51,8 +66,10 @@ class Rooms:
 
     floor: BaseGeometry  # shapely polygon or multipolygon [m]: union of the rooms and the doors between them
     closed: FloatArray  # (c, 4) float64 [m]: gaps in walls that were closed
-    doors: FloatArray  # (d, 4) float64 [m]: openings with floor on both sides
+    between: FloatArray  # (d, 4) float64 [m]: openings with floor on both sides
+    doors: FloatArray  # (d, 4) float64 [m]: known doors with floor on both sides
     openings: FloatArray  # (o, 4) float64 [m]: openings with floor on one side only
+    outer: FloatArray  # (e, 4) float64 [m]: known doors with floor on one side only
     loose: list[BaseGeometry]  # list of LineString [m]: walls outside the rooms that enclose nothing
     left_out: list[BaseGeometry]  # list of polygon [m]: enclosed faces that are neither rooms nor the interior of walls
 
@@ -77,12 +94,19 @@ def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
 
 
 def rooms_of(
-    lines: Sequence[BaseGeometry], gap: float, door: float, wall: float, doors: Sequence[BaseGeometry] = ()
+    lines: Sequence[BaseGeometry],
+    gap: float,
+    door: float,
+    wall: float,
+    doors: ArrayLike = (),
+    panes: Sequence[BaseGeometry] = (),
+    solids: Sequence[BaseGeometry] = (),
 ) -> Rooms:
     """Return the rooms enclosed by walls.
 
     Ends of walls are joined to the nearest lines within `gap`. Wider openings, up to `door`, straight ahead of the end
-    of a wall are doors. The enclosed faces are then rooms, the interior of walls drawn with both sides, or columns.
+    of a wall are doors, unless two panes cross them as in a window. The enclosed faces are then rooms, the interior of
+    walls drawn with both sides, or columns.
 
     Parameters
     ----------
@@ -94,30 +118,180 @@ def rooms_of(
         Width of the widest door that is searched for; 0 for none.
     wall : float [m]
         Thickness of walls that are drawn as one line between two rooms.
-    doors : sequence of LineString [m]
-        Lines that close openings but are not walls, such as door leaves.
+    doors : (k, 4) array [m]
+        Doors that are known, each between two walls.
+    panes : sequence of LineString of two points [m]
+        Lines between walls that are not known to be walls, such as panes and sills: they close what has no door.
+    solids : sequence of polygon [m]
+        Outlines of walls and columns.
     """
+    body = shapely.union_all([*solids], grid_size=GRID)
     drawn = faces_of(lines, gap)
+    known = np.asarray(doors, dtype=np.float64).reshape(-1, 4)
+    across = reaching(known, drawn.pieces)
     found = _door_lines(drawn.pieces, gap, door)
-    ways = np.concatenate([*(pair for _, pair in found), _ends(doors)]).reshape(-1, 4)
-    everything = _noded([*drawn.pieces, *_as_lines(ways), *doors])
-    faces = [*shapely.get_parts(shapely.polygonize_full(everything)[0])]
-    wide = [face for face in faces if not face.buffer(LEAST_LENGTH - THICKEST_WALL / 2).is_empty]
-    rooms = shapely.union_all([face for face in wide if face.area >= LEAST_ROOM], grid_size=GRID)
+    found = [
+        (middle, pair)
+        for middle, pair in found
+        if not _is_at(_as_lines(across), shapely.LineString(middle.reshape(2, 2)))
+    ]
+    sills = [one for one in _bridging(panes, drawn.pieces) if not _is_at(_as_lines(across), one)]
+    openings = [_hull(pair).buffer(BETWEEN_PANES) for _, pair in found]
+    is_window = [sum(_is_at([one], sill) for sill in sills) > 1 for one in openings]
+    found = [one for one, has_panes in zip(found, is_window, strict=True) if not has_panes]
+    openings = [one for one, has_panes in zip(openings, is_window, strict=True) if not has_panes]
+    glass = [sill for sill in sills if not _is_at(openings, sill)]
+    jambs = [side for _, pair in found if len(pair) == 2 for side in (pair[:, :2], pair[:, 2:])]
+    glass += [shapely.LineString(ends) for ends in jambs] + _between([*panes], drawn.pieces)
+    ways = np.concatenate([*(pair for _, pair in found), across]).reshape(-1, 4)
+    closed = _noded([*drawn.pieces, *_as_lines(ways), *glass])
+    mouths = _mouths(drawn.pieces, _floor_of(closed, ways, body), door)
+    closed = _noded([*closed, *_as_lines(mouths)])
+    rooms = _floor_of(closed, np.concatenate([ways, mouths]), body)
     strips = [_hull(pair) for _, pair in found if len(pair) == 2 and _with_floor(_as_lines(pair), rooms).any()]
     floor = shapely.union_all([rooms, *strips], grid_size=GRID)
     outside = [one for one in drawn.loose if not floor.intersects(one.interpolate(0.5, normalized=True))]
     has_floor = _with_floor(drawn.pieces, floor)
     shared = shapely.union_all(drawn.pieces[has_floor.all(axis=1)])
     if not shared.is_empty and wall > 0.0:
-        body = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
-        floor = shapely.difference(floor, body, grid_size=GRID)
+        thick = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
+        floor = shapely.difference(floor, thick, grid_size=GRID)
     floor = flat_parts(floor)
+    sides = _sides(known, floor)
     inside = [middle for middle, pair in found if _with_floor(_as_lines(pair), floor).all()]
-    inside += [one for one in _ends(doors) if _with_floor(_as_lines(one[None]), floor).all()]
-    outer = ways[_with_floor(_as_lines(ways), floor).sum(axis=1) == 1]
-    small = [face for face in wide if face.area < LEAST_ROOM and not floor.covers(face.representative_point())]
-    return Rooms(floor, drawn.closed, np.array(inside).reshape(-1, 4), outer, outside, small)
+    outer = np.concatenate([ways[: len(ways) - len(known)], mouths[segment_lengths(mouths) > THICKEST_WALL]])
+    outer = outer[_with_floor(_as_lines(outer), floor).sum(axis=1) == 1]
+    small = [face for face in _wide(closed) if not floor.intersects(face.representative_point())]
+    is_outer = (sides == 1) & _leads_out(known, floor)
+    is_open = is_outer & ~_walled(known, floor, drawn.pieces)
+    outer = np.concatenate([outer[_leads_out(outer, floor)], known[is_outer & ~is_open]])
+    between = np.array(inside).reshape(-1, 4)
+    return Rooms(floor, drawn.closed, between, known[sides == 2], outer, known[is_open], outside, small)
+
+
+def _wide(pieces: Lines) -> list[BaseGeometry]:
+    """Return the faces of lines that are wider than walls, without the interior of walls that is open to them."""
+    found = []
+    for face in shapely.get_parts(shapely.polygonize_full(pieces)[0]):
+        core = face.buffer(LEAST_LENGTH - THICKEST_WALL / 2)
+        if not core.is_empty:
+            narrow = face.difference(core.buffer(THICKEST_WALL / 2 + LEAST_LENGTH, join_style="mitre"))
+            walls = [part for part in shapely.get_parts(narrow) if part.area > LEAST_WALL]
+            found += [*shapely.get_parts(flat_parts(face.difference(shapely.union_all(walls))))] if walls else [face]
+    return found
+
+
+def _floor_of(pieces: Lines, doors: FloatArray, solid: BaseGeometry) -> BaseGeometry:
+    """Return the union of the rooms; small faces are rooms only if they have a door."""
+    at = shapely.union_all(_as_lines(doors)).buffer(BESIDE)
+    rooms = [one for one in _wide(pieces) if one.area >= LEAST_ROOM or (one.area >= LEAST_CABIN and one.intersects(at))]
+    return shapely.difference(shapely.union_all(rooms, grid_size=GRID), solid, grid_size=GRID)
+
+
+def reaching(doors: FloatArray, walls: Sequence[BaseGeometry] | Lines) -> FloatArray:
+    """Return doors (k, 4) with both ends extended to the walls beside their frames."""
+    pieces = np.array([*walls], dtype=object)
+    tree, found = shapely.STRtree(pieces), []
+    for door in doors.reshape(-1, 2, 2):
+        step = (door[1] - door[0]) / np.hypot(*(door[1] - door[0]))
+        ends = []
+        for end, way in ((door[0], -step), (door[1], step)):
+            far = _ahead(pieces, tree, end - BESIDE * way, way, FRAME + BESIDE) or BESIDE
+            ends.append(end + (far - BESIDE) * way)
+        found.append(np.concatenate(ends))
+    return np.array(found).reshape(-1, 4)
+
+
+def _is_at(places: Sequence[BaseGeometry], line: BaseGeometry) -> bool:
+    """Return whether a line lies at one of some doors or openings."""
+    middle = line.interpolate(0.5, normalized=True)
+    return any(
+        one.distance(middle) < THICKEST_WALL / 2 if one.geom_type == "LineString" else one.intersects(middle)
+        for one in places
+    )
+
+
+def _bridging(lines: Sequence[BaseGeometry], walls: Lines) -> list[BaseGeometry]:
+    """Return those lines of two points that lie between two walls, extended to them through frames."""
+    long = [line for line in lines if line.length > THICKEST_WALL]
+    if not long or not len(walls):
+        return []
+    ends = reaching(shapely.get_coordinates(long).reshape(-1, 4), walls)
+    near = shapely.STRtree(walls).query(shapely.points(ends.reshape(-1, 2)), predicate="dwithin", distance=BESIDE)[0]
+    is_end = np.isin(np.arange(2 * len(ends)), near).reshape(-1, 2)
+    return _as_lines(ends[is_end.all(axis=1)])
+
+
+def _between(lines: Sequence[BaseGeometry], walls: Lines) -> list[BaseGeometry]:
+    """Return those lines of two points, not longer than walls are thick, that end at walls: the jambs of doors."""
+    short = [line for line in lines if line.length <= THICKEST_WALL]
+    if not short or not len(walls):
+        return []
+    ends = shapely.points(shapely.get_coordinates(short))
+    near = shapely.STRtree(walls).query(ends, predicate="dwithin", distance=BESIDE)[0]
+    is_at = np.isin(np.arange(len(ends)), near)
+    return [line for line, one, other in zip(short, is_at[::2], is_at[1::2], strict=True) if one and other]
+
+
+def _mouths(pieces: Lines, floor: BaseGeometry, reach: float) -> FloatArray:
+    """Return lines (m, 4) from ends of walls outside of all rooms to the walls beside them: where the drawing ends."""
+    if not len(pieces):
+        return np.empty((0, 4))
+    nodes, at, count = _nodes(pieces)
+    tree, found = shapely.STRtree(pieces), []
+    for a, b in at.tolist():
+        for end, behind in ((a, b), (b, a)):
+            if count[end] != 1 or floor.dwithin(shapely.Point(nodes[end]), BESIDE):
+                continue
+            step = nodes[end] - nodes[behind]
+            for side in (np.array([-step[1], step[0]]), np.array([step[1], -step[0]])):
+                way = side / np.hypot(*side)
+                start = nodes[end] - BESIDE * step / np.hypot(*step)
+                far = _ahead(pieces, tree, start, way, reach)
+                if far is not None:
+                    found.append((*start, *(start + far * way)))
+    return np.array(found).reshape(-1, 4)
+
+
+def _leads_out(doors: FloatArray, floor: BaseGeometry) -> NDArray[np.bool_]:
+    """Return which doors (k, 4) lead to the outside of the hull of a floor with its walls."""
+    thick = floor.buffer(THICKEST_HULL / 2, join_style="mitre").buffer(-THICKEST_HULL / 2, join_style="mitre")
+    hull = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(thick)])
+    shapely.prepare(hull)
+    step = doors[:, 2:] - doors[:, :2]
+    across = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
+    middle = (doors[:, :2] + doors[:, 2:]) / 2
+    sides = [shapely.intersects_xy(hull, *(middle + way * THICKEST_HULL * across).T) for way in (1.0, -1.0)]
+    found: NDArray[np.bool_] = ~(sides[0] & sides[1])
+    return found
+
+
+def _walled(doors: FloatArray, floor: BaseGeometry, walls: Lines) -> NDArray[np.bool_]:
+    """Return which doors (k, 4) with floor on one side have a wall right behind them on the other."""
+    step = doors[:, 2:] - doors[:, :2]
+    across = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
+    middle = (doors[:, :2] + doors[:, 2:]) / 2
+    out = np.where(shapely.intersects_xy(floor, *(middle + 2.0 * BESIDE * across).T), -1.0, 1.0)[:, None] * across
+    rays = shapely.linestrings(np.stack([middle + 2.0 * BESIDE * out, middle + THICKEST_WALL * out], axis=1))
+    return np.isin(np.arange(len(doors)), shapely.STRtree(walls).query(rays, predicate="intersects")[0])
+
+
+def _sides(doors: FloatArray, floor: BaseGeometry) -> IndexArray:
+    """Return on how many sides (k,) of doors there are rooms; 0 for a door inside a room or across a wall."""
+    found = []
+    for ends in doors.reshape(-1, 2, 2):
+        near = floor.intersection(shapely.LineString(ends).buffer(3.0 * DOOR_REACH + 1.0, cap_style="square"))
+        try:
+            segment, _ = placed(near, ends, DOOR_REACH)
+        except ValueError:
+            found.append(0)
+            continue
+        ways = (normal(segment), -normal(segment))
+        strips = [one.polygon for way in ways if (one := strip(near, segment, way, DOOR_REACH)) is not None]
+        ground = shapely.union_all([near, *strips])
+        is_whole = all(ground.dwithin(shapely.Point(end), LEAST_LENGTH) for end in segment)
+        found.append(len(strips) if is_whole else 0)
+    return np.array(found, dtype=np.int64)
 
 
 def _welded(lines: Sequence[BaseGeometry], distance: float) -> Lines:
@@ -143,12 +317,6 @@ def _noded(lines: Sequence[BaseGeometry] | Lines) -> Lines:
 
 def _as_lines(ends: FloatArray) -> list[BaseGeometry]:
     return [shapely.LineString(segment.reshape(2, 2)) for segment in ends]
-
-
-def _ends(lines: Sequence[BaseGeometry]) -> FloatArray:
-    """Return the lines of two points (n, 4) among lines."""
-    straight = [shapely.get_coordinates(line).ravel() for line in lines if shapely.get_num_coordinates(line) == 2]
-    return np.array(straight).reshape(-1, 4)
 
 
 def _nodes(pieces: Lines) -> tuple[FloatArray, IndexArray, IndexArray]:
@@ -244,7 +412,7 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
         across = nodes[b] - nodes[a]
         further = [next(far for far in beside[node] if far != other) for node, other in ((a, b), (b, a))]
         back = [nodes[far] - nodes[node] for far, node in zip(further, (a, b), strict=True)]
-        if GRID < np.hypot(*across) <= THICKEST_WALL and _is_jamb(across, back):
+        if GRID < np.hypot(*across) <= THICKEST_JAMB and _is_jamb(across, back):
             rays.append(([a, b], -(back[0] / np.hypot(*back[0]) + back[1] / np.hypot(*back[1]))))
     for starts, way in rays:
         way = way / np.hypot(*way)
@@ -253,7 +421,26 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
             pair = np.array([[*nodes[s], *(nodes[s] + h * way)] for s, h in zip(starts, hits, strict=True) if h])
             middle = pair.mean(axis=0)
             doors.setdefault(_key(middle), (middle, np.round(pair, 6) + 0.0))
-    return [doors[name] for name in sorted(doors)]
+    return _in_pairs([doors[name] for name in sorted(doors)])
+
+
+def _in_pairs(doors: list[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
+    """Return doors of which two lines that face each other, one per side of a wall without jambs, are one door."""
+    left, found = [*doors], []
+    while left:
+        middle, pair = left.pop(0)
+        for k, (_, other) in enumerate(left):
+            if len(pair) == len(other) == 1:
+                ends, others = pair.reshape(2, 2), other.reshape(2, 2)
+                flipped = others[::-1] if (ends[1] - ends[0]) @ (others[1] - others[0]) < 0.0 else others
+                apart = np.hypot(*(flipped - ends).T)
+                if LEAST_LENGTH < apart.max() <= THICKEST_WALL and np.ptp(apart) < BETWEEN_PANES:
+                    pair = np.stack([ends.ravel(), flipped.ravel()])
+                    middle = pair.mean(axis=0)
+                    left.pop(k)
+                    break
+        found.append((middle, pair))
+    return found
 
 
 def _key(ends: FloatArray) -> tuple[float, ...]:

@@ -1,0 +1,222 @@
+"""What the lines of an architect's drawing are: uses of layers, walls by spacing, doors by swing, units, plans."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.building.recover.linework import PARALLEL, THICKEST_WALL
+
+#: Beginnings or ends of words in names of layers and blocks, by use; the first use that fits is taken.
+WORDS = {
+    "left out": "dim bema massk cota cotes quot text txt note notiz anno beschr legend title iden foot found stem "
+    "light lumi",
+    "windows": "window wind windows fenster fenetre fenêtre ventana finestr janela glaz glass glas",
+    "doors": "door tuer tür türen tueren porte puert porta opening oeffnung öffnung jamb gate",
+    "walls": "wall wand waende wände mauer mur murs muro muri muros pared parete cloison partition concr beton column "
+    "stuetze stütze säule saeule pillar pilar poteau colonn plaster putz facade fassade",
+}
+#: Beginnings of words of layers that are left out, unless they are also named like one of these uses.
+OTHERS = (
+    "furn meub mobil moebel möbel muebl arred einricht plant tree veget landsc san sanit fixt plumb toilet wc equip "
+    "appli case light lumi power switch elec hvac mech duct ceil decke roof dach toit truss overh beam balken slab "
+    "joist rebar head hidden dashed hatch patt schraff grid axis achse axe center centre viewp defp raum space north "
+    "symbol stair trepp escal step tread ramp site survey contour topo elev sect schnitt vehic chair table desk sofa "
+    "bed sink lamp bath border rahmen frame tile area zone"
+)
+#: Radii of doors [m], and the angle that they swing [rad].
+RADII, SWING = (0.55, 1.3), np.radians((20.0, 110.0))
+#: Spacings of the two sides of a wall [m], and least length of a side.
+SPACING, LEAST_SIDE = (0.04, THICKEST_WALL), 0.3
+#: Share of the lines of a layer with another side beside them from which it has walls.
+PAIRED = 0.4
+#: Greatest distance between a door and its wall [m]; that between the strikes of the two leaves of a door.
+BESIDE_WALL, BETWEEN_LEAVES = 0.3, 0.15
+#: Thickness of a leaf [m], and the share of it that must be drawn by one line.
+LEAF, MOST_OF_LEAF = 0.08, 0.6
+#: Plans are farther apart than this [m], and have at least this share of the lines of the largest.
+APART, LEAST_PLAN = 2.5, 0.25
+
+
+@cache
+def use_of(name: str) -> str:
+    """Return the use of a layer or block by likeness of its name: a key of `WORDS`; empty if it is not known."""
+    words = [word for word in re.split(r"[\W\d_]+", re.split(r"[$|]", name.lower())[-1]) if word]
+    for use, known in WORDS.items():
+        ends = tuple(known.split())
+        if any(word.startswith(ends) or word.endswith(ends) for word in words):
+            return use
+    return "left out" if any(word.startswith(tuple(OTHERS.split())) for word in words) else ""
+
+
+def paired(lines: Sequence[BaseGeometry]) -> NDArray[np.bool_]:
+    """Return which of some lines of two points have another one beside them as the two sides of a wall.
+
+    Parameters
+    ----------
+    lines : sequence of LineString of two points [m]
+    """
+    ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
+    step, middle = ends[:, 2:] - ends[:, :2], (ends[:, :2] + ends[:, 2:]) / 2
+    length = np.hypot(*step.T)
+    way = step / np.maximum(length, 1e-12)[:, None]
+    tree = shapely.STRtree([*lines])
+    one, other = tree.query(shapely.points(middle), predicate="dwithin", distance=SPACING[1])
+    off = ends[other, :2] - middle[one]
+    apart = np.abs(way[one, 0] * off[:, 1] - way[one, 1] * off[:, 0])
+    alike = np.abs((way[one] * way[other]).sum(axis=1)) > 0.999
+    fits = alike & (apart > SPACING[0]) & (length[other] > 0.3 * length[one]) & (length[one] > LEAST_SIDE)
+    found = np.zeros(len(ends), dtype=bool)
+    found[one[fits]] = True
+    return found
+
+
+def walls_by_spacing(layers: Mapping[str, Sequence[BaseGeometry]]) -> dict[str, str]:
+    """Return the layers that have walls, and why: those of which most lines are the two sides of walls.
+
+    Parameters
+    ----------
+    layers : mapping of name to sequence of LineString of two points [m]
+
+    Returns
+    -------
+    dict of name to str
+        If no layer has pairs of lines, the layer with the longest lines.
+    """
+    total = {name: sum(line.length for line in lines) for name, lines in layers.items()}
+    double = {
+        name: float(np.array([line.length for line in lines])[paired(lines)].sum()) for name, lines in layers.items()
+    }
+    least = 0.2 * max(double.values(), default=0.0)
+    found = [name for name in layers if double[name] > max(PAIRED * total[name], least, 1e-9)]
+    if found:
+        return {
+            name: f"walls, since {100.0 * double[name] / total[name]:.0f} % of its lines are in pairs" for name in found
+        }
+    longest = max(total, key=lambda name: total[name], default="")
+    return {longest: "walls as single lines, since it has the longest lines"} if longest else {}
+
+
+@dataclass(frozen=True)
+class Swing:
+    """The arc of a door: its hinge (2,), both its ends (2, 2), its radius, and the ground it sweeps."""
+
+    hinge: FloatArray
+    ends: FloatArray
+    radius: float
+    sector: BaseGeometry
+
+
+def swing_of(curve: FloatArray) -> Swing | None:
+    """Return the swing that a curve (n, 2) describes; None if it is not an arc of the angle that doors swing."""
+    if len(curve) < 3:
+        return None
+    first, middle, last = curve[0], curve[len(curve) // 2], curve[-1]
+    (ax, ay), (bx, by) = middle - first, last - first
+    twice = 2.0 * (ax * by - ay * bx)
+    if abs(twice) <= 1e-9 * (bx * bx + by * by):
+        return None
+    u, v = ax * ax + ay * ay, bx * bx + by * by
+    hinge = first + np.array([by * u - ay * v, ax * v - bx * u]) / twice
+    away = np.hypot(*(curve - hinge).T)
+    radius = float(away.mean())
+    angle = 2.0 * np.arcsin(min(1.0, float(np.hypot(bx, by)) / (2.0 * radius)))
+    if np.ptp(away) > 0.02 * radius or not SWING[0] <= angle <= SWING[1]:
+        return None
+    return Swing(hinge, np.array([first, last]), radius, shapely.Polygon([hinge, *curve]))
+
+
+def unit_of(radii: FloatArray, units: Sequence[float]) -> float | None:
+    """Return the first unit with which the radii of most arcs are those of doors; None if there is none."""
+    fits = [float(np.mean((radii * unit > RADII[0]) & (radii * unit < RADII[1]))) for unit in units]
+    return units[int(np.argmax(fits))] if fits and max(fits) >= 0.5 else None
+
+
+def doors_of(
+    swings: Sequence[Swing], walls: Sequence[BaseGeometry], leaves: Sequence[BaseGeometry]
+) -> tuple[FloatArray, list[Swing]]:
+    """Return the doors (d, 4) of swings in walls, from the hinge to the strike, and the swings that are doors.
+
+    The strike is that end of the arc to which no leaf leads, or else which is nearer to a wall or to the strike of
+    another leaf. Two leaves that meet are one door.
+
+    Parameters
+    ----------
+    swings : sequence of Swing [m]
+    walls : sequence of LineString [m]
+    leaves : sequence of LineString [m]
+        Lines that may be leaves.
+    """
+    drawn = shapely.STRtree([*leaves])
+    ground = shapely.union_all([*walls])
+    shapely.prepare(ground)
+    own = [one for one in swings if RADII[0] * 0.9 <= one.radius <= RADII[1]]
+    own = [one for one in own if ground.dwithin(shapely.Point(one.hinge), BESIDE_WALL)]
+    tips = [shapely.MultiPoint(one.ends) for one in own]
+    doors, used = [], []
+    for k, one in enumerate(own):
+        others = [tip for j, tip in enumerate(tips) if j != k and tip.distance(tips[k]) < BETWEEN_LEAVES]
+        around = [ground, *others]
+        far = [min(part.distance(shapely.Point(end)) for part in around) for end in one.ends]
+        along = [_along(one.hinge, end, ground) for end in one.ends]
+        is_leaf = [_is_leaf(shapely.LineString([one.hinge, end]), drawn) for end in one.ends]
+        strike = int(np.argmin(np.round(far, 2) + 1e-3 * np.array(along)))
+        if is_leaf[0] != is_leaf[1]:
+            strike = int(is_leaf[0])
+        if far[strike] <= BESIDE_WALL:
+            doors.append(np.concatenate([one.hinge, one.ends[strike]]))
+            used.append(one)
+    return _joined(np.round(np.array(doors).reshape(-1, 4), 6)), used
+
+
+def _is_leaf(line: BaseGeometry, leaves: shapely.STRtree) -> bool:
+    """Return whether a leaf is drawn along most of a line."""
+    body = line.buffer(LEAF, cap_style="flat")
+    near = shapely.intersection(leaves.geometries[leaves.query(body, predicate="intersects")], body)
+    return bool(shapely.length(near).max(initial=0.0) > MOST_OF_LEAF * line.length)
+
+
+def _along(hinge: FloatArray, end: FloatArray, walls: BaseGeometry) -> float:
+    """Return how far a line from a hinge is from walls ahead of its end [m]: a leaf is far from them."""
+    ahead = end + BESIDE_WALL * (end - hinge) / np.hypot(*(end - hinge))
+    return float(walls.distance(shapely.Point(ahead)))
+
+
+def _joined(doors: FloatArray) -> FloatArray:
+    """Return doors of which two leaves whose strikes meet on one line are one door."""
+    left, found = [*doors], []
+    while left:
+        one = left.pop(0)
+        way = (one[2:] - one[:2]) / np.hypot(*(one[2:] - one[:2]))
+        for k, other in enumerate(left):
+            back = (other[2:] - other[:2]) / np.hypot(*(other[2:] - other[:2]))
+            if np.hypot(*(other[2:] - one[2:])) < BETWEEN_LEAVES and way @ back < -PARALLEL:
+                one = np.concatenate([one[:2], left.pop(k)[:2]])
+                break
+        found.append(one)
+    distinct = {tuple(np.sort(np.round(one.reshape(2, 2), 2), axis=0).ravel()): one for one in found}
+    return np.array([*distinct.values()]).reshape(-1, 4)
+
+
+def plans_of(walls: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+    """Return the ground of each plan in a drawing, from left to right and from the top down.
+
+    Parameters
+    ----------
+    walls : sequence of LineString [m]
+    """
+    near = shapely.union_all(shapely.buffer([*walls], APART / 2, quad_segs=2))
+    filled = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(near)])
+    parts = shapely.get_parts(filled)
+    tree = shapely.STRtree(parts)
+    length = np.zeros(len(parts))
+    np.add.at(length, tree.query([*walls], predicate="intersects")[1], [line.length for line in walls])
+    parts = parts[length >= LEAST_PLAN * length.max()]
+    tall = max(part.bounds[3] - part.bounds[1] for part in parts)
+    return sorted(parts, key=lambda part: (-round(part.centroid.y / tall), part.centroid.x))

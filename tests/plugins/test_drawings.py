@@ -1,0 +1,176 @@
+"""DXF drawings as architects draw them: kinds of walls and doors, units, layers of any name, several plans."""
+
+import math
+
+import ezdxf
+import pytest
+import shapely
+
+import evac
+from evac import import_building
+
+UNITS = {"m": (6, 1.0), "cm": (5, 100.0), "mm": (4, 1000.0), "inch": (1, 1 / 0.0254)}
+#: Two rooms of 5.0 m and 3.6 m by 4.0 m, an inner wall of 0.2 m and outer walls of 0.3 m; a door in each.
+LEFT, RIGHT = shapely.box(0.3, 0.3, 5.3, 4.3), shapely.box(5.5, 0.3, 9.1, 4.3)
+INNER, OUTER = shapely.box(5.3, 1.0, 5.5, 1.9), shapely.box(2.0, 0.0, 3.0, 0.3)
+BODY = shapely.box(0, 0, 9.4, 4.6).difference(shapely.union_all([LEFT, RIGHT, INNER, OUTER]))
+FLOOR = LEFT.area + RIGHT.area + INNER.area
+SINGLE = [[(0, 0), (2, 0)], [(3, 0), (9, 0), (9, 4), (0, 4), (0, 0)], [(5, 0), (5, 1)], [(5, 1.9), (5, 4)]]
+
+
+class Drawing:
+    """A drawing in some unit, whose corners are given in metres."""
+
+    def __init__(self, unit="m", declared=None):
+        self.document = ezdxf.new("R2013")
+        self.document.header["$INSUNITS"] = UNITS[declared or unit][0]
+        self.size = UNITS[unit][1]
+        self.space = self.document.modelspace()
+
+    def line(self, corners, layer="0", space=None, **given):
+        corners = [(self.size * x, self.size * y) for x, y in corners]
+        (self.space if space is None else space).add_lwpolyline(corners, dxfattribs={"layer": layer}, **given)
+
+    def rings(self, shape, layer):
+        for part in shapely.get_parts(shape):
+            for ring in shapely.get_rings(part):
+                self.line(ring.coords[:-1], layer, close=True)
+
+    def swing(self, hinge, radius, start, layer="0", leaf=None, space=None):
+        """Draw an arc of 90 degrees, and the leaf at one of its ends."""
+        space, (x, y) = self.space if space is None else space, hinge
+        attributes = {"layer": layer}
+        centre = (self.size * x, self.size * y)
+        space.add_arc(centre, self.size * radius, start, start + 90.0, dxfattribs=attributes)
+        if leaf is not None:
+            angle = math.radians(leaf)
+            tip = (x + radius * math.cos(angle), y + radius * math.sin(angle))
+            self.line([hinge, tip], layer, space)
+
+    def doors(self, layer):
+        self.swing((5.5, 1.0), 0.9, 0.0, layer, leaf=0.0)
+        self.swing((2.0, 0.3), 1.0, 0.0, layer, leaf=90.0)
+
+
+def double_lines(unit, declared, walls, doors):
+    drawing = Drawing(unit, declared)
+    drawing.rings(BODY, walls)
+    drawing.doors(doors)
+    return drawing
+
+
+def wide_polylines():
+    drawing = Drawing("mm")
+    for corners, width in (([(0.15, 0.15), (2.0, 0.15)], 300), ([(5.4, 0.3), (5.4, 1.0)], 200),
+                           ([(3.0, 0.15), (9.25, 0.15), (9.25, 4.45), (0.15, 4.45), (0.15, 0.15)], 300),
+                           ([(5.4, 1.9), (5.4, 4.3)], 200)):  # fmt: skip
+        drawing.line(corners, "Wände")
+        drawing.space[-1].dxf.const_width = width
+    drawing.doors("Türen")
+    return drawing
+
+
+def hatches():
+    drawing = Drawing("cm")
+    for part in shapely.get_parts(BODY):
+        hatch = drawing.space.add_hatch(dxfattribs={"layer": "A-WALL-PATT"})
+        for number, ring in enumerate(shapely.get_rings(part)):
+            hatch.paths.add_polyline_path([(100 * x, 100 * y) for x, y in ring.coords], flags=1 if number == 0 else 16)
+    drawing.doors("A-DOOR")
+    return drawing
+
+
+def blocks_of_doors():
+    """Doors as nested blocks on layer 0, furniture and dimensions on layers named so."""
+    drawing = Drawing("mm")
+    drawing.rings(BODY, "MUR")
+    leaf = drawing.document.blocks.new("Porte 90")
+    drawing.swing((0, 0), 0.9, 0.0, leaf=0.0, space=leaf)
+    outer = drawing.document.blocks.new("nested")
+    outer.add_blockref("Porte 90", (0, 0))
+    drawing.space.add_blockref("nested", (5500, 1000), dxfattribs={"layer": "PORTES"})
+    larger = {"layer": "PORTES", "xscale": 10 / 9, "yscale": 10 / 9}
+    drawing.space.add_blockref("nested", (3000, 300), dxfattribs={**larger, "rotation": 90})
+    drawing.line([(1, 1), (2.5, 1), (2.5, 3), (1, 3)], "A-FURN", close=True)
+    drawing.line([(0, 2), (9.4, 2)], "Cotes")
+    return drawing
+
+
+def unnamed_layers():
+    drawing = double_lines("mm", None, "L17", "L4")
+    drawing.line([(1, 3.0), (2, 3.4), (2.2, 2.7), (1, 3)], "L9")
+    return drawing
+
+
+def windows():
+    """The outer wall is interrupted by a window of three lines, without jambs, beside the door."""
+    drawing = Drawing("m")
+    drawing.rings(BODY.difference(shapely.box(6.0, 4.3, 8.0, 4.6)), "wall")
+    for y in (4.3, 4.45, 4.6):
+        drawing.line([(6.0, y), (8.0, y)], "Fenster")
+    drawing.doors("door")
+    return drawing
+
+
+KINDS = {
+    "double lines in metres": lambda: double_lines("m", None, "A-WALL", "A-DOOR"),
+    "double lines in millimetres": lambda: double_lines("mm", None, "xref$0$A-Wall-Full", "A-Door"),
+    "inches said to be millimetres": lambda: double_lines("inch", "mm", "WALLS", "DOORS"),
+    "all on layer 0": lambda: double_lines("cm", None, "0", "0"),
+    "wide polylines": wide_polylines,
+    "hatches": hatches,
+    "blocks of doors": blocks_of_doors,
+    "layers without meaning": unnamed_layers,
+    "windows": windows,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_drawings_of_architects_need_no_option(kind, tmp_path):
+    KINDS[kind]().document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
+    assert (made.fault, made.missing) == ("", ())
+    assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(FLOOR, rel=0.02)
+    assert [way.width for way in made.building.exits] == [pytest.approx(1.0, abs=0.02)]
+
+
+def test_walls_as_single_lines(tmp_path):
+    drawing = Drawing("mm")
+    for corners in SINGLE:
+        drawing.line(corners, "muros")
+    drawing.swing((5, 1.0), 0.9, 0.0, "puertas", leaf=0.0)
+    drawing.swing((2, 0.0), 1.0, 0.0, "puertas", leaf=90.0)
+    drawing.document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
+    assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(9 * 4 - 0.1 * 3.1, rel=0.02)
+    assert evac.run(evac.load(made.folder)).evacuated == 8
+
+
+@pytest.mark.parametrize(("plan", "storeys"), [("", 2), ("2", 1), ("2,1", 2)])
+def test_several_plans_of_one_drawing(tmp_path, plan, storeys):
+    drawing = Drawing("m")
+    drawing.rings(BODY, "WALL")
+    drawing.rings(shapely.transform(BODY, lambda xy: xy * [1.0, 1.5] + [20.0, 0.0]), "WALL")
+    drawing.doors("DOOR")
+    drawing.document.saveas(tmp_path / "a.dxf")
+    options = {"plan": plan} if plan else {}
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", options=options, partial=True)
+    areas = [level.polygon.area for level in made.building.levels]
+    assert len({level.z_min for level in made.building.levels}) == storeys
+    assert sum(areas) == pytest.approx(FLOOR * {"": 2.5, "2": 1.5, "2,1": 2.5}[plan], rel=0.02)
+    lowest = min(made.building.levels, key=lambda level: level.z_min)
+    assert (lowest.polygon.bounds[0] > 15.0) == plan.startswith("2")
+
+
+def test_the_report_says_how_each_layer_is_taken_and_an_option_mends_it(tmp_path):
+    drawing = double_lines("m", None, "concrete", "A-DOOR")
+    drawing.line([(1, 1), (4, 1), (4, 3), (1, 3)], "wall paper", close=True)
+    drawing.document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "a", options={"walls": "concrete"})
+    assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(FLOOR, rel=0.02)
+    taken = {str(one) for one in made.findings if one.text.startswith("layer")}
+    assert {word for one in taken for word in ("as walls", "as doors", "as nothing") if word in one} == {
+        "as walls",
+        "as doors",
+        "as nothing",
+    }
