@@ -14,7 +14,10 @@ BUILTIN_PLUGINS = (
     *(f"evac_plugins.solver_{name}" for name in ("sweeps", "gradient", "conjugate")),
     "evac_plugins.force_social",
     *(f"evac_plugins.behaviour_{name}" for name in ("response_time", "teacher_following", "route_choice")),
-    *(f"evac_plugins.behaviour_{name}" for name in ("headway", "walking", "rest", "together", "familiarity")),
+    *(
+        f"evac_plugins.behaviour_{name}"
+        for name in ("headway", "walking", "rest", "together", "familiarity", "helpers")
+    ),
     *(f"evac_plugins.conditions_{name}" for name in ("prescribed", "fds")),
     "evac_plugins.smoke_laws",
     *(f"evac_plugins.recorder_{name}" for name in ("trajectory", "replay")),

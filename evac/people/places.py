@@ -195,6 +195,7 @@ class Places:
         self._meant: IntArray = np.full(len(crowd.level), -1, dtype=np.int32)
         self._since: FloatArray = np.full(len(crowd.level), np.nan)  # when each person arrived [s]
         self.arrived: NDArray[np.bool_] = np.zeros(len(crowd.level), dtype=np.bool_)
+        self._is_brought: NDArray[np.bool_] = np.zeros(len(crowd.level), dtype=np.bool_)
         # Assembly areas to which each group goes at present.
         self._sent: NDArray[np.bool_] = np.zeros((len(case.people), len(self._places)), dtype=np.bool_)
         for group, people in enumerate(case.people):
@@ -249,7 +250,9 @@ class Places:
         for group, ways in enumerate(self._ways):
             if not ways:
                 continue
-            rows = np.flatnonzero((self._crowd.group == group) & (self._crowd.level >= 0) & ~self.arrived)
+            rows = np.flatnonzero(
+                (self._crowd.group == group) & (self._crowd.level >= 0) & ~self.arrived & ~self._is_brought
+            )
             self._before[rows] = self.exit_routes(rows)
             out = self._times(fields, rows, self._before[rows], self._is_limited[group])
             times = np.full((len(rows), len(self._places)), np.inf)
@@ -307,6 +310,28 @@ class Places:
             rows = have_stopped(fields, crowd, np.flatnonzero(coming & (self._meant == index)), velocity, place)
             self.arrived[rows], self._since[rows] = True, time
 
+    @property
+    def full(self) -> tuple[str, ...]:
+        """The names of refuges to which as many people go as they have room for."""
+        meant = np.bincount(self._meant[self._meant >= 0], minlength=len(self._places)).tolist()
+        return tuple(
+            place.name
+            for place, people in zip(self._places, meant, strict=True)
+            if place.kind == "refuge" and people == place.capacity
+        )
+
+    def goes(self, person: int) -> bool:
+        """Return whether a person is on the way to a place."""
+        return bool(self._meant[person] >= 0 and not self.arrived[person])
+
+    def release(self, person: int) -> None:
+        """Let a person leave its place, because somebody brings it elsewhere; it is not assigned to places any more."""
+        self._is_brought[person], self.arrived[person], self._meant[person] = True, False, -1
+
+    def take_in(self, person: int, name: str, time: float) -> None:
+        """Let a person stay in a place to which it was brought."""
+        self._meant[person], self.arrived[person], self._since[person] = self._index[name], True, time
+
     def found(self) -> tuple[PeopleAt, ...]:
         """Return the refuges and assembly areas with the people who have arrived."""
         rows = [np.flatnonzero(self.arrived & (self._meant == index)) for index in range(len(self._places))]
@@ -329,6 +354,7 @@ class Places:
             "arrived": self.arrived.astype(np.uint8),
             "sent": self._sent.astype(np.uint8),
             "since": self._since.copy(),
+            "is_brought": self._is_brought.astype(np.uint8),
         }
 
     def restore(self, state: Mapping[str, NDArray[Any]], routes: int) -> None:
@@ -337,4 +363,5 @@ class Places:
         self._meant[:] = taken(state, "meant", np.int32, self._meant.shape, -1, len(self._places) - 1)
         self.arrived[:] = taken(state, "arrived", np.uint8, self.arrived.shape, 0, 1)
         self._sent[:] = taken(state, "sent", np.uint8, self._sent.shape, 0, 1)
+        self._is_brought[:] = taken(state, "is_brought", np.uint8, self._is_brought.shape, 0, 1)
         self._since[:] = taken(state, "since", np.float64, self._since.shape, 0.0, nan=True)

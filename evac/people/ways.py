@@ -1,6 +1,7 @@
 """Check that everybody can reach an exit: walks along the directions."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -47,7 +48,13 @@ class Measures(Struct):
 
 
 def check_ways(
-    source: "Path", building: Building, fields: Fields, world: World, crowd: Crowd, groups: "tuple[Group, ...]"
+    source: "Path",
+    building: Building,
+    fields: Fields,
+    world: World,
+    crowd: Crowd,
+    groups: "tuple[Group, ...]",
+    full: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
     """Check that everybody can reach an exit, by two criteria that must agree.
 
@@ -67,6 +74,8 @@ def check_ways(
     crowd : Crowd
         The people at the start.
     groups : tuple of Group
+    full : sequence of str
+        Names of the refuges that are full.
 
     Returns
     -------
@@ -80,7 +89,7 @@ def check_ways(
         change.
     """
     for group, lost in _without_way(fields, crowd, groups):
-        raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost))
+        raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost, full))
     if fields.clearance < fields.packed.spacing:
         return ()
     found: list[Finding] = []
@@ -287,7 +296,13 @@ def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", 
 
 
 def _unreachable(
-    source: "Path", building: Building, fields: Fields, crowd: Crowd, group: "Group", rows: IntArray
+    source: "Path",
+    building: Building,
+    fields: Fields,
+    crowd: Crowd,
+    group: "Group",
+    rows: IntArray,
+    full: Sequence[str],
 ) -> str:
     """Describe, for a message, why people have no travel time to an exit."""
     route = fields.routes[crowd.route[rows[0]]]
@@ -296,6 +311,8 @@ def _unreachable(
     if route.steepest is not None:
         exits += f" without slopes above {route.steepest:g}"
         opened = f"raise people.{group.name}.steepest"
+    if full:
+        opened += " or, because it is full, " + " or ".join(f"place.{name}.capacity" for name in full)
     return (
         f"{_affected(source, building, crowd, group, rows, f'cannot reach {exits}')}; move them, allow other exits, "
         f"{opened}, or if a narrow gap leads there, reduce directions.spacing = {fields.packed.spacing:g} m"

@@ -1,0 +1,378 @@
+"""Helpers: people who fetch others who cannot leave alone, and bring them out or to an assembly area."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import PluginError, ScenarioError
+from evac.base.parameters import Parameter, did_you_mean
+from evac.base.saved import taken
+from evac.building.model.building import DOWN, FLAT, UP
+from evac.directions.routes import Route
+from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.places import have_stopped
+from evac.physics.state import Crowd
+
+#: Gap between the bodies of a helper and a person at which the helper has come [m].
+REACH = 0.6
+
+#: Distance within which a helper walks straight to the person [m], and weight of that direction.
+NEAR, STRAIGHT = 6.0, 4.0
+
+#: Distance of a helper beyond which the person waits for it [m].
+LOST = 3.0
+
+#: Lead of a helper at which it stops [s].
+LEAD = 2.0
+
+#: Greatest speed of a device [m/s].
+FASTEST = 10.0
+
+#: Slope of ramps for wheelchairs.
+RAMP = 0.0834
+
+# What is done for a person.
+WAITS, IS_FETCHED, IS_PREPARED, IS_BROUGHT, IS_THERE = range(5)
+
+
+class Device(NamedTuple):
+    """Speeds of a way to bring somebody [m/s], up and down along the slope, and the number of helpers for it."""
+
+    flat: float
+    up: float
+    down: float
+    handlers: int
+
+
+DEVICES = {
+    "evacuation_chair": Device(1.3, 0.0, 0.84, 1),
+    "carry": Device(1.0, 0.6, 0.6, 2),
+    "support": Device(0.78, 0.31, 0.31, 1),
+    "push": Device(1.3, 0.0, 0.0, 1),
+}
+
+
+class Helpers(Behaviour):
+    """People of groups with the key `fetches` fetch those of the group that it names, and bring them out.
+
+    People of a group with the key `device` do not leave alone. They stand in one of the `areas` where they start, or
+    go to a refuge if the case has one for them and wait there. As soon as somebody waits, the nearest free helpers go
+    to the area, as many as the device needs (`handlers`), and to the person. After the time `preparation` they go
+    together, at the speeds of the device: the helpers stay with the person, who waits for a helper farther than 3 m
+    away. They leave by one of `exits`, or go to the assembly area in `to`, from where the helpers fetch the next one.
+    Helpers who are not needed any more leave by the exits of their group. The notes of the results say who was fetched
+    when, and by whom.
+
+    | device | flat | up | down | helpers | source |
+    |---|---|---|---|---|---|
+    | `evacuation_chair` | 1.3 | 0 | 0.84 | 1 | down: fastest device of Hunt et al. 2020; flat: as `push` |
+    | `carry` | 1.0 | 0.6 | 0.6 | 2 | down: slowest device of Hunt et al. 2020; others: assumed |
+    | `support` | 0.78 | 0.31 | 0.31 | 1 | Boyce et al. 1999; stairs: Peacock et al. 2014, as the preset `accompanied` |
+    | `push` | 1.3 | 0 | 0 | 1 | Boyce et al. 1999, as the preset `pushed_wheelchair`; ramps up to 1:12 only |
+
+    That the fastest of these devices is the chair is from memory. Speeds are in m/s, on stairs along the slope. `devices` adds others, such as
+    ``{ sledge = { flat = 0.7, up = 0.0, down = 0.6, handlers = 2 } }``. The default of `preparation` is an assumption.
+
+    Raises
+    ------
+    PluginError
+        `devices`, `areas` or `exits` are not what they must be.
+    ScenarioError
+        From `prepare`: an area, group or device does not exist; a group has too few helpers; somebody is in none of the
+        areas, or has no speed that could be scaled.
+
+    References
+    ----------
+    Hunt et al.: Simulating movement devices used in hospital evacuation. Fire Technology (2020),
+    10.1007/s10694-020-00971-5, of which the abstract was read: mean speeds on stairs from 0.6 to 0.84 m/s.
+    """
+
+    name = "helpers"
+    reads = ("position", "level", "radius", "contact_radius", "route", "speed", "start_time", "speed_factor")
+    writes = ("route", "speed_factor", "extra_direction")
+    group_keys = ("device", "fetches")
+
+    device = Parameter("", "way in which people of the group are brought")
+    fetches = Parameter("", "name of the group that people of this group fetch")
+    areas: Any = Parameter([], "areas in which people wait for helpers")
+    exits: Any = Parameter([], "exits to which people are brought; empty: any")
+    to = Parameter("", "area of a place of kind assembly to which people are brought, instead of exits")
+    preparation = Parameter(30.0, "time from the arrival of the helpers until they go", unit="s", minimum=0.0)
+    devices: Any = Parameter({}, "further devices: flat, up, down and handlers of each")
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        for key in ("areas", "exits"):
+            names = getattr(self, key)
+            if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+                raise PluginError(f"helpers.{key}: must be a list of names, not {names!r:.100}")
+        self._devices = DEVICES | {name: _device(name, one) for name, one in _table(self.devices).items()}
+
+    def routes(self) -> tuple[Route, ...]:
+        """Return the routes to the areas and out, also without stairs."""
+        return (*(Route(refuge=area) for area in self.areas), self._way(None), self._way(RAMP))
+
+    def _way(self, steepest: float | None) -> Route:
+        """Return the route on which people are brought."""
+        return Route(() if self.to else tuple(self.exits), steepest=steepest, refuge=self.to)
+
+    def prepare(self, scene: BehaviourScene) -> None:
+        """Find the people, their devices and their helpers."""
+        self._scene = scene
+        self._areas = [self._area(name) for name in self.areas]
+        places = {place.area: place for place in scene.building.places if place.kind == "assembly"}
+        self._place = places.get(self.to)
+        if self.to and self._place is None:
+            hint = did_you_mean(self.to, list(places))
+            raise ScenarioError(
+                f"behaviours.helpers.to: {self.to!r} is not the area of a place of kind assembly; {hint}"
+            )
+        groups = {group.name: group for group in scene.groups}
+        fetched = [group for group in scene.groups if group.settings.get("device", self.device)]
+        self._people = np.concatenate([np.zeros(0, np.int32), *(group.rows for group in fetched)])
+        self._device = [self._device_of(group) for group in fetched for _ in group.rows]
+        helpers, self._may = [np.zeros(0, np.int32)], np.zeros((0, len(self._people)), np.bool_)
+        for group in scene.groups:
+            wanted = group.settings.get("fetches", self.fetches)
+            if wanted:
+                if wanted not in groups or groups[wanted] not in fetched:
+                    hint = did_you_mean(wanted, [one.name for one in fetched])
+                    raise ScenarioError(
+                        f"people.{group.name}.behaviours.helpers.fetches: no group {wanted!r} has a device; {hint}"
+                    )
+                helpers.append(group.rows)
+                may = np.tile(np.isin(self._people, groups[wanted].rows), (len(group.rows), 1))
+                self._may = np.concatenate([self._may, may])
+        self._helpers = np.concatenate(helpers)
+        self._own = scene.crowd.route[self._helpers].copy()
+        self._state = np.full(len(self._people), WAITS, np.int32)
+        self._task = np.full(len(self._helpers), -1, np.int32)  # person whom each helper fetches
+        self._until = np.full(len(self._people), np.nan)  # end of the preparation [s]
+        self._by = np.zeros((len(self._people), len(self._helpers)), np.uint8)  # who has fetched whom
+        self._check_people()
+
+    def _area(self, name: str) -> Any:
+        known = [area.name for area in self._scene.building.areas]
+        if name not in known:
+            raise ScenarioError(f"behaviours.helpers.areas: no area is named {name!r}; {did_you_mean(name, known)}")
+        return self._scene.building.areas[known.index(name)]
+
+    def _device_of(self, group: Any) -> Device:
+        name = group.settings.get("device", self.device)
+        if name not in self._devices:
+            hint = did_you_mean(name, list(self._devices))
+            raise ScenarioError(f"people.{group.name}.behaviours.helpers.device: there is no {name!r}; {hint}")
+        return self._devices[name]
+
+    def _check_people(self) -> None:
+        """Check that all people can be fetched."""
+        crowd = self._scene.crowd
+        for k, (person, device) in enumerate(zip(self._people.tolist(), self._device, strict=True)):
+            group = next(one.name for one in self._scene.groups if person in one.rows)
+            if self._may[:, k].sum() < device.handlers:
+                raise ScenarioError(
+                    f"people.{group}: {device.handlers} helpers are needed for a person, {self._may[:, k].sum()} fetch "
+                    "the group; give a group of more people the key behaviours.helpers.fetches"
+                )
+            if not self._is_on_the_way(person) and crowd.level[person] >= 0 and self._area_of(crowd, person) is None:
+                x, y = crowd.position[person]
+                raise ScenarioError(
+                    f"people.{group}: person {person} at ({x:.2f}, {y:.2f}) is in none of behaviours.helpers.areas; "
+                    "name an area there"
+                )
+            if (crowd.speed[person] <= 0.0).any():
+                raise ScenarioError(f"people.{group}.speed: 0 cannot be scaled to that of the device; give another")
+
+    def _is_on_the_way(self, person: int) -> bool:
+        """Return whether a person walks to a refuge."""
+        places = self._scene.scene.places
+        return places is not None and places.goes(person)
+
+    def _area_of(self, crowd: Crowd, person: int) -> Any:
+        """Return the area that a person is in; None if it is in none."""
+        x, y = crowd.position[person]
+        inside = (one for one in self._areas if one.level == crowd.level[person])
+        return next((one for one in inside if shapely.intersects_xy(one.polygon, x, y)), None)
+
+    def act(self, crowd: Crowd, time: float) -> None:
+        """Let helpers fetch and bring people, and let those stand who wait."""
+        for k, person in enumerate(self._people.tolist()):
+            if crowd.level[person] < 0 and self._state[k] != IS_THERE:
+                if self._state[k] != WAITS:
+                    self._end(crowd, k)
+                continue
+            match self._state[k]:
+                case state if state == WAITS:
+                    self._call(crowd, time, k)
+                case state if state == IS_FETCHED:
+                    self._fetch(crowd, time, k)
+                case state if state == IS_PREPARED and time >= self._until[k]:
+                    self._set_off(crowd, k)
+                case state if state == IS_BROUGHT:
+                    self._bring(crowd, time, k)
+            if self._state[k] in (IS_FETCHED, IS_PREPARED, IS_THERE) or (
+                self._state[k] == WAITS and not self._is_on_the_way(person)
+            ):
+                crowd.speed_factor[person] = 0.0
+        self._let_wait(crowd, time)
+
+    def _call(self, crowd: Crowd, time: float, k: int) -> None:
+        """Send the nearest free helpers to a person who waits."""
+        person = int(self._people[k])
+        area = None if self._is_on_the_way(person) else self._area_of(crowd, person)
+        if area is None:
+            return
+        free = np.flatnonzero((self._task < 0) & self._may[:, k])
+        rows = self._helpers[free]
+        is_able = (crowd.level[rows] >= 0) & (crowd.start_time[rows] <= time)
+        free, rows = free[is_able], rows[is_able]
+        routes = np.array([self._route_to(Route(refuge=area.name), own) for own in self._own[free]], np.int32)
+        away = self._scene.fields.travel_time_at(
+            crowd.level[rows], crowd.position[rows], routes, crowd.contact_radius[rows]
+        )
+        nearest = np.argsort(away, kind="stable")[: self._device[k].handlers]
+        if len(nearest) == self._device[k].handlers and np.isfinite(away[nearest]).all():
+            self._task[free[nearest]], self._state[k] = k, IS_FETCHED
+            crowd.route[rows[nearest]] = routes[nearest]
+            self._by[k, free[nearest]] = 1
+
+    def _route_to(self, route: Route, own: int) -> int:
+        """Return the index of a route with the slopes of another one."""
+        routes = self._scene.fields.routes
+        return routes.index(replace(route, steepest=routes[own].steepest))
+
+    def _fetch(self, crowd: Crowd, time: float, k: int) -> None:
+        """Lead the helpers to a person; begin the preparation when all of them are there."""
+        person, helpers = self._people[k], self._helpers[self._task == k]
+        apart = crowd.position[person] - crowd.position[helpers]
+        distance = np.hypot(*apart.T)
+        is_here = crowd.level[helpers] == crowd.level[person]
+        has_come = is_here & (distance <= crowd.radius[person] + crowd.radius[helpers] + REACH)
+        crowd.speed_factor[helpers[has_come]] = 0.0
+        self._turn_to(crowd, helpers[is_here & ~has_come & (distance < NEAR)], int(person))
+        if has_come.all():
+            self._state[k], self._until[k] = IS_PREPARED, time + self.preparation
+
+    def _turn_to(self, crowd: Crowd, helpers: IntArray, person: int) -> None:
+        """Let helpers walk straight to a person."""
+        apart = crowd.position[person] - crowd.position[helpers]
+        crowd.extra_direction[helpers] += STRAIGHT * apart / np.maximum(np.hypot(*apart.T), REACH)[:, None]
+
+    def _set_off(self, crowd: Crowd, k: int) -> None:
+        """Let a person and its helpers go."""
+        person, helpers = self._people[k], self._helpers[self._task == k]
+        if self._scene.scene.places is not None:
+            self._scene.scene.places.release(int(person))
+        self._state[k] = IS_BROUGHT
+        crowd.route[person] = crowd.route[helpers] = self._way_of(k)
+
+    def _way_of(self, k: int) -> int:
+        """Return the index of the route on which a person is brought."""
+        device = self._device[k]
+        return self._scene.fields.routes.index(self._way(RAMP if device.up == device.down == 0.0 else None))
+
+    def _bring(self, crowd: Crowd, time: float, k: int) -> None:
+        """Keep a person and its helpers together at the speed of the device."""
+        person, device = int(self._people[k]), self._device[k]
+        helpers = self._helpers[self._task == k]
+        helpers = helpers[crowd.level[helpers] >= 0]
+        rows = np.concatenate([[person], helpers])
+        crowd.route[rows] = self._way_of(k)
+        remaining = self._scene.fields.travel_time_at(
+            crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
+        )
+        pace = self._share(crowd, rows, device)
+        with np.errstate(invalid="ignore"):
+            pace[1:] *= np.nan_to_num(np.clip(1.0 + (remaining[1:] - remaining[0]) / LEAD, 0.0, 1.5))
+        is_far = np.hypot(*(crowd.position[helpers] - crowd.position[person]).T) > LOST
+        is_here = crowd.level[helpers] == crowd.level[person]
+        if (is_far & (remaining[1:] > remaining[0])).any():
+            pace[0] = 0.0
+        crowd.speed_factor[rows] *= pace
+        self._turn_to(crowd, helpers[is_here & is_far & (remaining[1:] > remaining[0])], person)
+        if self._place is not None:
+            velocity = self._scene.displacement_velocity
+            there = have_stopped(self._scene.fields, crowd, rows[:1], velocity, self._place)
+            if len(there) and not is_far.any():
+                assert self._scene.scene.places is not None
+                self._scene.scene.places.take_in(person, self._place.name, time)
+                self._end(crowd, k)
+
+    def _share(self, crowd: Crowd, rows: NDArray[np.integer[Any]], device: Device) -> FloatArray:
+        """Return the factors that give people the speed of a device where they are, by their own speeds."""
+        levels = self._scene.building.levels
+        along = self._scene.fields.directions_at(
+            crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
+        )
+        uphill = np.array([levels[level].uphill for level in crowd.level[rows].tolist()])
+        rise = (along * uphill).sum(axis=1)
+        is_flat = np.array([levels[level].kind != "flight" for level in crowd.level[rows].tolist()])
+        column = np.where(is_flat, FLAT, np.where(rise > 0.0, UP, DOWN))
+        share: FloatArray = np.array([device.flat, device.up, device.down])[column] / crowd.speed[rows, column]
+        return share
+
+    def _end(self, crowd: Crowd, k: int) -> None:
+        """Release the helpers of a person who is out or there."""
+        self._state[k] = IS_THERE
+        mine = np.flatnonzero(self._task == k)
+        self._task[mine] = -1
+        inside = mine[crowd.level[self._helpers[mine]] >= 0]
+        crowd.route[self._helpers[inside]] = self._own[inside]
+
+    def _let_wait(self, crowd: Crowd, time: float) -> None:
+        """Let free helpers stand who may still be needed."""
+        is_needed = self._may[:, self._state == WAITS].any(axis=1)
+        crowd.speed_factor[self._helpers[(self._task < 0) & is_needed]] = 0.0
+
+    def notes(self) -> tuple[str, ...]:
+        """Return a line for each person: who has fetched it, or that nobody has."""
+        lines = []
+        for k, person in enumerate(self._people.tolist()):
+            by = ", ".join(map(str, self._helpers[self._by[k] == 1].tolist()))
+            if np.isnan(self._until[k]):
+                lines.append(f"person {person} was not fetched")
+            else:
+                is_safe = self._state[k] == IS_THERE or self._scene.crowd.level[person] < 0
+                where = "out or there" if is_safe else "not there at the end"
+                begin = self._until[k] - self.preparation
+                lines.append(f"person {person} was fetched by {by} at {begin:.1f} s, {where}")
+        return tuple(lines)
+
+    def is_needed(self, scene: BehaviourScene) -> bool:
+        """Return False if nobody is to be fetched."""
+        return any(len(group.rows) and group.settings.get("device", self.device) for group in scene.groups)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what is done for each person, whom each helper fetches or has fetched, and ends of preparations."""
+        return {"state": self._state, "task": self._task, "until": self._until, "by": self._by}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned."""
+        self._state = taken(state, "state", np.int32, self._state.shape, WAITS, IS_THERE)
+        self._task = taken(state, "task", np.int32, self._task.shape, -1, len(self._people) - 1)
+        self._until = taken(state, "until", np.float64, self._until.shape, 0.0, nan=True)
+        self._by = taken(state, "by", np.uint8, self._by.shape, 0, 1)
+
+
+def _table(value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise PluginError(f"helpers.devices: must be a table of devices, not {value!r:.100}")
+    return value
+
+
+def _device(name: str, value: Any) -> Device:
+    """Return a device that a case describes."""
+    match value:
+        case {"flat": float(flat), "up": float(up), "down": float(down), "handlers": int(handlers)} if len(value) == 4:
+            if min(flat, up, down) >= 0.0 and max(flat, up, down) <= FASTEST and handlers >= 1:
+                return Device(flat, up, down, handlers)
+    speeds = f"flat, up and down in m/s from 0 to {FASTEST:g}"
+    raise PluginError(f"helpers.devices.{name}: must be a table of {speeds}, and handlers, not {value!r:.100}")
+
+
+evac_interface = 3

@@ -1,0 +1,160 @@
+"""Helpers: who fetches whom, how fast they go together, where they go, and resumed runs."""
+
+import math
+
+import numpy as np
+import pytest
+from shapely import box
+
+import evac
+from evac.building.model.building import FLAT
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+HALL = {"name": "hall", "kind": "assembly", "area": "hall"}
+
+
+def ward(*places, patients=None, staff=None, device="evacuation_chair", **parameters):
+    """Return a case of patients upstairs, and staff downstairs who fetch them over a stair of 5 m in plan, 3 m high."""
+    plan = evac.Plan()
+    plan.storey("low", box(0, 0, 14, 10))
+    plan.storey("high", box(19, 0, 33, 10), z=3.0)
+    plan.flight("stairs", [(14, 4), (14, 6)], 0.0, [(19, 4), (19, 6)], 3.0)
+    plan.exit("out", "low", [(0, 4), (0, 6)])
+    plan.area("ward", "high", box(25, 1, 32, 9))
+    plan.area("office", "low", box(5, 1, 9, 9))
+    plan.area("hall", "low", box(1, 7, 4, 9.8))
+    plan.area("lobby", "high", box(20, 7, 23, 9.8))
+    own, fetch = {"helpers": {"device": device}}, {"helpers": {"fetches": "patients"}}
+    people = [
+        {"name": "patients", "area": "ward", "number": 1, "behaviours": own} | (patients or {}),
+        {"name": "staff", "area": "office", "number": 2, "behaviours": fetch} | (staff or {}),
+    ]
+    content = {"building": plan, "people": people, "place": list(places), "contact": {"model": "nsm2"}}
+    behaviours = {"walking": {}, "helpers": {"areas": ["ward"], "preparation": 10.0} | parameters}
+    return evac.load(content | {"behaviours": behaviours, "output": {"trajectory": False}})
+
+
+def run(case):
+    """Return the simulation of a case at its end, and who was where at each tick: position, level (ticks, people)."""
+    simulation, position, level = Simulation(case), [], []
+    while not simulation.ended:
+        simulation.advance_tick()
+        position.append(simulation.population.crowd.position.copy())
+        level.append(simulation.population.crowd.level.copy())
+    return simulation, np.array(position), np.array(level)
+
+
+def test_helpers_fetch_people_and_bring_them_out_at_the_speed_of_the_device():
+    simulation, position, level = run(ward(patients={"number": 2}))
+    assert simulation.ended == "everybody out"
+    speed = np.hypot(*np.moveaxis(np.diff(position, axis=0), 2, 0)) / 0.1
+    stair = simulation.building.stairs["stairs"]
+    on_stair = np.isin(level[:-1], stair) & np.isin(level[1:], stair)
+    slope = 5.0 / math.hypot(5.0, 3.0)
+    patients, staff = np.array([0, 1]), np.array([2, 3])
+    assert np.median(speed[:, patients][on_stair[:, patients]]) == pytest.approx(0.84 * slope, rel=0.03)
+    flat = (level[:-1] == 0)[:, patients] & (position[:-1, patients, 0] > 3.0)
+    assert speed[:, patients][flat].max() < 1.32
+    moves = (speed[:, patients] > 0.2).any(axis=1)
+    apart = position[:-1, patients, None] - position[:-1, None, staff]
+    same = level[:-1, patients, None] == level[:-1, None, staff]
+    nearest = np.where(same, np.hypot(apart[..., 0], apart[..., 1]), 0.0).min(axis=2)[moves]
+    assert nearest.max() < 3.5
+    notes = simulation.results().notes
+    assert [note.split(" by ")[0] for note in notes] == [
+        "helpers: person 0 was fetched",
+        "helpers: person 1 was fetched",
+    ]
+
+
+def test_nobody_moves_before_the_helpers_have_come_and_prepared():
+    simulation, position, _ = run(ward())
+    (note,) = simulation.results().notes
+    begin = float(note.split(" at ")[1].split(" s")[0])
+    before = position[: round(10.0 * (begin + 9.5)), 0]
+    assert np.hypot(*(before - before[0]).T).max() < 0.3
+    assert begin > 5.0
+
+
+def test_helpers_return_from_an_assembly_area_for_the_next_one():
+    simulation, _, _ = run(ward(HALL, patients={"number": 3}, to="hall"))
+    (place,) = simulation.results().places
+    assert place.people == (0, 1, 2)
+    assert simulation.ended == "everybody out or at a safe place"
+    assert np.isfinite(simulation.population.crowd.exit_time[3:]).all()
+
+
+def test_two_carry_one():
+    simulation, _, _ = run(ward(device="carry"))
+    assert simulation.ended == "everybody out"
+    assert "person 0 was fetched by 1, 2 at" in simulation.results().notes[0]
+
+
+def test_a_helper_pushes_a_wheelchair_over_a_ramp_and_no_stair():
+    case = ward(device="push", patients={"preset": "wheelchair"}).to_dict()
+    case["building"]["plan"]["exits"].append({"name": "level", "storey": "high", "segment": [[33, 6], [33, 4]]})
+    simulation, _, level = run(evac.load(case))
+    assert simulation.ended == "everybody out"
+    assert not np.isin(level[:, 0], simulation.building.stairs["stairs"]).any()
+
+
+def test_people_in_wheelchairs_are_fetched_from_their_refuge():
+    refuge = {"name": "lobby", "kind": "refuge", "area": "lobby"}
+    case = ward(refuge, patients={"preset": "wheelchair", "number": 2}, areas=["lobby"])
+    simulation, position, _ = run(case)
+    assert simulation.ended == "everybody out"
+    assert all(note.endswith("out or there") for note in simulation.results().notes)
+    x, y = position[:, 0].T
+    assert ((x > 20) & (x < 23) & (y > 7)).any()
+
+
+def test_own_devices_have_own_speeds():
+    devices = {"sledge": {"flat": 0.5, "up": 0.1, "down": 0.4, "handlers": 1}}
+    simulation, position, level = run(ward(device="sledge", devices=devices))
+    speed = np.hypot(*np.diff(position[:, 0], axis=0).T) / 0.1
+    flat = (level[1:, 0] == 0) & (position[1:, 0, 0] > 2.0)
+    assert speed[flat].max() < 0.52
+    assert (simulation.population.crowd.speed[0, FLAT] > 1.0).all()
+
+
+def test_who_cannot_be_reached_is_told_of():
+    case = ward().change({"building.closed": ["stairs"], "simulation.no_progress": 5.0})
+    case = case.change({"people.patients.speed": 1.0})
+    with pytest.raises(evac.EvacError, match=r"people\.patients"):  # nobody upstairs has a way out
+        Simulation(case)
+    event = {"time": 1.0, "kind": "close", "target": "stairs"}
+    open_case = ward().change({"simulation.no_progress": 5.0}).to_dict() | {"event": [event]}
+    simulation, _, _ = run(evac.load(open_case))
+    assert simulation.results().notes == ("helpers: person 0 was not fetched",)
+
+
+def test_a_run_goes_on_to_the_same_bits():
+    case = ward(HALL, patients={"number": 3}, to="hall")
+    for ticks in (170, 230, 500):
+        one, other = Simulation(case), Simulation(case)
+        run_ticks(one, ticks)
+        other.restore(one.state())
+        run_ticks(one, 60)
+        run_ticks(other, 60)
+        assert_same_bits(one, other)
+        assert one.places.found() == other.places.found()
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"device": "sled"}, r"people\.patients\.behaviours\.helpers\.device: there is no 'sled'"),
+        ({"areas": ["wrad"]}, r"behaviours\.helpers\.areas: no area is named 'wrad'; did you mean 'ward'"),
+        ({"areas": ["office"]}, r"people\.patients: person 0 at .* is in none of behaviours\.helpers\.areas"),
+        ({"areas": "ward"}, r"helpers\.areas: must be a list"),
+        ({"to": "hall"}, r"behaviours\.helpers\.to: 'hall' is not the area of a place"),
+        ({"devices": {"sled": {"flat": 1.0}}}, r"helpers\.devices\.sled: must be a table"),
+        ({"device": "carry", "staff": {"number": 1}}, r"people\.patients: 2 helpers are needed for a person, 1"),
+        ({"patients": {"speed": 0.0}}, r"people\.patients\.speed: 0 cannot be scaled"),
+        ({"staff": {"behaviours": {"helpers": {"fetches": "x"}}}}, r"people\.staff\..*fetches: no group 'x' has"),
+    ],
+)
+def test_mistakes_are_named(change, line):
+    with pytest.raises(evac.EvacError, match=line):
+        Simulation(ward(**change))
