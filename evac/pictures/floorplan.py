@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Exit, Level, Place
+from evac.building.model.conditions import marks_of
 from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
 from evac.pictures.writing import round_length
@@ -151,22 +152,16 @@ def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fil
 
 
 def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> None:
-    """Draw what changes of the scene do to areas and to the directions of portals: hatched areas, and arrows."""
-    marked = {name: "///" for name, _ in building.slowed} | dict.fromkeys(building.barred, "xxx")
-    for name, hatch in sorted(marked.items()):
-        area = building.area_named(name)
-        if area is not None and area.level in rows:
-            style = {"facecolor": "none", "edgecolor": palette.CLOSED, "linewidth": 0.0, "alpha": 0.5, "zorder": 0.8}
-            axes.add_patch(PathPatch(outline_of(area.polygon), hatch=hatch, **style))
-    for link, origin in sorted(building.one_way):
-        portal = building.portals[link]
-        if origin in rows or portal.other(origin) in rows:
-            x1, y1, x2, y2 = portal.segments_from(origin)[len(portal.segments) // 2].tolist()
-            middle = np.array([x1 + x2, y1 + y2]) / 2.0
-            along = np.array([y2 - y1, x1 - x2]) / math.hypot(x2 - x1, y2 - y1)
-            arrow = {"arrowstyle": "-|>", "color": palette.CLOSED, "linewidth": 1.6}
-            start, end = tuple(middle - 0.5 * along), tuple(middle + 0.5 * along)
-            axes.annotate("", end, start, arrowprops=arrow, zorder=5)
+    """Draw what changes of the scene do to areas and to the directions of links: hatched areas, and arrows."""
+    hatched = {"facecolor": "none", "linewidth": 0.0, "alpha": 0.5, "zorder": 0.8}
+    styles = {
+        "slow": hatched | {"hatch": "///"},
+        "barred": hatched | {"hatch": "xxx"},
+        "one_way": {"facecolor": palette.CLOSED, "zorder": 5},
+    }
+    for mark in marks_of(building):
+        if mark.level in rows:
+            axes.add_patch(PathPatch(outline_of(mark.shape), edgecolor=palette.CLOSED, **styles[mark.kind]))
 
 
 def _draw_place(axes: Axes, place: Place) -> None:

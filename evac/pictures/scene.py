@@ -11,6 +11,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Level
+from evac.building.model.conditions import Mark, marks_of
 from evac.building.model.elevation import elevation
 from evac.export.vtk import segments_in_space
 from evac.pictures import palette
@@ -20,6 +21,8 @@ from evac.pictures.view import Label, View
 FURNITURE = 4.0  # greatest area of holes drawn as furniture [m2]
 WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
 FLOOR_OPACITY = 0.8  # of floors with storeys below
+MARK_OPACITY = {"slow": 0.15, "barred": 0.35, "one_way": 1.0}
+ABOVE = 0.03  # height of marks above the ground [m]
 MARGIN = {"left": 0.08, "right": 0.03, "top": 0.12, "bottom": 0.08}  # for text, as shares of the picture
 LEGEND_WIDTH = 0.16
 ROOM_FOR_PEOPLE = 1.9  # above the floors, within the picture [m]
@@ -184,9 +187,22 @@ class _Scene:
         for number, door in enumerate(building.doors, start=building.n_links):
             if number in building.closed and door.level in self.rows:
                 self._add_link(door.segment.reshape(1, 4), door.level, palette.CLOSED)
+        for mark in marks_of(building):
+            if mark.level in self.rows:
+                self._add_mark(mark)
 
     def _colour_of(self, exit_: Exit) -> str:
         return palette.EXIT if self.building.is_open(exit_) else palette.CLOSED
+
+    def _add_mark(self, mark: Mark) -> None:
+        """Add a slow or barred area, or an arrow, just above the ground."""
+        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(mark.shape))
+        plan = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
+        z = elevation(self.building, np.full(len(plan), mark.level), plan)
+        corners = self.project.place(np.column_stack([plan, z])) + np.array([0.0, 0.0, ABOVE])
+        surface = pyvista.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
+        opacity = MARK_OPACITY[mark.kind]
+        self.plotter.add_mesh(surface, color=palette.CLOSED, lighting=False, opacity=opacity, render=False)
 
     def _add_link(self, segments: FloatArray, level: int, colour: str) -> None:
         """Add a strip on the segments of an exit or of a closed portal."""

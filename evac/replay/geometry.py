@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from evac.analysis.maps import SPACING
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Level, Place
 from evac.building.model.cells import Cells
+from evac.building.model.conditions import marks_of
 from evac.building.model.elevation import elevation
 from evac.replay.motion import GRAIN, is_even, level_plane
 
@@ -115,22 +117,37 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
     }
 
 
+def marks_for_page(building: Building, origin: FloatArray) -> list[dict[str, Any]]:
+    """Return slow and barred areas and the arrows of links of a building as it is at a time."""
+    marks = marks_of(building)
+    return [
+        {"kind": mark.kind, "level": mark.level, "triangles": _triangles(building, mark.shape, mark.level, origin)}
+        for mark in marks
+    ]
+
+
 def _place(building: Building, place: Place, origin: FloatArray) -> dict[str, Any]:
     """Return the middle of a place, and its triangles as points in space; of a sign or a line, of some width."""
     width = {"sign": SIGN, "line": THIN}.get(place.kind)
     shape = place.shape if width is None else place.shape.buffer(width, quad_segs=1)
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
-    corners = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
-    points = np.vstack([shapely.get_coordinates(shape.representative_point()), corners])
-    z = elevation(building, np.full(len(points), place.level), points)
-    middle, *rest = _grains(np.column_stack([points, z]), origin).tolist()
+    middle = shapely.get_coordinates(shape.representative_point())
+    at = np.column_stack([middle, elevation(building, [place.level], middle)])
     return {
         "name": str(place),
         "kind": place.kind,
         "level": place.level,
-        "at": middle,
-        "triangles": [value for corner in rest for value in corner],
+        "at": _grains(at, origin).ravel().tolist(),
+        "triangles": _triangles(building, shape, place.level, origin),
     }
+
+
+def _triangles(building: Building, shape: BaseGeometry, level: int, origin: FloatArray) -> list[int]:
+    """Return the triangles of a shape on a level as points in space."""
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
+    points = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
+    z = elevation(building, np.full(len(points), level), points)
+    found: list[int] = _grains(np.column_stack([points, z]), origin).ravel().tolist()
+    return found
 
 
 def _segments(building: Building, segments: FloatArray, level: int, origin: FloatArray) -> list[int]:

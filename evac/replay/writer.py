@@ -19,7 +19,7 @@ from evac.folder.files import replacing
 from evac.pictures import palette
 from evac.pictures.scales import LEAST, MAPS, PEOPLE, SERVICES, Scale
 from evac.replay.account import Account, account_of_folder
-from evac.replay.geometry import building_for_page
+from evac.replay.geometry import building_for_page, marks_for_page
 from evac.replay.motion import GRAIN, LEAST_FORCE, MOMENT, PACE, MotionPacker
 from evac.trajectory.trajectory import Trajectory
 
@@ -74,13 +74,13 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
     if not motion.frames:
         raise ResultError(f"{path}: nothing to replay; the run ended before its first output")
     building, floors = building_for_page(motion.building, motion.origin)
+    times = dict.fromkeys([0.0, *(change.time for change in changes)])
+    conditions = {time: building_at(motion.building, changes, time) for time in times}
     about = _about(account) | {
         "building": building,
         "origin": motion.origin.tolist(),
-        "closed": [
-            [time, sorted(building_at(motion.building, changes, time).closed)]
-            for time in dict.fromkeys([0.0, *(change.time for change in changes)])
-        ],
+        "closed": [[time, sorted(at.shut)] for time, at in conditions.items()],
+        "marks": [[time, marks_for_page(at, motion.origin)] for time, at in conditions.items()],
         "changes": [[change.time, str(change)] for change in changes],
         "grain": GRAIN,
         "tallest": MOST_HEIGHT,

@@ -55,7 +55,11 @@ def run(case: Any, folder: Path) -> str:
         return "refused"
     check(one)
     if case.kind != "once":
-        two = made_again(case.kind, loaded, one, folder, generator)
+        try:
+            two = made_again(case.kind, loaded, one, folder, generator)
+        except ScenarioError:
+            assert case.kind == "full"  # the ways of routes that nobody takes can end at gaps of less than two cells
+            return "refused"
         if case.kind == "branched":
             check(two)
     return one.ended

@@ -47,15 +47,26 @@ def test_the_replay_tells_them(results):
     data = re.search(r'id="data-about">([^<]*)<', page)[1]
     about = json.loads(zlib.decompress(base64.b64decode(data)))
     assert about["changes"] == [[change.time, str(change)] for change in results.changes]
+    marks = dict(about["marks"])
+    assert list(marks) == [time for time, _ in about["closed"]]
+    kinds = {time: [mark["kind"] for mark in now] for time, now in marks.items()}
+    assert kinds[0.0] == kinds[1.0] == []
+    assert kinds[1.5] == ["one_way"] * 2
+    assert kinds[2.0] == ["slow", "one_way", "one_way"]
+    assert kinds[3.5][0] == "barred"
+    corners = 0.01 * np.reshape(marks[3.5][0]["triangles"], (-1, 3))[:, :2] + about["origin"]
+    np.testing.assert_allclose([corners.min(axis=0), corners.max(axis=0)], [[6.0, 2.5], [12.0, 8.0]], atol=0.02)
 
 
-def test_plans_show_areas_and_directions(results):
-    renderer = Renderer(results.trajectory, (600, 400), "plan")
+@pytest.mark.parametrize("view", ["plan", "3d"])
+def test_pictures_show_areas_and_directions(results, view):
+    renderer = Renderer(results.trajectory, (600, 400), view)
     red = np.array([round(255 * part) for part in to_rgb(palette.CLOSED)])
 
     def reds(time):
         picture = renderer.image(results.trajectory.nearest(time)).astype(int)
-        return int((np.abs(picture - red).max(axis=2) < 90).sum())
+        return int((np.abs(picture - red).max(axis=2) < 90).sum()), int((picture[..., 0] - picture[..., 1]).sum())
 
-    at_start, closed, directed, barred = map(reds, (0.5, 1.0, 1.5, 4.0))
-    assert at_start < closed < directed < barred
+    (at_start, _), (closed, _), (directed, free), (barred, hatched) = map(reds, (0.5, 1.0, 1.5, 4.0))
+    assert at_start < closed < directed <= barred
+    assert hatched > free + 50_000, "the area is redder"

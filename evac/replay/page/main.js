@@ -120,7 +120,7 @@ async function start() {
     const shut = record.closedAt(state.time);
     if (!isBuilt || shut !== closed) {
       closed = shut;
-      stage.build(layout, density, closed, { exit: unit(about.colours.exit), closed: unit(about.colours.closed), places: Object.fromEntries(Object.entries(about.colours.places).map(([kind, colour]) => [kind, unit(colour)])) });
+      stage.build(layout, density, closed, record.marksAt(state.time), { exit: unit(about.colours.exit), closed: unit(about.colours.closed), places: Object.fromEntries(Object.entries(about.colours.places).map(([kind, colour]) => [kind, unit(colour)])) });
       select(state.selected);
       isBuilt = true;
     }

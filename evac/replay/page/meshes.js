@@ -55,8 +55,8 @@ function* sidesOf(segments, grain) {
   }
 }
 
-// Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor. Places: a carpet.
-function glowMesh(layout, closed, colours) {
+// Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor. Places and marks: a carpet.
+function glowMesh(layout, closed, marks, colours) {
   const { building, grain } = layout, values = [];
   const wide = Math.max(0.25, Math.max(...layout.extent) / 220);
   const curtain = (level, segments, colour) => {
@@ -84,13 +84,15 @@ function glowMesh(layout, closed, colours) {
     const isClosed = closed.includes(building.portals.length + building.exits.length + index);
     if (isClosed && layout.visible[door.level]) curtain(door.level, door.segments, colours.closed);
   });
-  for (const { level, kind, triangles } of building.places) {
-    if (!layout.visible[level]) continue;
+  const carpet = ({ level, triangles }, colour, share, lift) => {
+    if (!layout.visible[level]) return;
     for (let t = 0; t < triangles.length; t += 3) {
       const [x, y, z] = layout.place(level, ...triangles.slice(t, t + 3).map((value) => value * grain));
-      values.push(x, y, z + 0.02, ...colours.places[kind], kind === "sign" ? 0.9 : 0.3);
+      values.push(x, y, z + lift, ...colour, share);
     }
-  }
+  };
+  for (const place of building.places) carpet(place, colours.places[place.kind], place.kind === "sign" ? 0.9 : 0.3, 0.02);
+  for (const mark of marks) carpet(mark, colours.closed, { slow: 0.18, barred: 0.4, one_way: 0.9 }[mark.kind], 0.03);
   return values;
 }
 

@@ -127,8 +127,17 @@ class Record {
   }
 
   closedAt(time) {
-    let closed = [];
-    for (const [since, links] of this.closed) if (since <= time + 1e-9) closed = links;
-    return closed;
+    return this.heldAt(this.closed, time);
+  }
+
+  // The slow and barred areas, and the arrows of links, at a time.
+  marksAt(time) {
+    return this.heldAt(this.marks, time);
+  }
+
+  heldAt(states, time) {
+    let held = [];
+    for (const [since, state] of states) if (since <= time + 1e-9) held = state;
+    return held;
   }
 }

@@ -88,10 +88,10 @@ class Stage {
   }
 
   // Makes the meshes of everything that the layout shows.
-  build(layout, density, closed, colours) {
+  build(layout, density, closed, marks, colours) {
     this.mesh("floor", floorMesh(layout, density), [3, 2, 2]);
     this.mesh("solid", solidMesh(layout), [3, 4]);
-    this.mesh("glow", glowMesh(layout, closed, colours), [3, 4]);
+    this.mesh("glow", glowMesh(layout, closed, marks, colours), [3, 4]);
   }
 
   setScale(colours) {

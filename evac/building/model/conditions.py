@@ -1,0 +1,54 @@
+"""What changes of a scene do to areas and to the directions of links, as shapes on levels that pictures draw."""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.building.model.building import Building
+
+#: Outline of an arrow of 1 m that points along x from the origin [m].
+ARROW = np.array([[0.0, -0.06], [0.62, -0.06], [0.62, -0.2], [1.0, 0.0], [0.62, 0.2], [0.62, 0.06], [0.0, 0.06]])
+
+
+class Mark(NamedTuple):
+    """A shape on a level: a ``slow`` or ``barred`` area, or the arrow of a link of one direction (``one_way``)."""
+
+    kind: str
+    level: int
+    shape: BaseGeometry
+
+
+def marks_of(building: Building) -> list[Mark]:
+    """Return the slow and barred areas of a building as it is at a time, then the arrows of its links."""
+    kinds = {name: "slow" for name, _ in building.slowed} | dict.fromkeys(building.barred, "barred")
+    areas = {name: building.area_named(name) for name in sorted(kinds)}
+    marks = [Mark(kinds[name], area.level, area.polygon) for name, area in areas.items() if area is not None]
+    return marks + [_arrow(building, link, origin) for link, origin in sorted(building.one_way)]
+
+
+def _arrow(building: Building, link: int, origin: int) -> Mark:
+    """Return the arrow of a link: across a door, or up to or from the line of others, on their flattest level."""
+    if link >= building.n_links:
+        door = building.doors[link - building.n_links]
+        segment = door.segment if origin == 0 else door.segment[[2, 3, 0, 1]]
+        return Mark("one_way", door.level, _pointing(segment, -0.5))
+    if link >= len(building.portals):
+        way = building.exits[link - len(building.portals)]
+        level, segments, leads_out = way.level, way.segments, origin == way.level
+    else:
+        portal = building.portals[link]
+        level = min(portal.levels, key=lambda index: building.levels[index].slope)
+        segments, leads_out = portal.segments_from(level), origin == level
+    segment = segments[len(segments) // 2]
+    return Mark("one_way", level, _pointing(segment, -1.0) if leads_out else _pointing(segment[[2, 3, 0, 1]], 0.0))
+
+
+def _pointing(segment: FloatArray, begin: float) -> BaseGeometry:
+    """Return an arrow to the right of a segment (4,) through its middle, which begins at a distance from it [m]."""
+    x1, y1, x2, y2 = segment.tolist()
+    along = np.array([y2 - y1, x1 - x2]) / np.hypot(x2 - x1, y2 - y1)
+    turned = np.stack([along, [-along[1], along[0]]])
+    return shapely.Polygon(np.array([0.5 * (x1 + x2), 0.5 * (y1 + y2)]) + (ARROW + np.array([begin, 0.0])) @ turned)
