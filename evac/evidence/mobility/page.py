@@ -28,6 +28,9 @@ PUBLISHED = {
     "accompanied": 0.78,
 }
 
+#: Range of the speeds of people with reduced mobility [m/s]: RiMEA guideline 2.2.1, after Weidmann (1993).
+RIMEA = (0.46, 0.76)
+
 #: Those who use ramps of 1:12, and the rise of one over `RUN`.
 ON_RAMPS = ("walking_frame", "wheelchair", "electric_wheelchair", "pushed_wheelchair")
 RUN, RISE = 12.0, 1.0
@@ -157,6 +160,11 @@ def run(evidence: Evidence) -> None:
         f"People of a preset beside one another, measured over {LINES[1] - LINES[0]:g} m; ramps rise by 1 in"
         f" {RUN / RISE:g}. Published means on ramps were not at hand: the presets assume those on the flat.",
     )
+    slow = [row["preset"] for row in rows if row["place"] == "flat" and RIMEA[0] <= row["mean [m/s]"] <= RIMEA[1]]
+    evidence.text(
+        f"RiMEA has {RIMEA[0]:g} to {RIMEA[1]:g} m/s for people with reduced mobility; means in this range:"
+        f" {', '.join(slow) or 'none'}."
+    )
     for row in rows:
         if row["place"] == "flat":
             question = f"{row['preset']}, flat: deviation of the mean speed"
@@ -182,7 +190,7 @@ def run(evidence: Evidence) -> None:
     evidence.write_page(
         "Mobility: wheelchairs, crutches and others",
         "Examined: walking speeds of the shipped presets beside the published ones that they are made of, on ramps, and"
-        f" the flow of people in wheelchairs through doors, with `{DEFAULT_MOVEMENT}`. Published figures: from memory.",
+        f" the flow of people in wheelchairs through doors, with `{DEFAULT_MOVEMENT}`. Means of Boyce, Shields and Silcock: from memory.",
     )
 
 
