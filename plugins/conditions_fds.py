@@ -1,15 +1,16 @@
 """Conditions of the air that FDS has computed: slice files of several meshes, planes and volumes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError
-from evac.building.model.building import Building, Level
+from evac.building.model.building import Level
 from evac.conditions.quantities import QUANTITIES
 from evac.conditions.source import ConditionSource, SourceScene
 
@@ -52,8 +53,14 @@ ASKED |= {key: f"QUANTITY='VOLUME FRACTION', SPEC_ID='{name}'" for key, name in 
 #: Greatest distance of a plane from the heads that it stands for [m].
 TOLERANCE = 0.3
 
-#: Distance of the points at which the coverage of a level is found [m], and share of its area that is called complete.
-SPACING, COMPLETE = 0.5, 0.995
+#: Share of an area that counts as complete, and as enough to know that slices are meant for a level.
+COMPLETE, ENOUGH = 0.995, 0.9
+
+#: Distance of the middle of an exit from slices within which they cover it [m].
+OUTSIDE = 0.1
+
+#: Distance by which volumes of a deck extend beyond heads on stairs [m].
+MARGIN = 0.5
 
 #: Quantities whose slices a deck has.
 DECK = ("extinction", "co", "co2", "o2", "temperature")
@@ -89,7 +96,7 @@ class Fds(ConditionSource):
             self._blocks.setdefault(NAMES[block.quantity][0], []).append(block)
         for quantity, own in self._blocks.items():
             for index in self._levels:
-                _check_heights(path, scene, scene.building.levels[index], quantity, own, self._shift[2])
+                _check_heights(path, scene, scene.building.levels[index], quantity, own, self._shift)
         self.last = min(float(block.times[-1]) for block in blocks)
         first = max(blocks, key=lambda block: float(block.times[0]))
         if first.times[0] > scene.settings.start + 1e-3:
@@ -97,7 +104,7 @@ class Fds(ConditionSource):
         self._is_level = np.zeros(len(scene.building.levels), np.bool_)
         self._is_level[self._levels] = True
         self._is_between = np.array([level.kind != "floor" for level in scene.building.levels])
-        self._findings = _coverage(scene.building, self._levels, blocks, self._shift, path)
+        self._findings = _coverage(scene, self._levels, blocks, self._shift)
         self._located: tuple[FloatArray | None, dict[tuple[tuple[bytes, ...], ...], list[_Part]]] = (None, {})
         return tuple(self._blocks)
 
@@ -170,7 +177,7 @@ class Fds(ConditionSource):
         chosen = [head for k, head in enumerate(heads) if k == 0 or head - heads[k - 1] > 0.01]
         floors = sorted({round(level.z_min, 2) for level in scene.building.levels if level.kind == "floor"})
         for floor in floors:
-            names = [level.name for level in scene.building.levels if round(level.z_min, 2) == floor]
+            names = [one.name for one in scene.building.levels if one.kind == "floor" and round(one.z_min, 2) == floor]
             lines.append(f"! {', '.join(names)}: heads {', '.join(f'{head:g}' for head in chosen)} m above {floor:g} m")
             for head in chosen:
                 z = f"{floor + head - shift[2]:.2f}"
@@ -178,8 +185,12 @@ class Fds(ConditionSource):
         for level in scene.building.levels:
             if level.kind != "floor":
                 x1, y1, x2, y2 = level.polygon.bounds
-                box = (x1, x2), (y1, y2), (level.z_min + heads[0], level.z_max + heads[-1])
-                ends = ",".join(f"{end - move:.2f}" for pair, move in zip(box, shift, strict=True) for end in pair)
+                box = ((x1, x2), (y1, y2), (level.z_min + heads[0], level.z_max + heads[-1]))
+                ends = ",".join(
+                    f"{end - move + beyond:.2f}"
+                    for pair, move in zip(box, shift, strict=True)
+                    for end, beyond in zip(pair, (-MARGIN, MARGIN), strict=True)
+                )
                 lines.append(f"! {level.name}")
                 lines += [f"&SLCF XB={ends}, {ASKED[quantity]} /" for quantity in wanted]
         return [*lines, "&DUMP DT_SLCF=1., DT_SL3D=1. /"]
@@ -196,46 +207,65 @@ def _within(block: "Block", points: FloatArray) -> NDArray[np.bool_]:
     return inside
 
 
-def _check_heights(
-    path: object, scene: SourceScene, level: Level, quantity: str, blocks: "list[Block]", shift: float
-) -> None:
-    """Refuse a level at whose heads there is neither a plane nor a volume; name the line that the deck needs."""
+def _at_heads(level: Level, heads: Iterable[float], blocks: "list[Block]", shift: float) -> "list[Block]":
+    """Return the blocks that apply to heads on a level: volumes, planes near them, on stairs all between planes."""
+    found = []
+    ends = [z + head for head in heads for z in (level.z_min, level.z_max)]
     planes = np.array([block.axes[2][0] for block in blocks if block.is_plane]) + shift
-    volumes = [block.ends[2] + shift for block in blocks if not block.is_plane]
+    is_between = level.kind != "floor" and len(planes) and planes.min() <= min(ends) and planes.max() >= max(ends)
+    for block in blocks:
+        low, high = block.ends[2] + shift
+        z = block.axes[2][0] + shift
+        near = any(abs(z - end) <= TOLERANCE for end in ends)
+        if (near or is_between) if block.is_plane else (low <= min(ends) and high >= max(ends)):
+            found.append(block)
+    return found
+
+
+def _ground(blocks: "Iterable[Block]", shift: FloatArray) -> BaseGeometry:
+    """Return the area in plan that blocks cover."""
+    return shapely.union_all([shapely.box(*(block.ends[:2].T + shift[:2]).ravel()) for block in blocks])
+
+
+def _check_heights(
+    path: object, scene: SourceScene, level: Level, quantity: str, blocks: "list[Block]", shift: FloatArray
+) -> None:
+    """Refuse a level at whose heads there are no slices although there are some below or above them."""
+    whole = level.polygon.intersection(_ground(blocks, shift)).area
     for group, head in scene.heads.items():
-        for z in (level.z_min + head, level.z_max + head):
-            if any(low <= z <= high for low, high in volumes) or (np.abs(planes - z) <= TOLERANCE).any():
-                continue
-            if level.kind != "floor" and (planes < z).any() and (planes > z).any():
-                continue
-            near = f"; the nearest plane is at {planes[np.abs(planes - z).argmin()]:.2f} m" if len(planes) else ""
-            raise ScenarioError(
-                f"{path}: level {level.name!r}: no slice of {quantity} within {TOLERANCE:g} m of z = {z:.2f} m, where "
-                f"the heads of group {group!r} are{near}; add &SLCF PBZ={z - shift:.2f}, {ASKED[quantity]} / to the "
-                "deck and run FDS again, or name the levels that have slices (level)"
-            )
+        near = _at_heads(level, [head], blocks, shift[2])
+        if level.polygon.intersection(_ground(near, shift)).area >= ENOUGH * whole:
+            continue
+        z = 0.5 * (level.z_min + level.z_max) + head
+        planes = np.array([block.axes[2][0] for block in blocks if block.is_plane]) + shift[2]
+        nearest = f"; the nearest plane is at {planes[np.abs(planes - z).argmin()]:.2f} m" if len(planes) else ""
+        raise ScenarioError(
+            f"{path}: level {level.name!r}: no slice of {quantity} within {TOLERANCE:g} m of z = {z:.2f} m, where the "
+            f"heads of group {group!r} are{nearest}; add &SLCF PBZ={z - shift[2]:.2f}, {ASKED[quantity]} / to the deck "
+            "and run FDS again, or name the levels that have slices (level)"
+        )
 
 
-def _coverage(
-    building: Building, levels: list[int], blocks: "list[Block]", shift: FloatArray, path: object
-) -> tuple[str, ...]:
+def _coverage(scene: SourceScene, levels: list[int], blocks: "list[Block]", shift: FloatArray) -> tuple[str, ...]:
     """Return a line for each level whose area the slices do not cover, with the exits outside."""
-    rectangles = shapely.union_all([shapely.box(*(block.ends[:2].T + shift[:2]).ravel()) for block in blocks])
+    building, path = scene.building, scene.settings.file
     lines, covered, total = [], 0.0, 0.0
     for index in levels:
         level = building.levels[index]
-        inside, area = level.polygon.intersection(rectangles).area, level.polygon.area
+        ground = _ground(_at_heads(level, scene.heads.values(), blocks, shift[2]), shift)
+        inside, area = level.polygon.intersection(ground).area, level.polygon.area
         covered, total = covered + inside, total + area
-        outside = [
-            one.name for one in building.exits_of(index) if not rectangles.covers(shapely.points(one.segments[0, :2]))
-        ]
+        middles = {
+            one.name: shapely.points(one.segments.reshape(-1, 2).mean(axis=0)) for one in building.exits_of(index)
+        }
+        outside = [name for name, middle in middles.items() if not ground.dwithin(middle, OUTSIDE)]
         if inside < COMPLETE * area or outside:
             exits = f"; exits outside: {', '.join(outside)}" if outside else ""
             lines.append(f"{path}: slices cover {100.0 * inside / area:.0f} % of level {level.name!r}{exits}")
-    if covered < 0.9 * total:
+    if covered < ENOUGH * total:
         low = np.array([building.levels[index].polygon.bounds for index in levels])
         middle = 0.5 * (low[:, :2].min(axis=0) + low[:, 2:].max(axis=0))
-        own = np.array(rectangles.bounds)
+        own = np.array(_ground(blocks, shift).bounds)
         move = middle - 0.5 * (own[:2] + own[2:]) + shift[:2]
         remedy = f"shift = [{move[0]:.2f}, {move[1]:.2f}, {shift[2]:g}] would centre the slices on the building"
         if covered == 0.0:

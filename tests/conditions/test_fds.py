@@ -7,7 +7,7 @@ import evac
 from evac.case.reference import as_toml
 from evac.cli.main import main
 from evac.simulation.simulation import Simulation
-from tests.conditions.slicefiles import CO, EXTINCTION, write_slices
+from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
 
 BOX = [(0, 12, 0, 8, 0, 6.0)]
 
@@ -185,7 +185,7 @@ def test_the_command_prints_the_lines_of_the_deck_before_there_are_data(tmp_path
     volumes = [line for line in lines if "XB=" in line and "EXTINCTION" in line]
     assert len(volumes) == 1
     x1, x2, y1, y2, z1, z2 = map(float, volumes[0].split("XB=")[1].split(", ")[0].split(","))
-    assert (x1, x2, y1, y2, z1, z2) == pytest.approx((4.0, 9.0, 1.2, 2.7, 1.53, 4.53))
+    assert (x1, x2, y1, y2, z1, z2) == pytest.approx((3.5, 9.5, 0.7, 3.2, 1.03, 5.03))
 
 
 def toml(case):

@@ -7,7 +7,7 @@ import pytest
 
 import evac
 from evac.conditions.slices import CHUNK, HEADER, read_slices
-from tests.conditions.slicefiles import CO, EXTINCTION, write_slices
+from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
 
 MESHES = [(0, 4, 0, 3, 0, 3), (4, 8, 0, 3, 0, 3)]
 

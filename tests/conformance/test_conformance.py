@@ -80,7 +80,11 @@ def test_a_law_of_speed_in_smoke_conforms(name):
     check_plugin(REGISTRY.smoke_laws[name])
 
 
-def test_a_source_of_conditions_conforms():
+def test_the_source_of_slices_conforms():
+    check_plugin(REGISTRY.condition_sources["fds"], load_case("office_fire"))
+
+
+def test_the_source_of_prescribed_values_conforms():
     table = {"source": "prescribed", "values": {"extinction": 1.0, "co": 90.0}}
     check_plugin(REGISTRY.condition_sources["prescribed"], load_case("square_room", {"conditions": [table]}))
 
