@@ -56,8 +56,12 @@ def drifting(self, quantities, time, level, position, height):
 BROKEN = [
     Broken(odd(Halved, speed=raising), "check_speeds", r"its speed\(\)", "partner", KeyError),
     Broken(odd(Halved, speed=lambda self, desired, extinction: desired[:1]), "check_speeds", "its speed", "for each"),
-    Broken(odd(Halved, speed=lambda self, desired, extinction: desired * np.nan), "check_speeds", "its speed", "finite"),
-    Broken(odd(Halved, speed=lambda self, desired, extinction: 0.5 * desired), "check_speeds", "its speed", "clear air"),
+    Broken(
+        odd(Halved, speed=lambda self, desired, extinction: desired * np.nan), "check_speeds", "its speed", "finite"
+    ),
+    Broken(
+        odd(Halved, speed=lambda self, desired, extinction: 0.5 * desired), "check_speeds", "its speed", "clear air"
+    ),
     Broken(odd(Halved, speed=consumed), "check_speeds", "its speed", "arguments; return a new array"),
     Broken(odd(Halved, speed=averaged), "check_people_are_independent", "its speed", "others are there"),
     Broken(odd(Haze, at=negative), "check_source", "its at", "-1 to -1 for extinction; return values from 0"),

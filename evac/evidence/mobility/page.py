@@ -190,7 +190,8 @@ def run(evidence: Evidence) -> None:
     evidence.write_page(
         "Mobility: wheelchairs, crutches and others",
         "Examined: walking speeds of the shipped presets beside the published ones that they are made of, on ramps, and"
-        f" the flow of people in wheelchairs through doors, with `{DEFAULT_MOVEMENT}`. Means of Boyce, Shields and Silcock: from memory.",
+        f" the flow of people in wheelchairs through doors, with `{DEFAULT_MOVEMENT}`. Means of Boyce,"
+        " Shields and Silcock: from memory.",
     )
 
 
