@@ -45,6 +45,7 @@ SCRIPTS = (
     "meshes.js",
     "stage.js",
     "camera.js",
+    "views.js",
     "people.js",
     "labels.js",
     "chart.js",

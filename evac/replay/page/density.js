@@ -102,6 +102,12 @@ class Density {
     }
   }
 
+  // Whether a point of a level is on its floor.
+  isFloor(level, px, py) {
+    const { nx, ny, left, low } = this.grids[level], i = (px - left) / this.cell, j = (py - low) / this.cell;
+    return i >= 0 && j >= 0 && i < nx && j < ny && this.inside[this.node(level, px, py)] === 1;
+  }
+
   // The cell that has a point of a level.
   node(level, px, py) {
     const { x, y, nx, ny, left, low } = this.grids[level];

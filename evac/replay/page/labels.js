@@ -1,5 +1,7 @@
 // Names of exits, stairs, storeys and places over the picture.
 
+const CELL = 6;  // Side of the parts of the picture that are taken or free [pixels].
+
 class Labels {
   constructor(node, record, layout) {
     this.node = node;
@@ -9,7 +11,7 @@ class Labels {
     this.items = building.exits.map((exit, index) => {
       const s = 6 * Math.floor(exit.segments.length / 12);
       const [x1, y1, z1, x2, y2, z2] = exit.segments.slice(s, s + 6).map((value) => value * grain);
-      return { kind: "exit", index, name: exit.name, level: exit.level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], out: outside(x1, y1, x2, y2), lift: EXIT_HEIGHT + 0.1 };
+      return { kind: "exit", index, name: exit.name, level: exit.level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.1 };
     });
     layout.storeys.forEach((storey, index) => {
       if (layout.storeys.length < 2) return;
@@ -43,42 +45,101 @@ class Labels {
     item.size = null;
   }
 
-  // Puts every label where it belongs; of two that overlap, the later one is hidden.
-  update(camera, closed, selected) {
-    const { clientWidth: width, clientHeight: height } = this.node, taken = [];
-    const put = (item, [x, y, depth], above) => {
-      const left = (x + 1) / 2 * width, top = (1 - y) / 2 * height;
-      const [w, h] = item.size ??= [item.span.offsetWidth, item.span.offsetHeight];
-      const box = [left - w / 2, top - (above ? h : h / 2), left + w / 2, top + (above ? 0 : h / 2)];
-      const clear = depth < 1 && taken.every((other) => box[2] < other[0] || box[0] > other[2] || box[3] < other[1] || box[1] > other[3]);
-      item.span.style.visibility = clear ? "visible" : "hidden";
-      if (!clear) return;
-      taken.push(box);
-      item.span.style.transform = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
-    };
+  // Puts every label beside what it names, where it covers nobody and no other label, and where no floor lies before what
+  // it names; it is hidden where there is no such place.
+  update(camera, closed, selected, people, density) {
+    const { clientWidth: width, clientHeight: height } = this.node, taken = new Cells(width, height, heightOfTools());
+    if (!taken.marks.length) return;
+    taken.markPeople(camera, people);
     this.who.span.style.visibility = "hidden";
-    if (selected) {
-      this.rename(this.who, selected.name);
-      put(this.who, camera.project(selected.at), true);
-    }
-    for (const item of this.items) {
-      if (!this.layout.visible[item.level] || item.kind === "storey" && this.layout.storey >= 0) { item.span.style.visibility = "hidden"; continue; }
-      const [x, y, z] = this.layout.place(item.level, ...item.at);
+    if (selected) this.rename(this.who, selected.name);
+    for (const item of selected ? [this.who, ...this.items] : this.items) {
+      item.span.style.visibility = "hidden";
+      if (item.level >= 0 && !this.layout.visible[item.level] || item.kind === "storey" && this.layout.storey >= 0) continue;
       if (item.kind === "exit") {
         const isClosed = closed.includes(this.record.building.portals.length + item.index);
         item.span.className = isClosed ? "closed" : "exit";
         this.rename(item, isClosed ? `${item.name} (closed)` : item.name);
       }
-      const off = camera.isPlan && item.out ? 0.03 * camera.size : 0;
-      put(item, camera.project([x + off * (item.out?.[0] ?? 0), y + off * (item.out?.[1] ?? 0), z + (camera.isPlan ? 0 : item.lift)]), item.kind === "exit" && !camera.isPlan);
+      const at = item === this.who ? selected.at : this.anchor(item, camera), [x, y, depth] = camera.project(at);
+      const [w, h] = item.size ??= [item.span.offsetWidth, item.span.offsetHeight];
+      const boxAt = ([right, down]) => {
+        const left = (x + 1) / 2 * width + right * (w / 2 + GAP) - w / 2, top = (1 - y) / 2 * height + down * (h + GAP) - h / 2;
+        return [left, top, left + w, top + h];
+      };
+      const shines = ([left, top, right, bottom]) => !camera.isPlan && item !== this.who && [[left, top], [right, top], [left, bottom], [right, bottom]].some(([px, py]) => {
+        const [from, along] = camera.ray(2 * px / width - 1, 1 - 2 * py / height), way = (at[2] - from[2]) / along[2];
+        return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i])) > 0;
+      });
+      const places = SIDES[item.kind] ?? SIDES.any, tries = item.side ? [item.side, ...places] : places;  // So that it does not jump.
+      item.side = depth < 1 ? tries.find((side) => taken.isFree(boxAt(side)) && !shines(boxAt(side))) : null;
+      if (!item.side) continue;
+      const box = boxAt(item.side);
+      taken.mark(box);
+      item.span.style.visibility = "visible";
+      item.span.style.transform = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
     }
+  }
+
+  // The point that a label names: of a storey, its corner on the left.
+  anchor(item, camera) {
+    const { layout } = this;
+    if (item.kind === "storey") {
+      const [x1, y1, x2, y2] = layout.boxes[item.level], z = item.at[2];
+      const corners = [[x1, y1], [x2, y1], [x1, y2], [x2, y2]].map(([x, y]) => layout.place(item.level, x, y, z));
+      return corners.reduce((left, one) => camera.project(one)[0] < camera.project(left)[0] ? one : left);
+    }
+    const [x, y, z] = layout.place(item.level, ...item.at);
+    return [x, y, z + (camera.isPlan ? 0 : item.lift)];
   }
 }
 
-// Direction to the right of a segment, which is outside.
-function outside(x1, y1, x2, y2) {
-  const length = Math.hypot(x2 - x1, y2 - y1) || 1;
-  return [(y2 - y1) / length, -(x2 - x1) / length];
+// Where labels may be beside what they name, in their widths and heights, and the space between.
+const GAP = 5;
+const around = (reach) => [[0, -reach], [0, reach], [-reach, 0], [reach, 0], [-reach, -reach], [reach, -reach], [-reach, reach], [reach, reach]];
+const SIDES = {
+  any: [[0, 0], ...around(1)],
+  who: [[0, -0.5], [0, -1], [1, -1], [-1, -1], [1, 0], [-1, 0], [0, -2], [0, -3], [1, 1], [-1, 1], [0, 2]],
+  exit: [...around(1), ...around(2), ...around(3), ...around(4)],
+  storey: [[-1, 0], [-1, -1], [-1, 1], [-2, 0], [-1, -2], [-1, 2], [-3, 0]],
+};
+
+// Which parts of the picture are taken.
+class Cells {
+  constructor(width, height, top) {
+    Object.assign(this, { width, height, top, columns: Math.ceil(width / CELL), rows: Math.ceil(height / CELL) });
+    this.marks = new Uint8Array(this.columns * this.rows);
+  }
+
+  // The cells that a box touches, as first and last columns and rows.
+  touched([left, top, right, bottom]) {
+    return [left, right].map((x) => Math.max(0, Math.min(this.columns - 1, Math.floor(x / CELL))))
+      .concat([top, bottom].map((y) => Math.max(0, Math.min(this.rows - 1, Math.floor(y / CELL)))));
+  }
+
+  mark(box) {
+    const [from, to, low, high] = this.touched(box);
+    for (let row = low; row <= high; row++) this.marks.fill(1, row * this.columns + from, row * this.columns + to + 1);
+  }
+
+  markPeople(camera, { bodies, words, count, tallest }) {
+    for (let k = 0; k < count; k++) {
+      const [x, y, z, radius] = bodies.subarray(4 * k, 4 * k + 4), tall = (words[k] >>> 24) / 255 * tallest;
+      const ends = [z, z + tall].map((height) => camera.project([x, y, height])), reach = 1.2 * radius / camera.size * this.height;
+      const xs = ends.map(([px]) => (px + 1) / 2 * this.width), ys = ends.map(([, py]) => (1 - py) / 2 * this.height);
+      const box = [Math.min(...xs) - reach, Math.min(...ys) - reach, Math.max(...xs) + reach, Math.max(...ys) + reach];
+      if (box[2] > 0 && box[3] > 0 && box[0] < this.width && box[1] < this.height) this.mark(box);
+    }
+  }
+
+  isFree(box) {
+    if (box[0] < 0 || box[1] < this.top || box[2] > this.width || box[3] > this.height) return false;
+    const [from, to, low, high] = this.touched(box);
+    for (let row = low; row <= high; row++) {
+      for (let column = from; column <= to; column++) if (this.marks[row * this.columns + column]) return false;
+    }
+    return true;
+  }
 }
 
 // A bar of a round length, for plans.

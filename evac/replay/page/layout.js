@@ -1,5 +1,6 @@
 // Where levels are shown: storeys above each other or side by side, and which of them.
 
+const MOST_SPREAD = 10;
 const SAME_STOREY = 0.5;  // Floors that differ by less in height make one storey [m].
 
 // Gives every level a storey; stairs belong to the storey below.
@@ -43,17 +44,17 @@ class Layout {
     this.boxes = building.levels.map((level) => planBox(level.triangles, building.vertices, grain));
     this.box = [0, 1, 2, 3].map((i) => Math[i < 2 ? "min" : "max"](...this.boxes.map((box) => box[i])));
     this.extent = [this.box[2] - this.box[0], this.box[3] - this.box[1]];
-    this.shift = building.levels.map(() => [0, 0]);
+    this.frames = building.levels.map(() => [[1, 0, 0], [0, 1, 0]]);  // Of each level: x and y in the picture from those in plan.
     this.visible = building.levels.map(() => true);
     this.spread = 1;
   }
 
-  // Height factor at which a storey seen from the default direction does not hide much of the one below.
-  clearSpread(elevation) {
+  // Factor of heights with which, in a view, a storey leaves a share of the one below free.
+  spreadFor({ tilt, azimuth }, share) {
     if (this.storeys.length < 2) return 1;
     const gaps = this.storeys.slice(1).map((storey, k) => storey.z - this.storeys[k].z);
-    const depth = Math.min(...this.extent);
-    return Math.max(1, Math.min(8, 0.62 * depth * Math.tan(elevation) / Math.min(...gaps)));
+    const depth = Math.abs(Math.sin(azimuth)) * this.extent[0] + Math.abs(Math.cos(azimuth)) * this.extent[1];
+    return Math.max(1, Math.min(MOST_SPREAD, share * depth * Math.tan(tilt) / Math.min(...gaps)));
   }
 
   // `storey` is -1 for all of them.
@@ -70,10 +71,13 @@ class Layout {
     }
     this.building.levels.forEach((level, index) => {
       const aside = isPlan && storey < 0 ? level.storey : 0;
-      this.shift[index] = [(aside % columns) * width, -Math.floor(aside / columns) * depth];
+      this.frames[index] = [[1, 0, (aside % columns) * width], [0, 1, -Math.floor(aside / columns) * depth]];
       this.visible[index] = storey < 0 || level.storey === storey || (!isPlan && this.leadsDown(level, storey));
     });
   }
+
+  // Whether a level is drawn with a storey.
+  shows(level, storey) { return this.visible[level] && this.building.levels[level].storey === storey; }
 
   leadsDown(level, storey) {
     return level.kind !== "floor" && level.storey === storey - 1;
@@ -82,8 +86,8 @@ class Layout {
   height(z) { return this.base + (z - this.base) * this.spread; }
 
   place(level, x, y, z) {
-    const [dx, dy] = this.shift[level];
-    return [x + dx, y + dy, this.height(z)];
+    const [[xx, xy, x0], [yx, yy, y0]] = this.frames[level];
+    return [xx * x + xy * y + x0, yx * x + yy * y + y0, this.height(z)];
   }
 
   // Corners of everything visible, to fit the view to.

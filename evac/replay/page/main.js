@@ -1,13 +1,12 @@
 // Puts everything together, and shows the time that is to be shown.
 
-const TILT = 0.72, TURN = 0.35;  // Of the first view [rad].
-const WELL_SEEN = 0.3;  // Share of the area of a flight that is seen.
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
-const BAR = 56;  // Height of the tools over the picture.
 const LEAST_PIXELS = 0.6;
 const SLOW_FRAME = 60;  // [ms]
 const TELL_EVERY = 120;  // While it plays, numbers are shown this often, and the density of many people [ms].
 const SHADOWED = 3000;  // So many people have shadows.
+
+const heightOfTools = () => by("tools").offsetHeight + 20;  // They lie over the picture.
 
 async function start() {
   const about = JSON.parse(new TextDecoder().decode(await inflate("about")));
@@ -24,7 +23,7 @@ async function start() {
   const labels = new Labels(by("labels"), record, layout);
   const panel = new Panel(record, series, layout, people);
   const state = {
-    time: record.begin, isPlaying: false, speed: 1, quantity: "group", isPlan: false, storey: -1, spread: layout.clearSpread(TILT),
+    time: record.begin, isPlaying: false, speed: 1, quantity: "group", isPlan: false, storey: -1, spread: 1,
     layer: "plain", service: "", selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
   };
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
@@ -39,11 +38,10 @@ async function start() {
   const aspect = () => canvas.clientWidth / Math.max(1, canvas.clientHeight);
 
   function fit() {
-    camera.aspect = aspect();
     camera.isPlan = state.isPlan;
     if (state.isPlan) camera.azimuth = 0;
     camera.fit(layout.corners(), 1.08);
-    const share = Math.min(0.3, BAR / canvas.clientHeight);
+    const share = Math.min(0.3, heightOfTools() / canvas.clientHeight);
     camera.zoom(1 / (1 - share));
     camera.pan(0, -share);
     redraw();
@@ -61,7 +59,7 @@ async function start() {
 
   function applyTheme() {
     const style = getComputedStyle(document.documentElement), of = (name) => unit(style.getPropertyValue(`--${name}`).trim());
-    look = { background: of("ground"), floors: ["floor", "flight", "landing"].map(of), solids: ["wall", "wall-top", "desk"].map(of), mark: of("mark") };
+    look = { background: of("ground"), floors: ["floor", "flight", "landing"].map(of), solids: ["wall", "wall-top", "desk"].map(of), mark: of("mark"), rim: of("text") };
     redraw();
   }
 
@@ -134,7 +132,7 @@ async function start() {
     }
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     stage.draw(camera, people, { ...look, layer: state.isLayered, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
-    labels.update(camera, closed, selectedPlace(now));
+    labels.update(camera, closed, selectedPlace(now), people, density);
     updateScale(camera, canvas.clientHeight);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     drawn.push(performance.now() - began);
@@ -183,7 +181,10 @@ async function start() {
       act.speed(1);
       select(null);
       recolour();
-      turnBack();
+      camera.aspect = aspect();
+      state.spread = chooseView(camera, layout, density, record).spread;
+      camera.turned = camera.azimuth;
+      by("spread").value = state.spread;
       arrange();
       fit();
     },
@@ -244,23 +245,6 @@ async function start() {
   new ResizeObserver(redraw).observe(canvas);
   return { record, layout, density, maps, series, people, camera, state, act, stage, drawn };
 
-  function turnBack() {
-    camera.tilt = storeys.length > 1 ? TILT : 0.95;
-    camera.azimuth = camera.turned = firstTurn();
-  }
-
-  // The longer side is across; of its four views, the first one in which every flight is seen well, or the best one.
-  function firstTurn() {
-    const side = layout.extent[0] >= layout.extent[1] ? 0 : -Math.PI / 2, [flat, up] = [Math.cos(camera.tilt), Math.sin(camera.tilt)];
-    const flights = about.building.levels.filter(({ kind }) => kind === "flight");
-    const seen = (turn) => Math.min(WELL_SEEN, ...flights.map(({ plane: [, a, b] }) => {
-      const normal = [-a * state.spread, -b * state.spread, 1];
-      return dot([flat * Math.sin(turn), -flat * Math.cos(turn), up], normal) / Math.hypot(...normal);
-    }));
-    const turns = [TURN, -TURN, Math.PI + TURN, Math.PI - TURN].map((turn) => side + turn);
-    return turns.reduce((best, turn) => seen(turn) > seen(best) + 1e-9 ? turn : best);
-  }
-
   function fillChoices() {
     const options = (id, entries) => {
       by(id).innerHTML = entries.map(([value, text]) => `<option value="${escaped(value)}">${escaped(text)}</option>`).join("");
@@ -274,8 +258,7 @@ async function start() {
     options("speed", SPEEDS.map((speed) => [speed, `${speed}×`]));
     by("speed").value = state.speed;
     Object.assign(by("slider"), { min: record.begin, max: record.end });
-    by("spread").value = by("spread").max = Math.max(2, 1.6 * state.spread);
-    Object.assign(by("spread"), { min: 1, value: state.spread });
+    Object.assign(by("spread"), { min: 1, max: MOST_SPREAD });
     by("keys").tBodies[0].innerHTML = KEYS.map(([keys, what]) => `<tr><td><kbd>${keys}</kbd></td><td>${what}</td></tr>`).join("");
     chart.show(by("curve").value, (name, index) => panel.lineColour(name === "people out" ? index - 1 : index));
   }

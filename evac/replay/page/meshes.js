@@ -1,9 +1,9 @@
-// Triangles of the building, as the layout places it.
+// Triangles of the storeys of the building, as the layout places them.
 
-function floorMesh(layout, density) {
+function floorMesh(layout, storey, density) {
   const { building, grain } = layout, { vertices } = building, values = [];
   building.levels.forEach((level, index) => {
-    if (!layout.visible[index]) return;
+    if (!layout.shows(index, storey)) return;
     const kind = KINDS.indexOf(level.kind);
     for (const v of level.triangles) {
       const [x, y, z] = [0, 1, 2].map((i) => vertices[3 * v + i] * grain);
@@ -14,14 +14,14 @@ function floorMesh(layout, density) {
 }
 
 // Walls stand outside their line, so that the floor inside keeps its width.
-function solidMesh(layout) {
+function solidMesh(layout, storey) {
   const { building, grain } = layout, values = [];
   const thick = Math.max(0.07, Math.max(...layout.extent) / 420);
   const quad = (a, b, c, d, normal, kind) => {
     for (const corner of [a, b, c, a, c, d]) values.push(...corner, ...normal, kind);
   };
   building.levels.forEach((level, index) => {
-    if (!layout.visible[index]) return;
+    if (!layout.shows(index, storey)) return;
     const { walls, furniture } = level;
     for (const [a, b, normal] of sidesOf(furniture.sides, grain)) {
       const low = [layout.place(index, ...a), layout.place(index, ...b)], raise = ([x, y, z]) => [x, y, z + DESK_HEIGHT];
@@ -56,7 +56,7 @@ function* sidesOf(segments, grain) {
 }
 
 // Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor. Places and marks: a carpet.
-function glowMesh(layout, closed, marks, colours) {
+function glowMesh(layout, storey, closed, marks, colours) {
   const { building, grain } = layout, values = [];
   const wide = Math.max(0.25, Math.max(...layout.extent) / 220);
   const curtain = (level, segments, colour) => {
@@ -72,20 +72,20 @@ function glowMesh(layout, closed, marks, colours) {
     }
   };
   building.exits.forEach((exit, index) => {
-    if (!layout.visible[exit.level]) return;
+    if (!layout.shows(exit.level, storey)) return;
     const isClosed = closed.includes(building.portals.length + index);
     curtain(exit.level, exit.segments, isClosed ? colours.closed : colours.exit);
   });
   building.portals.forEach((portal, index) => {
     if (!closed.includes(index)) return;
-    for (const level of portal.levels) if (layout.visible[level]) curtain(level, portal.segments, colours.closed);
+    for (const level of portal.levels) if (layout.shows(level, storey)) curtain(level, portal.segments, colours.closed);
   });
   building.doors.forEach((door, index) => {
     const isClosed = closed.includes(building.portals.length + building.exits.length + index);
-    if (isClosed && layout.visible[door.level]) curtain(door.level, door.segments, colours.closed);
+    if (isClosed && layout.shows(door.level, storey)) curtain(door.level, door.segments, colours.closed);
   });
   const carpet = ({ level, triangles }, colour, share, lift) => {
-    if (!layout.visible[level]) return;
+    if (!layout.shows(level, storey)) return;
     for (let t = 0; t < triangles.length; t += 3) {
       const [x, y, z] = layout.place(level, ...triangles.slice(t, t + 3).map((value) => value * grain));
       values.push(x, y, z + lift, ...colour, share);

@@ -14,6 +14,7 @@ class People {
     this.words = new Uint32Array(this.tints.buffer);
     this.shown = new Uint32Array(record.people);  // rows of `now`
     this.count = 0;
+    this.parts = [];  // Of each storey, the first one shown and how many.
     this.marked = -1;  // which of those shown is selected
     this.tallest = record.tallest;  // The fourth byte of a tint is the height, as a share of this.
     const { colours } = record;
@@ -38,14 +39,19 @@ class People {
     const { record, bodies, words } = this;
     const isGroup = quantity === "group";
     const scale = isGroup ? null : this.scaleOf(quantity, service), colours = scale && ramp(scale);
-    let k = 0;
+    const { levels } = layout.building, sizes = new Uint32Array(layout.storeys.length);
+    for (let i = 0; i < now.count; i++) if (layout.visible[now.level[i]]) sizes[levels[now.level[i]].storey]++;
+    let total = 0;
+    this.parts = Array.from(sizes, (size) => [(total += size) - size, size]);
+    const next = this.parts.map(([from]) => from);
     this.marked = -1;
     for (let i = 0; i < now.count; i++) {
       const level = now.level[i];
       if (!layout.visible[level]) continue;
-      const p = now.person[i], shift = layout.shift[level];
-      bodies[4 * k] = now.x[i] + shift[0];
-      bodies[4 * k + 1] = now.y[i] + shift[1];
+      const p = now.person[i], k = next[levels[level].storey]++;
+      const [[xx, xy, x0], [yx, yy, y0]] = layout.frames[level];
+      bodies[4 * k] = xx * now.x[i] + xy * now.y[i] + x0;
+      bodies[4 * k + 1] = yx * now.x[i] + yy * now.y[i] + y0;
       bodies[4 * k + 2] = layout.height(now.z[i]);
       bodies[4 * k + 3] = record.radius[p] / 1000;
       const group = record.group[p] < 0 ? this.groups.length - 1 : record.group[p];
@@ -54,9 +60,9 @@ class People {
       if (fades) colour = this.faded[group];
       if (p === selected) this.marked = k;
       words[k] = colour & 0xffffff | Math.round(255 * record.height[p] / 1000 / this.tallest) << 24;
-      this.shown[k++] = i;
+      this.shown[k] = i;
     }
-    this.count = k;
+    this.count = total;
   }
 
   // The person whose figure the ray meets first, -1 for none.

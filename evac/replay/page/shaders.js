@@ -41,7 +41,7 @@ void main() {
 }`, HEAD + `
 uniform vec3 floors[3];
 uniform sampler2D values, scale;
-uniform float layer;
+uniform float layer, cover;
 in vec2 cell;
 in vec2 shade;
 out vec4 colour;
@@ -53,11 +53,13 @@ void main() {
     float edge = smoothstep(0.0, 0.12 + wide, fract(tread)) ;
     base *= mix(mix(0.80, 1.0, edge), 0.95, clamp(1.6 * wide - 0.3, 0.0, 1.0));
   }
+  float share = cover;
   if (layer > 0.5) {
     vec4 heat = texture(scale, vec2(texture(values, cell).r * 0.996 + 0.002, 0.5));
     base = mix(base, heat.rgb, heat.a);
+    share = max(cover, heat.a);
   }
-  colour = vec4(base, 1.0);
+  colour = vec4(base * share, share);
 }`];
 
 const SOLID = [HEAD + `
@@ -70,9 +72,10 @@ void main() {
   tint = solids[int(surface.w + 0.5)] * light;
   gl_Position = view * vec4(place, 1.0);
 }`, HEAD + `
+uniform float cover;
 in vec3 tint;
 out vec4 colour;
-void main() { colour = vec4(tint, 1.0); }`];
+void main() { colour = vec4(tint * cover, cover); }`];
 
 const GLOW = [HEAD + `
 layout(location = 0) in vec3 place;
@@ -109,6 +112,7 @@ in vec2 at;
 flat in vec2 trunk;
 flat in vec2 head;
 flat in vec3 shade;
+uniform vec3 rim;  // So that people of any colour are told from the floor.
 out vec4 colour;
 void main() {
   vec2 a = at / trunk, b = vec2(at.x, at.y - head.y) / head.x;
@@ -119,8 +123,8 @@ void main() {
   vec2 n = isHead ? b : a;
   float facing = sqrt(max(0.0, 1.0 - dot(n, n)));
   float light = 0.66 + 0.40 * max(0.0, dot(vec3(n, facing), vec3(-0.36, 0.66, 0.66)));
-  vec3 tone = isHead ? mix(shade, vec3(1.0), 0.28) : shade;
-  colour = vec4(tone * light, cover);
+  vec3 tone = isHead ? mix(shade, vec3(1.0), 0.12) : shade;
+  colour = vec4(mix(tone * light, rim, 0.75 * smoothstep(0.55, 1.0, nearest)), cover);
 }`];
 
 // A soft shadow on the floor under each person, and a ring around whoever is selected.

@@ -1,8 +1,9 @@
 // What WebGL draws: the building, made anew when the layout changes, and the people of one time.
 
-const WALL_HEIGHT = 0.55;  // Low enough to look over [m].
+const WALL_HEIGHT = 0.4;  // Low enough to look over [m].
 const DESK_HEIGHT = 0.45;
 const EXIT_HEIGHT = 1.3;
+const COVER = { floor: 0.3, solid: 0.45 };  // How much what is above hides of what is below.
 const KINDS = ["floor", "flight", "landing"];
 
 const SMOOTH = 2000;  // So many people have smooth edges even where there is no graphics processor.
@@ -87,11 +88,13 @@ class Stage {
     this.meshes[name] = { array, buffer, count: values.length / stride };
   }
 
-  // Makes the meshes of everything that the layout shows.
+  // Makes the meshes of everything that the layout shows, storey by storey.
   build(layout, density, closed, marks, colours) {
-    this.mesh("floor", floorMesh(layout, density), [3, 2, 2]);
-    this.mesh("solid", solidMesh(layout), [3, 4]);
-    this.mesh("glow", glowMesh(layout, closed, marks, colours), [3, 4]);
+    layout.storeys.forEach((_, storey) => {
+      this.mesh(`floor ${storey}`, floorMesh(layout, storey, density), [3, 2, 2]);
+      this.mesh(`solid ${storey}`, solidMesh(layout, storey), [3, 4]);
+      this.mesh(`glow ${storey}`, glowMesh(layout, storey, closed, marks, colours), [3, 4]);
+    });
   }
 
   setScale(colours) {
@@ -110,38 +113,53 @@ class Stage {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, bytes);
   }
 
-  // `look` has the colours of the theme, whether there is a layer on the floors, and whether there are shadows.
+  // Draws one storey over the other from below, so that floors and walls are translucent. `look` has the colours of the
+  // theme, whether there is a layer on the floors, and whether there are shadows.
   draw(camera, people, look) {
     const { gl, canvas } = this;
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(...look.background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    this.setPeople(people);
+    let isLowest = true;
+    people.parts.forEach((part, storey) => {
+      if (!this.meshes[`floor ${storey}`].count) return;
+      this.drawFloors(storey, camera, look, isLowest || camera.isPlan ? 1 : COVER.floor);
+      this.drawPeople(part, camera, people, look);
+      this.use(this.solid, camera);
+      gl.uniform3fv(this.solid.places.solids, look.solids.flat());
+      gl.uniform1f(this.solid.places.cover, isLowest || camera.isPlan ? 1 : COVER.solid);
+      this.show(`solid ${storey}`);
+      gl.depthMask(false);
+      this.use(this.glow, camera);
+      this.show(`glow ${storey}`);
+      gl.depthMask(true);
+      isLowest = false;
+    });
+    gl.depthMask(false);
+    this.use(this.glow, camera);
+    this.show("track");
+    gl.depthMask(true);
+  }
+
+  drawFloors(storey, camera, look, cover) {
+    const { gl, floor: { places } } = this;
     this.use(this.floor, camera);
-    gl.uniform3fv(this.floor.places.floors, look.floors.flat());
-    gl.uniform1f(this.floor.places.layer, look.layer ? 1 : 0);
+    gl.uniform3fv(places.floors, look.floors.flat());
+    gl.uniform1f(places.layer, look.layer ? 1 : 0);
+    gl.uniform1f(places.cover, cover);
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.scale);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.atlas);
-    gl.uniform1i(this.floor.places.values, 0);
-    gl.uniform1i(this.floor.places.scale, 1);
-    gl.enable(gl.POLYGON_OFFSET_FILL);
-    gl.polygonOffset(1, 1);
-    this.show("floor");
-    gl.disable(gl.POLYGON_OFFSET_FILL);
-    this.use(this.solid, camera);
-    gl.uniform3fv(this.solid.places.solids, look.solids.flat());
-    this.show("solid");
-    this.drawPeople(camera, people, look);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.uniform1i(places.values, 0);
+    gl.uniform1i(places.scale, 1);
     gl.depthMask(false);
-    this.use(this.glow, camera);
-    this.show("track");
-    this.show("glow");
+    this.show(`floor ${storey}`);
     gl.depthMask(true);
-    gl.disable(gl.BLEND);
   }
 
   // Hands the people over as two textures, whose rows may end with nobody.
@@ -154,25 +172,24 @@ class Stage {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, tints);
   }
 
-  drawPeople(camera, people, look) {
+  drawPeople([from, count], camera, people, look) {
     const { gl } = this;
-    this.setPeople(people);
     gl.bindVertexArray(this.crowd);
     if (look.shadows) {
       this.usePeople(this.shadow, camera, people);
       gl.uniform3fv(this.shadow.places.mark, look.mark);
       gl.uniform1f(this.shadow.places.widen, look.widen);
-      gl.enable(gl.BLEND);
-      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
-      gl.drawArrays(gl.TRIANGLES, 0, 6 * people.count);
+      gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * count);
       gl.depthMask(true);
-      gl.disable(gl.BLEND);
     }
     this.usePeople(this.person, camera, people);
+    gl.uniform3fv(this.person.places.rim, look.rim);
+    gl.disable(gl.BLEND);
     gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
-    gl.drawArrays(gl.TRIANGLES, 0, 6 * people.count);
+    gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * count);
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
+    gl.enable(gl.BLEND);
     gl.bindVertexArray(null);
   }
 

@@ -1,0 +1,51 @@
+// The first view: of several, the one in which most of the people of the run are seen well.
+
+const TIMES = 8, PEOPLE_EACH = 25;  // Looked at.
+const TURNS = [0.35, -0.35, 0.8, -0.8, Math.PI + 0.35, Math.PI - 0.35, Math.PI + 0.8, Math.PI - 0.8];  // From the longer side [rad].
+const TILTS = [0.45, 0.6, 0.75, 0.95, 1.15];  // [rad]
+const CLEARANCES = [0.25, 0.45, 0.7, 1];  // Shares of a storey that the one above leaves free.
+const SEEN = [1, 0.6, 0.1];  // How well people are seen behind no, one and two floors.
+const SIZE_COUNTS = 0.35;  // Exponent: how much it counts that people are large in the picture.
+
+// Level, place and height of people at times over the whole run.
+function witnesses(record) {
+  const found = [];
+  for (let t = 0; t < TIMES; t++) {
+    const now = record.at(record.begin + (record.end - record.begin) * t / TIMES), by = Math.ceil(now.count / PEOPLE_EACH);
+    for (let i = 0; i < now.count; i += by) found.push([now.level[i], now.x[i], now.y[i], now.z[i], record.height[now.person[i]] / 1000]);
+  }
+  return found;
+}
+
+// Number of floors and flights between the eye and a point in the picture.
+function floorsBefore(layout, density, eye, [x, y, z]) {
+  const [dx, dy, dz] = [eye[0] - x, eye[1] - y, eye[2] - z], { base, spread } = layout;
+  let count = 0;
+  layout.building.levels.forEach(({ plane: [c, a, b] }, index) => {
+    if (!layout.visible[index]) return;
+    const above = layout.height(c + a * x + b * y) - z, way = above / (dz - spread * (a * dx + b * dy));
+    if (above > 0.1 && way > 0 && way < 1 && density.isFloor(index, x + way * dx, y + way * dy)) count++;
+  });
+  return count;
+}
+
+// Sets the camera and the spread of the layout to the best view, and returns how well people are seen in it.
+function chooseView(camera, layout, density, record) {
+  const crowd = witnesses(record), side = layout.extent[0] >= layout.extent[1] ? 0 : -Math.PI / 2;
+  let best = { score: -1 };
+  for (const tilt of layout.storeys.length > 1 ? TILTS : [0.95]) for (const turn of TURNS) {
+    Object.assign(camera, { tilt, azimuth: side + turn, isPlan: false });
+    for (const spread of new Set(CLEARANCES.map((share) => layout.spreadFor(camera, share)))) {
+      layout.arrange(false, -1, spread, camera.aspect);
+      camera.fit(layout.corners(), 1);
+      const seen = crowd.reduce((sum, [level, x, y, z, tall]) => {
+        const [px, py, pz] = layout.place(level, x, y, z);
+        return sum + (SEEN[floorsBefore(layout, density, camera.position, [px, py, pz + 0.9 * tall])] ?? 0);
+      }, 0) / (crowd.length || 1);
+      const score = seen * camera.size ** -SIZE_COUNTS;
+      if (score > best.score * (1 + 1e-9)) best = { score, seen, tilt, azimuth: camera.azimuth, spread };
+    }
+  }
+  Object.assign(camera, { tilt: best.tilt, azimuth: best.azimuth });
+  return best;
+}

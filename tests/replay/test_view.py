@@ -1,0 +1,117 @@
+"""The first view: people are seen in it, and no label covers them."""
+
+import io
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import maximum_filter
+from shapely import Point, box
+
+import evac
+from evac.replay.account import account_of_run
+from evac.replay.motion import MotionPacker
+from evac.replay.writer import write_page
+
+#: Least change of a part of the colour of a pixel, from 0 to 255, by which somebody is told from what is behind.
+TOLD_APART = 25
+
+#: Keeps the sizes of people, so that they can be taken out of the picture for a while.
+TAKEN = "kept = [[...replay.record.radius], [...replay.record.height]]"
+
+
+def house(storeys):
+    """A building with two shafts of stairs."""
+    plan, width, depth = evac.Plan("house"), 30.0, 16.0
+    names = [f"storey {k}" for k in range(storeys)]
+    for k, name in enumerate(names):
+        plan.storey(name, box(0, 0, width, depth), z=3.2 * k)
+    for low, high in pairwise(names):
+        west, east = [(5, 6.6), (5, 7.9)], [(width - 5, 8.1), (width - 5, 9.4)]
+        plan.stair(f"West {low}", low, west, high, length=2.6, turn="left", direction=(1, 0))
+        plan.stair(f"East {low}", low, east, high, length=2.6, turn="left", direction=(-1, 0))
+    for k in range(12):
+        plan.exit(f"exit {k + 1}", names[0], [(2.0 + 2 * k, 0), (3.0 + 2 * k, 0)])
+    return plan.building()
+
+
+def inside(polygon, random):
+    """Return a random point of a polygon."""
+    low, high = np.array(polygon.bounds).reshape(2, 2)
+    while not polygon.contains(Point(at := random.uniform(low, high))):
+        pass
+    return at
+
+
+@pytest.fixture(scope="module", params=[3, 12])
+def page(request, room, tmp_path_factory):
+    """The page of people who stand on all floors at first, and on the stairs later."""
+    building, random = house(request.param), np.random.default_rng(request.param)
+    people = 15 * len(building.levels)
+    motion = MotionPacker(people, building)
+    floors = [one for one in building.levels if one.kind == "floor"]
+    stairs = [one for one in building.levels if one.kind != "floor"] or floors
+    for time, share in ((0.0, 0.1), (20.0, 0.5), (40.0, 0.9)):
+        of = [stairs if person < share * people else floors for person in range(people)]
+        levels = [some[int(random.integers(len(some)))] for some in of]
+        position = np.array([inside(level.polygon.buffer(-0.2), random) for level in levels])
+        rows, level = np.arange(people, dtype=np.int32), np.array([one.index for one in levels], np.int32)
+        motion.add(time, rows, level, position, np.zeros((people, 3)), np.ones(people, bool), np.zeros(people))
+    everybody = np.zeros(people, np.int32)
+    some = account_of_run(room[1])
+    moves = replace(some.moves, start=everybody, row=everybody[:0], target=everybody[:0], time=np.zeros(0))
+    sizes = {"group": everybody, "radius": everybody + 0.25, "height": everybody + 1.7, "moves": moves}
+    unknown = dict.fromkeys(("speed", "response_time", "exit_used", "exit_time"))
+    account = replace(some, **sizes, **unknown)
+    path = tmp_path_factory.mktemp("view") / "replay.html"
+    write_page(path, motion, account, ())
+    return path
+
+
+def picture(browser):
+    return np.array(Image.open(io.BytesIO(browser.picture())).convert("RGB")).astype(int)
+
+
+def heads(browser):
+    """Where heads are drawn, and feet, in pixels of the page; by the matrix of the camera alone."""
+    matrix, bodies, tall, (left, top, width, height) = browser.run(
+        """(() => {
+          const { camera, people, record } = replay, box = document.getElementById("view").getBoundingClientRect();
+          const { bodies, count } = people, shown = [...people.shown.subarray(0, count)];
+          const tall = shown.map((i) => record.height[record.now.person[i]] / 1000);
+          return [[...camera.matrix], [...bodies.subarray(0, 4 * count)], tall, [box.x, box.y, box.width, box.height]];
+        })()"""
+    )
+    feet = np.array(bodies).reshape(-1, 4)[:, :3]
+    found = []
+    for share in (0.93, 0.05):
+        lift = np.column_stack([np.zeros((len(feet), 2)), share * np.array(tall)])
+        clip = np.column_stack([feet + lift, np.ones(len(feet))]) @ np.array(matrix).reshape(4, 4)
+        found.append((clip[:, :2] / clip[:, 3:] * [0.5, -0.5] + 0.5) * [width, height] + [left, top])
+    return found
+
+
+@pytest.mark.parametrize(("width", "height", "dark"), [(1280, 800, False), (390, 800, True)])
+def test_people_are_seen_in_the_first_view_and_labels_cover_nobody(browser, page, width, height, dark):
+    browser.open(page, width, height, dark)
+    for time in (0.0, 20.0, 40.0):
+        browser.run(f"replay.act.seek({time})")
+        browser.settle()
+        image, (head, foot) = picture(browser), heads(browser)
+        labels = browser.run(
+            """[...document.querySelectorAll("#labels span")].filter(({ style }) => style.visibility === "visible")
+                 .map((span) => span.getBoundingClientRect())
+                 .map(({ left, top, right, bottom }) => [left, top, right, bottom])"""
+        )
+        for left, top, right, bottom in labels:
+            for place in (head, foot, 0.5 * (head + foot)):
+                assert not ((place > [left, top]) & (place < [right, bottom])).all(axis=1).any()
+        browser.run(f"{TAKEN}; replay.record.radius.fill(0); replay.record.height.fill(0); replay.act.seek({time})")
+        browser.settle()
+        empty = picture(browser)
+        browser.run("[replay.record.radius, replay.record.height] = kept")
+        change = maximum_filter(np.abs(image - empty).max(axis=2), 3)  # a head may be as small as a pixel
+        x, y = np.rint(head).astype(int).T
+        assert (change[y, x] >= TOLD_APART).mean() >= 0.9
