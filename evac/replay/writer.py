@@ -38,6 +38,7 @@ SCRIPTS = (
     "motion.js",
     "record.js",
     "series.js",
+    "section.js",
     "layout.js",
     "density.js",
     "maps.js",

@@ -150,7 +150,7 @@ def test_a_closed_exit_is_marked_in_the_table(browser, tmp_path):
 def test_people_are_drawn_in_the_colour_of_their_group_at_their_place(browser, storeys):
     page, trajectory = storeys
     browser.open(page)
-    browser.run("replay.act.view(true); replay.act.storey(2)")
+    browser.run("replay.act.view('plan'); replay.act.storey(2)")
     image = pixels(browser)
     x, y = (round(value) for value in place_of(browser, 3))
     colour = group_colours(2)[trajectory.group[3]]
@@ -238,7 +238,7 @@ def test_a_click_tells_who_somebody_is(browser, room):
     folder, results = room
     show(browser, folder)
     person = int(np.argmax(results.crowd.exit_time))
-    browser.run("replay.act.view(true); replay.act.seek(1.0)")
+    browser.run("replay.act.view('plan'); replay.act.seek(1.0)")
     browser.settle()
     browser.click(*place_of(browser, person))
     assert browser.text("#person-name") == f"Person {person}"
@@ -268,7 +268,7 @@ def test_colours_follow_the_quantity(browser, room, quantity):
 def test_density_is_a_number_of_people_and_lies_on_the_floor(browser, room):
     folder, _ = room
     show(browser, folder)
-    browser.run("replay.act.view(true); replay.act.seek(3.0)")
+    browser.run("replay.act.view('plan'); replay.act.seek(3.0)")
     browser.settle()
     before = pixels(browser)
     browser.press("l", "KeyL")
@@ -317,7 +317,7 @@ def test_maps_of_the_run_are_those_of_evac_map(browser, room):
 def test_a_map_is_drawn_on_the_floor_with_its_scale(browser, room, name):
     folder, _ = room
     show(browser, folder)
-    browser.run("replay.act.view(true); replay.act.seek(3.0)")
+    browser.run("replay.act.view('plan'); replay.act.seek(3.0)")
     browser.settle()
     before = pixels(browser)
     show_map(browser, name)

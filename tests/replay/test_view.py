@@ -115,3 +115,24 @@ def test_people_are_seen_in_the_first_view_and_labels_cover_nobody(browser, page
         change = maximum_filter(np.abs(image - empty).max(axis=2), 3)  # a head may be as small as a pixel
         x, y = np.rint(head).astype(int).T
         assert (change[y, x] >= TOLD_APART).mean() >= 0.9
+
+
+def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser, page):
+    browser.open(page)
+    browser.run("replay.act.view('section'); replay.act.seek(40)")
+    browser.settle()
+    shown = browser.run(
+        """(() => { const { people, record: { now, building: { levels } } } = replay;
+             return [...people.shown.subarray(0, people.count)].map((i, k) => {
+               const { kind, storey } = levels[now.level[i]];
+               return [people.bodies[4 * k], people.bodies[4 * k + 1], now.z[i], storey, kind === "floor" ? 1 : 0];
+             }); })()"""
+    )
+    x, y, z, storey, on_floor = np.array(shown).T
+    bars = [y[(storey == k) & (on_floor == 1)] for k in np.unique(storey[on_floor == 1])]
+    assert all(low.max() < high.min() for low, high in pairwise(bars))
+    stairs = on_floor == 0
+    assert x[stairs].min() > x[~stairs].max()
+    rise = np.polyfit(z[stairs], y[stairs], 1)
+    assert rise[0] > 0.5
+    assert np.abs(np.polyval(rise, z[stairs]) - y[stairs]).max() < 1.0  # half the width of a stair, and its landing

@@ -4,17 +4,17 @@ const FIELD = 0.42;  // Vertical angle of view [rad]: long, so that sizes compar
 
 class Camera {
   constructor() {
-    Object.assign(this, { target: [0, 0, 0], azimuth: 0, tilt: 0.8, size: 20, isPlan: false, aspect: 1, reach: 100 });
+    Object.assign(this, { target: [0, 0, 0], azimuth: 0, tilt: 0.8, size: 20, isFlat: false, aspect: 1, reach: 100 });
     this.matrix = new Float32Array(16);
   }
 
   update() {
-    const tilt = this.isPlan ? Math.PI / 2 : this.tilt, turn = this.azimuth;
+    const tilt = this.isFlat ? Math.PI / 2 : this.tilt, turn = this.azimuth;
     const [c, s, ct, st] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
     this.right = [c, s, 0];
     this.up = [-s * st, c * st, ct];
     this.toward = [s * ct, -c * ct, st];
-    const away = this.isPlan ? 2 * this.reach : this.size / (2 * Math.tan(FIELD / 2));
+    const away = this.isFlat ? 2 * this.reach : this.size / (2 * Math.tan(FIELD / 2));
     this.position = this.target.map((value, i) => value + away * this.toward[i]);
     const near = Math.max(0.02 * away, away - 4 * this.reach), far = away + 6 * this.reach;
     const [tall, wide] = [this.size / 2, this.size / 2 * this.aspect];
@@ -23,11 +23,11 @@ class Camera {
     for (let k = 0; k < 4; k++) {
       const [x, y, z] = rows.map((row) => row[k]);
       const last = k === 3 ? 1 : 0;
-      m[4 * k] = x * (this.isPlan ? 1 / wide : away / wide);
-      m[4 * k + 1] = y * (this.isPlan ? 1 / tall : away / tall);
-      m[4 * k + 2] = this.isPlan ? (-2 * z - last * (far + near)) / (far - near)
+      m[4 * k] = x * (this.isFlat ? 1 / wide : away / wide);
+      m[4 * k + 1] = y * (this.isFlat ? 1 / tall : away / tall);
+      m[4 * k + 2] = this.isFlat ? (-2 * z - last * (far + near)) / (far - near)
                                  : (-(far + near) * z - last * 2 * far * near) / (far - near);
-      m[4 * k + 3] = this.isPlan ? last : -z;
+      m[4 * k + 3] = this.isFlat ? last : -z;
     }
   }
 
@@ -41,7 +41,7 @@ class Camera {
   ray(x, y) {
     const [u, v] = [x * this.size / 2 * this.aspect, y * this.size / 2];
     const through = this.target.map((value, i) => value + u * this.right[i] + v * this.up[i]);
-    if (this.isPlan) return [through.map((value, i) => value + 2 * this.reach * this.toward[i]), this.toward.map((value) => -value)];
+    if (this.isFlat) return [through.map((value, i) => value + 2 * this.reach * this.toward[i]), this.toward.map((value) => -value)];
     const along = through.map((value, i) => value - this.position[i]), length = Math.hypot(...along);
     return [this.position, along.map((value) => value / length)];
   }
@@ -66,7 +66,7 @@ class Camera {
     const [wide, tall] = spans.map(([low, high]) => high - low);
     this.size = margin * Math.max(tall, wide / this.aspect, 2);
     this.update();
-    if (this.isPlan) return;
+    if (this.isFlat) return;
     const most = Math.max(...points.map((point) => Math.max(...this.project(point).slice(0, 2).map(Math.abs))));
     if (Number.isFinite(most) && most > 0.96) this.size *= most / 0.96;
     this.update();
@@ -74,8 +74,8 @@ class Camera {
 
   pan(dx, dy) {
     const k = this.size / 2;
-    const ahead = this.isPlan ? this.up : [-Math.sin(this.azimuth), Math.cos(this.azimuth), 0];
-    const lean = this.isPlan ? 1 : 1 / Math.max(0.35, Math.sin(this.tilt));
+    const ahead = this.isFlat ? this.up : [-Math.sin(this.azimuth), Math.cos(this.azimuth), 0];
+    const lean = this.isFlat ? 1 : 1 / Math.max(0.35, Math.sin(this.tilt));
     this.target = this.target.map((value, i) => value - k * (this.aspect * dx * this.right[i] + lean * dy * ahead[i]));
   }
 

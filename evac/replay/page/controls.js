@@ -7,7 +7,7 @@ const KEYS = [
   ["← →", "one recorded state back or on; with Shift 10 s"],
   ["Home, End", "to the start, to the end"],
   ["[ ]", "slower, faster"],
-  ["P", "plan or 3D"],
+  ["P", "3D, plan or section"],
   ["Page up, Page down", "next level up or down; all levels beyond the last"],
   ["C", "next colour of people"],
   ["L", "next map on the floors"],
@@ -17,7 +17,7 @@ const KEYS = [
   ["Q E, R V", "turn, tilt"],
   ["I, T, ?", "about this run, light or dark, these keys"],
   ["Escape", "deselect, close"],
-  ["Drag, one finger", "turn (in a plan: move)"],
+  ["Drag, one finger", "turn (in plan and section: move)"],
   ["Shift or right drag, two fingers", "move; two fingers zoom as well"],
   ["Wheel", "zoom to the pointer"],
   ["Click, tap", "who is it?"],
@@ -50,7 +50,7 @@ function listenToPointers(canvas, camera, act) {
     moved += Math.hypot(nx - x, ny - y);
     if (moved < 4) return;
     if (apart && now) camera.zoom(apart / now, ...place(nx, ny));
-    if (camera.isPlan || pointers.size > 1 || event.shiftKey || event.buttons & 6) camera.pan(2 * (nx - x) / width, -2 * (ny - y) / height);
+    if (camera.isFlat || pointers.size > 1 || event.shiftKey || event.buttons & 6) camera.pan(2 * (nx - x) / width, -2 * (ny - y) / height);
     else camera.orbit(4 * (nx - x) / height, 3 * (ny - y) / height);
     act.look();
   });
@@ -71,7 +71,7 @@ function listenToKeys(camera, act) {
   const view = (change) => () => { change(); act.look(); };
   const keys = {
     " ": act.toggle, k: act.toggle, home: () => act.seek(-Infinity), end: () => act.seek(Infinity),
-    "[": () => act.faster(-1), "]": () => act.faster(1), p: act.plan, pageup: () => act.climb(1), pagedown: () => act.climb(-1),
+    "[": () => act.faster(-1), "]": () => act.faster(1), p: act.nextView, pageup: () => act.climb(1), pagedown: () => act.climb(-1),
     c: act.recolour, l: act.nextLayer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
     escape: act.deselect, "0": act.restart, "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)),
     w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)),

@@ -67,7 +67,7 @@ class Labels {
         const left = (x + 1) / 2 * width + right * (w / 2 + GAP) - w / 2, top = (1 - y) / 2 * height + down * (h + GAP) - h / 2;
         return [left, top, left + w, top + h];
       };
-      const shines = ([left, top, right, bottom]) => !camera.isPlan && item !== this.who && [[left, top], [right, top], [left, bottom], [right, bottom]].some(([px, py]) => {
+      const shines = ([left, top, right, bottom]) => !camera.isFlat && item !== this.who && [[left, top], [right, top], [left, bottom], [right, bottom]].some(([px, py]) => {
         const [from, along] = camera.ray(2 * px / width - 1, 1 - 2 * py / height), way = (at[2] - from[2]) / along[2];
         return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i])) > 0;
       });
@@ -90,7 +90,7 @@ class Labels {
       return corners.reduce((left, one) => camera.project(one)[0] < camera.project(left)[0] ? one : left);
     }
     const [x, y, z] = layout.place(item.level, ...item.at);
-    return [x, y, z + (camera.isPlan ? 0 : item.lift)];
+    return [x, y, z + (camera.isFlat ? 0 : item.lift)];
   }
 }
 
@@ -144,8 +144,8 @@ class Cells {
 
 // A bar of a round length, for plans.
 function updateScale(camera, height) {
-  document.getElementById("scale").hidden = !camera.isPlan;
-  if (!camera.isPlan) return;
+  document.getElementById("scale").hidden = !camera.isFlat;
+  if (!camera.isFlat) return;
   const metre = height / camera.size, power = 10 ** Math.floor(Math.log10(120 / metre));
   const length = [5, 2, 1].map((k) => k * power).find((value) => value * metre <= 130) ?? power;
   document.getElementById("scale-bar").style.width = `${length * metre}px`;

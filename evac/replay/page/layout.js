@@ -57,11 +57,11 @@ class Layout {
     return Math.max(1, Math.min(MOST_SPREAD, share * depth * Math.tan(tilt) / Math.min(...gaps)));
   }
 
-  // `storey` is -1 for all of them.
-  arrange(isPlan, storey, spread, aspect) {
-    this.isPlan = isPlan;
+  // `view` is 3d, plan or section; `storey` is -1 for all of them.
+  arrange(view, storey, spread, aspect) {
+    this.isFlat = view !== "3d";
     this.storey = storey;
-    this.spread = isPlan || storey >= 0 ? 1 : spread;
+    this.spread = this.isFlat || storey >= 0 ? 1 : spread;
     const many = this.storeys.length, gap = 0.08 * Math.max(...this.extent) + 1;
     const [width, depth] = [this.extent[0] + gap, this.extent[1] + gap];
     let columns = 1, best = Infinity;
@@ -70,10 +70,12 @@ class Layout {
       if (size < best) [columns, best] = [n, size];
     }
     this.building.levels.forEach((level, index) => {
-      const aside = isPlan && storey < 0 ? level.storey : 0;
+      const aside = this.isFlat && storey < 0 ? level.storey : 0;
       this.frames[index] = [[1, 0, (aside % columns) * width], [0, 1, -Math.floor(aside / columns) * depth]];
-      this.visible[index] = storey < 0 || level.storey === storey || (!isPlan && this.leadsDown(level, storey));
+      this.visible[index] = storey < 0 || level.storey === storey || (!this.isFlat && this.leadsDown(level, storey));
     });
+    this.isSection = view === "section";
+    if (this.isSection) unfold(this, aspect);
   }
 
   // Whether a level is drawn with a storey.
@@ -83,7 +85,7 @@ class Layout {
     return level.kind !== "floor" && level.storey === storey - 1;
   }
 
-  height(z) { return this.base + (z - this.base) * this.spread; }
+  height(z) { return this.isSection ? 0 : this.base + (z - this.base) * this.spread; }
 
   place(level, x, y, z) {
     const [[xx, xy, x0], [yx, yy, y0]] = this.frames[level];

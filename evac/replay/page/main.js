@@ -1,5 +1,6 @@
 // Puts everything together, and shows the time that is to be shown.
 
+const VIEWS = ["3d", "plan", "section"];
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
 const LEAST_PIXELS = 0.6;
 const SLOW_FRAME = 60;  // [ms]
@@ -23,7 +24,7 @@ async function start() {
   const labels = new Labels(by("labels"), record, layout);
   const panel = new Panel(record, series, layout, people);
   const state = {
-    time: record.begin, isPlaying: false, speed: 1, quantity: "group", isPlan: false, storey: -1, spread: 1,
+    time: record.begin, isPlaying: false, speed: 1, quantity: "group", view: "3d", storey: -1, spread: 1,
     layer: "plain", service: "", selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
   };
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
@@ -38,8 +39,8 @@ async function start() {
   const aspect = () => canvas.clientWidth / Math.max(1, canvas.clientHeight);
 
   function fit() {
-    camera.isPlan = state.isPlan;
-    if (state.isPlan) camera.azimuth = 0;
+    camera.isFlat = state.view !== "3d";
+    if (camera.isFlat) camera.azimuth = 0;
     camera.fit(layout.corners(), 1.08);
     const share = Math.min(0.3, heightOfTools() / canvas.clientHeight);
     camera.zoom(1 / (1 - share));
@@ -48,12 +49,12 @@ async function start() {
   }
 
   function arrange() {
-    layout.arrange(state.isPlan, state.storey, state.spread, aspect());
+    layout.arrange(state.view, state.storey, state.spread, aspect());
     isBuilt = false;
-    by("view-3d").setAttribute("aria-pressed", !state.isPlan);
-    by("view-plan").setAttribute("aria-pressed", state.isPlan);
+    for (const view of VIEWS) by(`view-${view}`).setAttribute("aria-pressed", view === state.view);
+    by("storey-tool").hidden = storeys.length < 2 || state.view === "section";
     by("storey").value = state.storey;
-    by("spread-tool").hidden = state.isPlan || state.storey >= 0 || storeys.length < 2;
+    by("spread-tool").hidden = state.view !== "3d" || state.storey >= 0 || storeys.length < 2;
     redraw();
   }
 
@@ -176,7 +177,7 @@ async function start() {
     look: redraw,
     restart() {
       pause();
-      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", isPlan: false, storey: -1, layer: "plain", service: "", highlighted: null });
+      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", view: "3d", storey: -1, layer: "plain", service: "", highlighted: null });
       for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
       act.speed(1);
       select(null);
@@ -206,11 +207,12 @@ async function start() {
     },
     faster(by) { act.speed(SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, SPEEDS.indexOf(state.speed) + by))]); },
     speed(speed) { state.speed = speed; by("speed").value = speed; },
-    plan() { act.view(!state.isPlan); },
-    view(isPlan) {
-      if (isPlan === state.isPlan) return;
-      if (isPlan) camera.turned = camera.azimuth; else camera.azimuth = camera.turned;
-      state.isPlan = isPlan;
+    nextView() { const views = storeys.length > 1 ? VIEWS : VIEWS.slice(0, 2); act.view(views[(views.indexOf(state.view) + 1) % views.length]); },
+    view(view) {
+      if (view === state.view) return;
+      if (state.view === "3d") camera.turned = camera.azimuth; else if (view === "3d") camera.azimuth = camera.turned;
+      state.view = view;
+      if (view === "section") state.storey = -1;
       arrange();
       fit();
     },
@@ -250,7 +252,7 @@ async function start() {
       by(id).innerHTML = entries.map(([value, text]) => `<option value="${escaped(value)}">${escaped(text)}</option>`).join("");
     };
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
-    by("storey-tool").hidden = storeys.length < 2;
+    by("view-section").hidden = storeys.length < 2;
     options("colour", ["group", ...Object.keys(about.people_scales)].map((name) => [name, name[0].toUpperCase() + name.slice(1)]));
     options("layer", layers.map((name) => [name, name]));
     options("service", [["", "none"], ...Object.entries(about.services).map(([name, { source }]) => [name, source])]);
@@ -268,8 +270,7 @@ async function start() {
     on("play", "click", act.toggle);
     on("slider", "input", () => act.seek(Number(by("slider").value)));
     on("speed", "change", () => act.speed(Number(by("speed").value)));
-    on("view-3d", "click", () => act.view(false));
-    on("view-plan", "click", () => act.view(true));
+    for (const view of VIEWS) on(`view-${view}`, "click", () => act.view(view));
     on("storey", "change", () => act.storey(Number(by("storey").value)));
     on("spread", "input", () => act.spread(Number(by("spread").value)));
     on("layer", "change", () => act.layer(by("layer").value));

@@ -105,11 +105,11 @@ function trackMesh(layout, record, p, colour) {
     if (row < 0) continue;
     const level = motion.level[row];
     const [x, y, z] = layout.place(level, motion.x[row], motion.y[row], motion.z[row]);
-    const point = { x, y, z: z + 0.04, storey: layout.building.levels[level].storey, isVisible: layout.visible[level] };
+    const point = { x, y, z: z + 0.04, level, storey: layout.building.levels[level].storey, isVisible: layout.visible[level] };
     if (!last) { last = point; continue; }
     const length = Math.hypot(point.x - last.x, point.y - last.y);
     if (length < 0.02) continue;
-    const jumps = layout.isPlan && point.storey !== last.storey;
+    const jumps = layout.isFlat && (point.storey !== last.storey || layout.isSection && level !== last.level);
     if (point.isVisible && last.isVisible && !jumps) {
       const [ox, oy] = [-(point.y - last.y) / length * half, (point.x - last.x) / length * half];
       const [a, b, c, d] = [[last, 1], [point, 1], [point, -1], [last, -1]].map(([at, side]) => [at.x + side * ox, at.y + side * oy, at.z]);

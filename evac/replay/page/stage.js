@@ -127,11 +127,11 @@ class Stage {
     let isLowest = true;
     people.parts.forEach((part, storey) => {
       if (!this.meshes[`floor ${storey}`].count) return;
-      this.drawFloors(storey, camera, look, isLowest || camera.isPlan ? 1 : COVER.floor);
+      this.drawFloors(storey, camera, look, isLowest || camera.isFlat ? 1 : COVER.floor);
       this.drawPeople(part, camera, people, look);
       this.use(this.solid, camera);
       gl.uniform3fv(this.solid.places.solids, look.solids.flat());
-      gl.uniform1f(this.solid.places.cover, isLowest || camera.isPlan ? 1 : COVER.solid);
+      gl.uniform1f(this.solid.places.cover, isLowest || camera.isFlat ? 1 : COVER.solid);
       this.show(`solid ${storey}`);
       gl.depthMask(false);
       this.use(this.glow, camera);

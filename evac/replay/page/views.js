@@ -34,9 +34,9 @@ function chooseView(camera, layout, density, record) {
   const crowd = witnesses(record), side = layout.extent[0] >= layout.extent[1] ? 0 : -Math.PI / 2;
   let best = { score: -1 };
   for (const tilt of layout.storeys.length > 1 ? TILTS : [0.95]) for (const turn of TURNS) {
-    Object.assign(camera, { tilt, azimuth: side + turn, isPlan: false });
+    Object.assign(camera, { tilt, azimuth: side + turn, isFlat: false });
     for (const spread of new Set(CLEARANCES.map((share) => layout.spreadFor(camera, share)))) {
-      layout.arrange(false, -1, spread, camera.aspect);
+      layout.arrange("3d", -1, spread, camera.aspect);
       camera.fit(layout.corners(), 1);
       const seen = crowd.reduce((sum, [level, x, y, z, tall]) => {
         const [px, py, pz] = layout.place(level, x, y, z);
