@@ -50,6 +50,7 @@ SCRIPTS = (
     "people.js",
     "labels.js",
     "chart.js",
+    "events.js",
     "panel.js",
     "controls.js",
     "main.js",

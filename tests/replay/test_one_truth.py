@@ -2,6 +2,8 @@
 
 import csv
 import json
+from collections import Counter
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -146,3 +148,36 @@ def test_waiting_of_maps_is_the_time_that_people_waited(run):
     maps = evac.read_trajectory(run.folder).maps().values()
     assert sum(float(np.nansum(one.waiting)) * one.spacing**2 for one in maps) == pytest.approx(waited.sum(), rel=0.03)
     assert waited.sum() > 1.0
+
+
+def jams(run):
+    """When ten people wait at once on the floors of a storey or on a stair for the first time, and how many do."""
+    levels, found = run.header["building"]["levels"], {}
+    for (before, there), (time, here) in pairwise(run.frames):
+        ready = {one["person"] for one in there if float(run.people[one["person"]]["response_time"]) <= before}
+        waiting = [one["level"] for one in here if one["person"] in ready and speed_of(run, one) < 0.2]
+        places = Counter(levels[level]["stair"] or levels[level]["name"] for level in waiting)
+        for place, count in places.items():
+            if count >= 10:
+                found.setdefault(place, (time, f"{place}: jam, {count} people wait"))
+    return set(found.values())
+
+
+def test_events_on_the_time_line_are_those_of_the_run(browser, run):
+    browser.open(run.folder / "replay.html")
+    shown = browser.run(
+        "[...document.querySelectorAll('#events button')].map(({ innerText }) => innerText.split('\\n'))"
+    )
+    out = sorted(float(one["exit_time"]) for one in run.people)
+    expected = {(out[0], "first person out"), (out[-1], "last person out"), *jams(run)}
+    floors = [level["name"] for level in run.header["building"]["levels"] if level["kind"] == "floor"]
+    stays = list(times_of_levels(run))
+    if len(floors) > 1:
+        expected |= {(max(until for _, until, _, on in stays if on == name), f"{name}: nobody left") for name in floors}
+    told = [(float(text.removesuffix(" s")), what) for _, text, what in shown]
+    assert sorted(told) == sorted((round(time + 1e-9, 1), what) for time, what in expected)
+    assert [time for time, _ in told] == sorted(time for time, _ in told)
+    browser.run("document.querySelectorAll('#events button')[1].click()")
+    browser.settle()
+    assert browser.run("replay.state.time") == pytest.approx(told[1][0], abs=0.051)
+    assert browser.run("document.querySelectorAll('#marks button').length") == len(told)

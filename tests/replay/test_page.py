@@ -249,6 +249,35 @@ def test_a_click_tells_who_somebody_is(browser, room):
     assert browser.run("document.getElementById('person').hidden")
 
 
+def test_somebody_is_found_and_followed(browser, room):
+    folder, results = room
+    show(browser, folder)
+    browser.run("document.getElementById('find').focus()")
+    for key in "17":
+        browser.press(key, f"Digit{key}", key)
+    browser.press("Enter", "Enter", "\r")
+    assert browser.text("#person-name") == "Person 17"
+    browser.run("replay.act.find('peop'); replay.act.find('peop')")
+    assert browser.run("replay.state.selected") == 19
+    browser.run("replay.act.find('99')")
+    assert "0 to 19" in browser.text("#found")
+    browser.run("document.getElementById('find').blur()")
+    browser.press("g", "KeyG")
+    places = []
+    for time in (1.0, 3.0):
+        browser.run(f"replay.act.seek({time})")
+        browser.settle()
+        x, y = place_of(browser, 19)
+        box = browser.run(
+            "(({ x, y, width, height }) => [x, y, width, height])(replay.stage.canvas.getBoundingClientRect())"
+        )
+        assert np.hypot(x - box[0] - box[2] / 2, y - box[1] - box[3] / 2) < 0.15 * box[3]
+        places.append(browser.run("replay.camera.target"))
+    assert np.hypot(*np.subtract(*places)[:2]) > 0.1
+    browser.press("Escape", "Escape")
+    assert not browser.run("replay.state.isFollowed")
+
+
 @pytest.mark.parametrize("quantity", ["speed", "density", "contact force", "waited so far"])
 def test_colours_follow_the_quantity(browser, room, quantity):
     folder, _ = room

@@ -16,6 +16,8 @@ const KEYS = [
   ["W A S D", "move"],
   ["Q E, R V", "turn, tilt"],
   ["I, T, ?", "about this run, light or dark, these keys"],
+  ["N, B", "next event, the one before"],
+  ["G", "follow whoever is selected"],
   ["Escape", "deselect, close"],
   ["Drag, one finger", "turn (in plan and section: move)"],
   ["Shift or right drag, two fingers", "move; two fingers zoom as well"],
@@ -67,12 +69,13 @@ function listenToPointers(canvas, camera, act) {
   }, { passive: false });
 }
 
-function listenToKeys(camera, act) {
+function listenToKeys(camera, state, act) {
   const view = (change) => () => { change(); act.look(); };
   const keys = {
     " ": act.toggle, k: act.toggle, home: () => act.seek(-Infinity), end: () => act.seek(Infinity),
     "[": () => act.faster(-1), "]": () => act.faster(1), p: act.nextView, pageup: () => act.climb(1), pagedown: () => act.climb(-1),
     c: act.recolour, l: act.nextLayer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
+    g: () => act.follow(state.selected !== null && !state.isFollowed), n: () => act.nextEvent(1), b: () => act.nextEvent(-1),
     escape: act.deselect, "0": act.restart, "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)),
     w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)),
     q: view(() => camera.orbit(0.12, 0)), e: view(() => camera.orbit(-0.12, 0)), r: view(() => camera.orbit(0, 0.1)), v: view(() => camera.orbit(0, -0.1)),
@@ -80,7 +83,7 @@ function listenToKeys(camera, act) {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const at = event.target, key = event.key.toLowerCase();
-    const isTyped = at.matches?.("select") || (at.matches?.("button") && (key === " " || key === "enter"));
+    const isTyped = at.matches?.("select, input:not([type=range])") || (at.matches?.("button") && (key === " " || key === "enter"));
     if (isTyped) return;
     if (key === "arrowleft" || key === "arrowright") {
       if (at.matches?.("input")  && at.id !== "slider") return;

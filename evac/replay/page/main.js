@@ -1,6 +1,7 @@
 // Puts everything together, and shows the time that is to be shown.
 
 const VIEWS = ["3d", "plan", "section"];
+const FOLLOWED = 14;  // Height of the picture around somebody who is followed [m].
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
 const LEAST_PIXELS = 0.6;
 const SLOW_FRAME = 60;  // [ms]
@@ -25,8 +26,9 @@ async function start() {
   const panel = new Panel(record, series, layout, people);
   const state = {
     time: record.begin, isPlaying: false, speed: 1, quantity: "group", view: "3d", storey: -1, spread: 1,
-    layer: "plain", service: "", selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
+    layer: "plain", service: "", selected: null, isFollowed: false, highlighted: null, pixels: MOST_PIXELS, took: 0,
   };
+  const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
   const drawn = [];
@@ -102,8 +104,22 @@ async function start() {
     return null;
   }
 
+  // Keeps whoever is followed in the middle of the picture, on the level that is shown.
+  function goAlong(now) {
+    const i = now.person.subarray(0, now.count).indexOf(state.selected);
+    if (i < 0) return;
+    const { storey } = about.building.levels[now.level[i]], place = layout.place(now.level[i], now.x[i], now.y[i], now.z[i]);
+    if (state.storey >= 0 && state.storey !== storey) {
+      state.storey = storey;
+      arrange();
+    }
+    camera.target = place;
+    camera.update();
+  }
+
   function select(p) {
     state.selected = p;
+    if (p === null) act.follow(false);
     stage.mesh("track", p === null ? [] : trackMesh(layout, record, p, look.mark), [3, 4]);
     redraw();
   }
@@ -132,6 +148,7 @@ async function start() {
       if (isNow) stage.setLayer(density, density.bytes, true);
     }
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
+    if (state.isFollowed) goAlong(now);
     stage.draw(camera, people, { ...look, layer: state.isLayered, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, closed, selectedPlace(now), people, density);
     updateScale(camera, canvas.clientHeight);
@@ -144,6 +161,7 @@ async function start() {
     panel.update(state.time, now);
     panel.tellPerson(state.selected, state.time, now);
     chart.update(state.time);
+    timeLine.update(state.time);
     by("slider").value = state.time;
     by("slider").setAttribute("aria-valuetext", `${seconds(state.time)}, ${series.inside.at(state.time)} people inside`);
   }
@@ -231,6 +249,21 @@ async function start() {
       if (state.selected !== null) select(state.selected);
     },
     select,
+    // The next person, after the one selected, who has a number, or is in a group of a name.
+    find(text) {
+      const wanted = text.trim().toLowerCase(), isNumber = /^\d+$/.test(wanted), { selected } = state;
+      const fits = (p) => isNumber ? p === Number(wanted) : record.group[p] >= 0 && record.groups[record.group[p]].toLowerCase().includes(wanted);
+      const found = wanted ? [...record.group.keys()].filter(fits) : [];
+      by("found").textContent = found.length || !wanted ? "" : isNumber ? `People are numbered from 0 to ${record.people - 1}.` : "There is no such group.";
+      if (found.length) act.select(found.find((p) => p > selected) ?? found[0]);
+    },
+    follow(isFollowed) {
+      state.isFollowed = isFollowed;
+      by("follow").setAttribute("aria-pressed", isFollowed);
+      if (isFollowed) camera.size = Math.min(camera.size, FOLLOWED);
+      redraw();
+    },
+    nextEvent(by) { act.seek(timeLine.next(state.time, by) ?? state.time); },
     deselect() { select(null); },
     click(x, y) { camera.update(); const p = people.pick(camera.ray(x, y)); select(p < 0 ? null : p); },
   };
@@ -285,8 +318,10 @@ async function start() {
     on("show-info", "click", () => by("info").showModal());
     on("show-help", "click", () => by("help").showModal());
     on("person-close", "click", act.deselect);
+    on("follow", "click", () => act.follow(!state.isFollowed));
+    on("search", "submit", (event) => { event.preventDefault(); act.find(by("find").value); });
     listenToPointers(canvas, camera, act);
-    listenToKeys(camera, act);
+    listenToKeys(camera, state, act);
   }
 }
 

@@ -74,12 +74,6 @@ class Panel {
     const out = countUpTo(series.out, time);
     by("inside").textContent = series.inside.at(time);
     by("outside").textContent = out;
-    const changes = record.changes.filter(([since]) => since <= time + 1e-9).slice(-4).map(([, words]) => words);
-    if (changes.join() !== this.changes) {
-      this.changes = changes.join();
-      by("change-section").hidden = !changes.length;
-      by("changes").replaceChildren(...changes.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
-    }
     const closed = record.closedAt(time), { portals } = record.building;
     series.exits.forEach(({ times }, index) => {
       this.exits[index][0].parentElement.classList.toggle("closed", closed.includes(portals.length + index));

@@ -1,0 +1,77 @@
+// What happened when: on the time line and as a list; a click goes there.
+
+const JAM = 10;  // So many people who wait at once, on one level or stair, are a jam.
+const SIGNS = { out: "▲", clear: "■", jam: "●", warning: "◆", case: "▼" };
+const TOLD = /\b(?:t = |from )(\d+(?:\.\d+)?)(?= s\b| and | to )/;  // The first time in a text.
+
+// When a text says that something was [s]; null if it does not.
+const timeIn = (text) => TOLD.test(text) ? Number(TOLD.exec(text)[1]) : null;
+
+function findEvents(record, series) {
+  const events = record.changes.map(([time, text]) => ({ time, kind: "case", text }));
+  for (const text of record.quality_warnings) if (timeIn(text) !== null) events.push({ time: timeIn(text), kind: "warning", text });
+  const { out } = series;
+  if (out.length) events.push({ time: out[0], kind: "out", text: "first person out" });
+  if (out.length > 1) events.push({ time: out.at(-1), kind: "out", text: out.length === record.people ? "last person out" : "last of those who got out" });
+  for (const { name, inside } of series.storeys.length > 1 ? series.storeys : []) {
+    const { times, numbers } = inside;
+    if (times.length && numbers.at(-1) === 0) events.push({ time: times.at(-1), kind: "clear", text: `${name}: nobody left` });
+  }
+  return [...events, ...findJams(record, series)].sort((a, b) => a.time - b.time);
+}
+
+// The first time at which a jam is on each stair, and on the floors of each storey.
+function findJams({ motion, frames, building }, { storeys, stairs }) {
+  const { first, person, level, waited, times } = motion, events = [];
+  const places = building.levels.map((one, index) => {
+    const stair = building.stairs.findIndex(({ levels }) => levels.includes(index));
+    return stair < 0 ? one.storey : storeys.length + stair;
+  });
+  const names = [...storeys, ...stairs].map(({ name }) => name), isTold = names.map(() => false), last = new Float32Array(1 + Math.max(...person));
+  for (let k = 0; k < frames; k++) {
+    const waiting = names.map(() => 0);
+    for (let row = first[k]; row < first[k + 1]; row++) {
+      if (waited[row] > last[person[row]]) waiting[places[level[row]]]++;
+      last[person[row]] = waited[row];
+    }
+    waiting.forEach((count, place) => {
+      if (count < JAM || isTold[place]) return;
+      isTold[place] = true;
+      events.push({ time: times[k], kind: "jam", text: `${names[place]}: jam, ${count} people wait` });
+    });
+  }
+  return events;
+}
+
+class TimeLine {
+  constructor(events, { begin, end }, seek) {
+    this.events = events;
+    this.rows = events.map(({ time, kind, text }) => {
+      const mark = document.createElement("button"), row = document.createElement("button"), item = document.createElement("li");
+      for (const button of [mark, row]) button.addEventListener("click", () => seek(time));
+      Object.assign(mark, { type: "button", className: kind, title: `${seconds(time)}: ${text}`, textContent: SIGNS[kind], tabIndex: -1, ariaHidden: "true" });
+      mark.style.left = `${100 * (time - begin) / (end - begin || 1)}%`;
+      Object.assign(row, { type: "button" });
+      row.innerHTML = `<span class="${kind}">${SIGNS[kind]}</span><span>${seconds(time)}</span><span>${escaped(text)}</span>`;
+      item.append(row);
+      by("marks").append(mark);
+      by("events").append(item);
+      return item;
+    });
+    by("event-section").hidden = !events.length;
+  }
+
+  // Marks the last event up to a time.
+  update(time) {
+    const last = this.events.filter((event) => event.time <= time + 1e-9).length - 1;
+    if (last === this.last) return;
+    this.last = last;
+    this.rows.forEach((row, index) => { row.ariaCurrent = index === last ? "true" : "false"; });
+  }
+
+  // Time of the next event after or before a time.
+  next(time, by) {
+    const times = this.events.map((event) => event.time);
+    return by > 0 ? times.find((one) => one > time + 1e-6) : times.findLast((one) => one < time - 1e-6);
+  }
+}
