@@ -77,6 +77,10 @@ class LineFlow:
         """`flow` per metre of width [1/(m s)]."""
         return None if self.flow is None else self.flow / self.width
 
+    def flow_of(self, passed: NDArray[np.bool_]) -> float | None:
+        """Return `flow` of some of the passages, (m,) bool."""
+        return _flow_of(self.time[passed])
+
     def by_direction(self) -> Iterator[tuple[str, FloatArray]]:
         """Yield each direction in which people passed, and their times; of exits, the way out in any case."""
         for name, passed in zip(self.directions, (self.forward, ~self.forward), strict=True):

@@ -6,6 +6,7 @@ from evac.base.errors import counted
 from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
 from evac.report.building import building_section
 from evac.report.congestion import USUAL, Places, congestion_sections
+from evac.report.design import design_section
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
@@ -48,6 +49,7 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         ),
         verification_section(summary.table, summary.keeps_distance),
         times_section(run),
+        design_section(run),
         *congestion_sections(run, places),
         section("warnings", "Warnings", quality=quality_of(run), before=summary.warnings, is_study=False),
         section("assessment", "Assessment"),

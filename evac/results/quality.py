@@ -5,14 +5,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from evac.analysis.hydraulic import LABORATORY
 from evac.base.errors import counted
 from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Observation
 
 if TYPE_CHECKING:
     from evac.results.results import Results
-
-#: Greatest specific flow measured in bottleneck experiments: Daamen and Hoogendoorn (2010) [1/s/m].
-MEASURED = 2.8
 
 #: Net energy created by contacts is reported if it exceeds this share of the work of driving.
 MADE = 0.01
@@ -95,9 +93,9 @@ def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keepers: Sequence[str]
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
     return tuple(
         f"flow above measured ones: evacuation times may be too short; {advice}. "
-        f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, at most {MEASURED} in experiments"
+        f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, at most {LABORATORY} in experiments"
         for name, use in exits.items()
-        if (use["flow_per_metre"] or 0.0) > MEASURED
+        if (use["flow_per_metre"] or 0.0) > LABORATORY
     )
 
 

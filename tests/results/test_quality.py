@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from evac.results.quality import MEASURED, chatter_warning, contact_warnings, crushing_warning, flow_warnings
+from evac.analysis.hydraulic import LABORATORY
+from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
 from evac.results.watch import Observation
 
 ALL_RIGHT = {
@@ -69,7 +70,7 @@ def test_what_was_noticed_of_people_is_one_line_with_time_and_place(people, who)
 
 
 def test_only_flows_beyond_measured_ones_have_a_warning_and_the_exit_is_named():
-    flows = {"few": None, "slow": MEASURED, "fast": 2.81}
+    flows = {"few": None, "slow": LABORATORY, "fast": 2.81}
     exits = {name: {"flow_per_metre": flow} for name, flow in flows.items()}
     (line,) = flow_warnings(exits, ["gaps"])
     assert line.startswith("flow above measured ones: ")
