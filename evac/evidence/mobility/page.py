@@ -189,9 +189,10 @@ def run(evidence: Evidence) -> None:
         evidence.verdict(reported(question, told, f"without: {_told(alone['flow [1/s]'])} /s", "Doors"))
     evidence.write_page(
         "Mobility: wheelchairs, crutches and others",
-        "Examined: walking speeds of the shipped presets beside the published ones that they are made of, on ramps, and"
-        f" the flow of people in wheelchairs through doors, with `{DEFAULT_MOVEMENT}`. Means of Boyce,"
-        " Shields and Silcock: from memory.",
+        "Examined: walking speeds of the shipped presets on the flat and on ramps, beside the published ones that they"
+        " are made of (means of Boyce, Shields and Silcock, from memory), and flows of people in wheelchairs through"
+        " doors, with"
+        f" `{DEFAULT_MOVEMENT}`.",
     )
 
 
