@@ -36,6 +36,12 @@ if TYPE_CHECKING:
     from evac.case.fire import DoseSettings
     from evac.simulation.scene import Scene
 
+#: Visibility below which a storey is commonly regarded as untenable, and the least that is distinguished from 0 [m].
+TENABLE, LEAST = 10.0, 1e-6
+
+#: Columns of the doses over time.
+SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")
+
 #: Seconds of a minute: rates of doses are per minute.
 MINUTE = 60.0
 
@@ -148,7 +154,10 @@ class Exposure:
         self._slows = bool(case.smoke.irritants) and any(name in self.quantities for name in IRRITANTS)
         height = float(crowd.height.mean())
         self.routes = RoutesInSmoke(case, air, law, height) if case.smoke.routes else None
-        self._field = SmokeField(air, scene, height) if NAME in air.quantities else None
+        limits = np.array([case.smoke.contrast / max(limit, LEAST) for limit in (TENABLE, case.smoke.visibility)])
+        self._field = SmokeField(air, scene, height, limits) if NAME in air.quantities else None
+        self._levels = [level.name for level in scene.building.levels]
+        self._series = np.zeros((0, 5))  # time, mean and greatest dose of gases, mean and greatest dose of heat
         self._shown = -PERIOD  # time at which the field was updated
         self._uphill = np.array([level.uphill for level in scene.building.levels])
         n = len(crowd.level)
@@ -183,9 +192,16 @@ class Exposure:
             The current directions: people on stairs go up or down.
         """
         crowd = self._crowd
-        if self._field is not None and time >= self._shown + PERIOD - AT_ONCE:
-            self._field.update(time)
+        if time >= self._shown + PERIOD - AT_ONCE:
             self._shown = time
+            if self._field is not None:
+                self._field.update(time)
+            here = ~np.isnan(crowd.arrival_time)
+            if self._dose is not None and here.any():
+                row = np.array(
+                    [time, *(find(own[here]) for own in (self.gas, self.heat) for find in (np.mean, np.max))]
+                )
+                self._series = np.vstack([self._series, row])
         owed = self._owed(time)
         out = crowd.level < 0
         self.gas[out] += owed[0, out]
@@ -270,6 +286,8 @@ class Exposure:
             "findings": [line for source in self.air.sources for line in source.findings()],
             "greatest_extinction": float(self.extinction.max(initial=0.0)),
             "routes": None if self.routes is None else self.routes.report(),
+            "levels": self._times_of_levels(),
+            "doses": dict(zip(SERIES, self._series.T.tolist(), strict=True)),
             "dose": None,
         }
         if dose is not None:
@@ -297,13 +315,30 @@ class Exposure:
         }
         return {"conditions": report, "exposure": exposure}
 
+    def _times_of_levels(self) -> dict[str, dict[str, float | None]]:
+        """Return for each level when the visibility fell below `TENABLE`, and below that at which people turn back."""
+        if self._field is None:
+            return {}
+        found = {}
+        for name, times in zip(self._levels, self._field.first.T.tolist(), strict=True):
+            known = [None if time != time else time for time in times]
+            found[name] = dict(zip(("untenable", "turns_back"), known, strict=True))
+        return found
+
     def state(self, scene: "Scene") -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
         names = "share", "gas", "heat", "extinction", "irritants", "stopped_at"
         state: dict[str, NDArray[Any]] = {name: getattr(self, name).copy() for name in names}
         routes = {} if self.routes is None else self.routes.state(scene)
         state |= {f"routes.{name}": values for name, values in routes.items()}
-        return state | {"rates": self._rates.copy(), "time": np.array(self._time), "shown": np.array(self._shown)}
+        return (
+            state
+            | {"rates": self._rates.copy(), "time": np.array(self._time), "shown": np.array(self._shown)}
+            | {
+                "series": self._series,
+                "first": np.zeros((0, 0)) if self._field is None else self._field.first.copy(),
+            }
+        )
 
     def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
         """Restore the arrays that `state` returned.
@@ -321,6 +356,10 @@ class Exposure:
         np.isfinite(self.stopped_at, out=self.stopped)
         self._rates[:] = taken(state, "rates", np.float64, self._rates.shape, 0.0, np.inf, nan=True)
         self._shown = float(taken(state, "shown", np.float64, (), -PERIOD, np.inf))
+        self._series = taken(state, "series", np.float64, (None, 5), 0.0, np.inf)
+        if self._field is not None:
+            first = self._field.first
+            first[:] = taken(state, "first", np.float64, first.shape, 0.0, np.inf, nan=True)
         if self.routes is not None and "routes.counts" in state:  # not if a changed case has added them
             with part_of(state, "routes.") as own:
                 self.routes.restore(own, scene)

@@ -29,9 +29,16 @@ class SmokeField:
     scene : Scene
     height : float
         Mean height of people [m].
+    limits : (k,) float64 [1/m]
+        Extinction coefficients whose first time on each level is kept.
+
+    Attributes
+    ----------
+    first : (k, levels) float64 [s]
+        Time at which each limit was first exceeded somewhere on each level; NaN if it was not.
     """
 
-    def __init__(self, air: Air, scene: "Scene", height: float) -> None:
+    def __init__(self, air: Air, scene: "Scene", height: float, limits: FloatArray) -> None:
         levels = scene.building.levels
         bounds = np.array([level.polygon.bounds for level in levels])
         area = float(np.prod(bounds[:, 2:] - bounds[:, :2] + 4.0 * SPACING, axis=1).sum())
@@ -46,10 +53,15 @@ class SmokeField:
             cells.append(first + own)
             level_of.append(np.full(len(own), level.index, np.int32))
             first += len(centres)
+        self._limits, self.first = limits, np.full((len(limits), len(levels)), np.nan)
         self._cells: IndexArray = np.concatenate(cells)
         self._level, self._place = np.concatenate(level_of), np.concatenate(places)
         self._heads: FloatArray = air.heads_at(self._level, self._place, height)
 
     def update(self, time: float) -> None:
         """Write the values at a time of the run [s]."""
-        self.values[self._cells] = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]
+        found = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]
+        self.values[self._cells] = found
+        greatest = np.zeros(self.first.shape[1])
+        np.maximum.at(greatest, self._level, found)
+        self.first[np.isnan(self.first) & (greatest > self._limits[:, None])] = time

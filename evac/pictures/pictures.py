@@ -45,6 +45,7 @@ def egress_figure(results: Results) -> Figure:
         which = "the last one" if results.evacuated == people else "the last of these"
         note += f", {which} after {results.last_out:.1f} s"
     others = {"stay": results.staying, "at safe places": results.at_places, "have not come": results.not_arrived}
+    others["have been stopped"] = len(results.stopped)
     note += "".join(f"; {number} {what}" for what, number in others.items() if number)
     rows = {group.name: np.intersect1d(group.rows, results.leaving) for group in results.groups}
     groups = {name: results.egress(own) for name, own in rows.items() if len(own)}

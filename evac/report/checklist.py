@@ -40,7 +40,7 @@ POINTS = (
     ),
     Point("Response (pre-movement) times", ("occupants",), "justify them: alarm, organisation, kind of use"),
     Point("Assumed routes and exits, and behaviour", ("occupants",), "justify them"),
-    Point("Assumed fire, smoke and other hazards", (), "not modelled by evac; describe the scenario"),
+    Point("Assumed fire, smoke and other hazards", ("fire",), "describe the scenario; evac computes no fire"),
     Point("Software, version and kind of model", ("model",)),
     Point("Parameters of the model, and changed parameters", ("model", "case")),
     Point("Verification and validation of the software", ("verification",), "assess the relevance of failed tests"),

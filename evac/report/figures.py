@@ -87,6 +87,18 @@ def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve
     return drawing(figure, caption, "egress curve")
 
 
+def doses(columns: Mapping[str, Sequence[float]]) -> Picture:
+    """Return mean and greatest doses of gases and of heat over time."""
+    figure = Figure(figsize=(6.8, 3.0))
+    axes = figure.add_subplot()
+    for name, colour in (("gas", palette.TEXT), ("heat", palette.CLOSED)):
+        axes.plot(columns["time"], columns[f"greatest_{name}"], color=colour, label=f"{name}: greatest")
+        axes.plot(columns["time"], columns[f"mean_{name}"], color=colour, linestyle="dashed", label=f"{name}: mean")
+    axes.set(xlabel="time [s]", ylabel="dose", xlim=(0.0, columns["time"][-1]), ylim=(0.0, None))
+    axes.legend(frameon=False)
+    return drawing(figure, "Mean and greatest doses of all people who have come, over time.", "doses over time")
+
+
 def egress_over_runs(people: int, columns: Mapping[str, FloatArray]) -> Picture:
     """Return mean and percentiles over runs of the number of people out; see `runs_figure`."""
     caption = (

@@ -7,6 +7,7 @@ from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_
 from evac.report.building import building_section
 from evac.report.congestion import USUAL, Places, congestion_sections
 from evac.report.design import design_section
+from evac.report.fire import fire_section
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
@@ -51,9 +52,10 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         times_section(run),
         design_section(run),
         *congestion_sections(run, places),
+        *([fire_section(run)] if run.conditions else []),
         section("warnings", "Warnings", quality=quality_of(run), before=summary.warnings, is_study=False),
         section("assessment", "Assessment"),
-        section("limits", "Limits of use", is_study=False),
+        section("limits", "Limits of use", is_study=False, has_fire=run.conditions is not None),
         evidence_section(),
         case_section(run.settings),
         files_section(folder, RESULT_FILES),
@@ -88,6 +90,8 @@ def banner(run: Results) -> str:
     inside = f"{left} of {summary.people} people were still inside after {summary.simulated_time:.1f} s."
     if run.not_arrived:
         inside += f" {counted(run.not_arrived, 'person', 'people')} had not come."
+    if len(run.stopped):
+        inside += f" {counted(len(run.stopped), 'person has', 'people have')} been stopped by gases or heat."
     if summary.ended in STOPPED:
         return f"This run was stopped before its end ({summary.ended}); its results are incomplete. {inside}"
     return f"Not everybody left the building ({summary.ended}): {inside}" if left or run.not_arrived else ""

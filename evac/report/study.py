@@ -111,7 +111,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         *(section for number, run in enumerate(members, 1) for section in _of_run(run, number, places)),
         section("warnings", "Warnings", quality=_warnings(rows), is_study=True),
         section("assessment", "Assessment"),
-        section("limits", "Limits of use", is_study=True),
+        section("limits", "Limits of use", is_study=True, has_fire=False),
         _runs(study, rows),
         evidence_section(),
         case_section(data["case"]),

@@ -69,6 +69,8 @@ def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
 
 def _verdict(results: "Results") -> str:
     out = f"{results.evacuated} of {counted(results.number_of_people, 'person', 'people')} out"
+    if len(results.stopped):
+        out += f", {len(results.stopped)} stopped by gases or heat"
     if results.is_complete:
         return f"{results.ended.capitalize()}: {out}" if results.ended.startswith("everybody") else f"Complete: {out}"
     return f"NOT everybody is out ({results.ended}): {out} after {results.time:.2f} s"

@@ -1,0 +1,47 @@
+"""The section of a report on smoke, gases and heat, and the limits that a report states."""
+
+import evac
+from evac.report.of_run import run_report
+from tests.conditions.corridor import corridor, prescribed
+
+from .conftest import Page
+
+AIR = {"extinction": [0.0, 2.0], "co": [0, 4000], "co2": [0, 2], "o2": [20.9, 17.0]}
+
+
+def reported(folder, **tables):
+    smoke = prescribed(times=[0, 20], values=AIR, hold=True)
+    results = evac.run(corridor(smoke, positions=((0.5, 1.0), (20.0, 1.0)), **tables), folder)
+    return results, run_report(folder)
+
+
+def test_a_run_with_a_dose_has_its_numbers_and_times(tmp_path):
+    results, text = reported(tmp_path / "result", dose={"heat": "none", "threshold": 0.05})
+    assert Page(text).text
+    for words in (
+        "prescribed",
+        "fds_evac",
+        "Threshold",
+        "0.05, deterministic",
+        "hcn, no",
+        "Available and required times",
+    ):
+        assert words in text
+    assert results.conditions["levels"]["f"]["untenable"] == 4.0  # K > 0.3 1/m at 3 s, looked at every 2 s
+    assert results.conditions["levels"]["f"]["turns_back"] == 12.0
+    series = results.conditions["doses"]
+    assert series["time"][:3] == [0.0, 2.0, 4.0]
+    assert series["greatest_gas"] == sorted(series["greatest_gas"])
+    assert series["mean_gas"][-1] <= series["greatest_gas"][-1] <= results.exposure["gas_dose"].max()
+    assert "doses over time" in text
+    assert len(results.stopped) == 2
+
+
+def test_a_run_without_a_dose_says_so_and_one_without_conditions_has_no_section(tmp_path):
+    _, text = reported(tmp_path / "smoke")
+    assert "No dose was computed" in text
+    assert "with the limits of its section" in text
+    evac.run(corridor(), tmp_path / "clear")
+    text = run_report(tmp_path / "clear")
+    assert "Smoke, gases and heat" not in text
+    assert "Fire, smoke, heat, toxic gas" in text
