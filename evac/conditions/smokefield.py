@@ -62,6 +62,5 @@ class SmokeField:
         """Write the values at a time of the run [s]."""
         found = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]
         self.values[self._cells] = found
-        greatest = np.zeros(self.first.shape[1])
-        np.maximum.at(greatest, self._level, found)
+        greatest = np.maximum.reduceat(found, np.searchsorted(self._level, np.arange(self.first.shape[1])))
         self.first[np.isnan(self.first) & (greatest > self._limits[:, None])] = time
