@@ -240,13 +240,14 @@ def test_who_has_not_started_is_walked_around_and_not_pushed(force):
         assert simulation.ended == "everybody out"
 
 
-def passed(standing, walls=()):
+def passed(standing, walls=(), velocity=(0.0, 0.0)):
     """Return the factor and heading of a person at the origin that comes towards people who stand."""
     crowd = make_crowd([[0.0, 0.0], *standing], speed=1.2, radius=0.22, contact_radius=0.14)
     crowd.start_time[1:] = 60.0
     building = make_building(walls=walls)
     scene = Scene(make_ground(building, uniform_fields(1)))
     moved = np.zeros_like(crowd.position)
+    moved[0] = velocity
     behaviour = Walking(reaction_time=0.0)
     view = BehaviourScene(
         crowd, scene, (), np.random.default_rng(1), 0.1, make_outside(len(crowd.level)), displacement_velocity=moved
@@ -268,6 +269,19 @@ def test_people_pass_those_who_stand_on_the_nearer_side_with_a_gap(across):
 def test_people_pass_on_the_farther_side_if_a_wall_is_on_the_nearer_one():
     _, heading = passed([[1.0, 0.1]], walls=[(-1.0, -0.2, 3.0, -0.2)])
     assert heading[1] > 0.4
+
+
+@pytest.mark.parametrize(("across", "expected"), [(-3.0, 0.0), (0.3, 1.0)])
+def test_people_beside_those_who_stand_do_not_run_into_walls(across, expected):
+    factor, _ = passed([[0.3, 0.9]], walls=[(0.45, across, 0.45, 3.0)], velocity=(1.2, 0.0))
+    assert factor == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("behind", [-0.02, 0.02])
+def test_people_behind_are_not_heeded(behind):
+    """Of the direction of walking and of the heading, which are the same here."""
+    _, heading = acted([[0.0, 0.0], [behind, 0.3]], velocity=[[0.0, 0.0], [0.0, -0.5]], reaction_time=0.0)
+    assert (heading[0, 1] == 0.0) == (behind < 0.0)
 
 
 def test_people_wait_behind_a_row_of_people_who_close_a_corridor():
