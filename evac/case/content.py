@@ -18,6 +18,8 @@ MOST_NESTED = 20
 MOST_KEYS = 10_000
 LONGEST_KEY = 200
 LONGEST_WORD = 4_000
+#: Longest text of a shape of a plan, under these keys.
+LONGEST_SHAPE, SHAPES = 4_000_000, {"polygon", "polygons"}
 
 #: Integers of TOML have 64 bits.
 _LEAST_WHOLE, _GREATEST_WHOLE = -(2**63), 2**63 - 1
@@ -113,8 +115,9 @@ def content_faults(content: Mapping[str, Any]) -> list[Fault]:
                 items = value.items() if isinstance(value, Mapping) else enumerate(value)
                 open_ += [((*key, step), item) for step, item in items if _may_be_wrong(item)]
         elif isinstance(value, str):
-            if len(value) > LONGEST_WORD:
-                text = f"{len(value):,} characters; at most {LONGEST_WORD:,} are allowed"
+            longest = LONGEST_SHAPE if key[:2] == ("building", "plan") and not SHAPES.isdisjoint(key) else LONGEST_WORD
+            if len(value) > longest:
+                text = f"{len(value):,} characters; at most {longest:,} are allowed"
                 faults["word"] = Fault(key, text)
             elif "\0" in value:
                 faults["zero"] = Fault(key, "contains a NUL character; remove it")

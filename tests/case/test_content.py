@@ -3,7 +3,9 @@
 import re
 
 import pytest
+import shapely
 
+import evac
 from evac.base.errors import ScenarioError
 from evac.case.content import MOST_BYTES, MOST_KEYS, MOST_NESTED, content_faults
 from evac.case.loading import case_from, load_case
@@ -139,3 +141,15 @@ def test_a_line_that_is_no_toml_is_quoted_with_a_hint(case_file, refusal, line, 
     found = refusal()
     assert f": {line}; " in found
     assert hint in found
+
+
+def test_shapes_of_a_plan_may_be_long_and_its_names_not(tmp_path):
+    plan = evac.Plan()
+    plan.storey("hall", shapely.Point(0.0, 0.0).buffer(20.0, quad_segs=200))
+    plan.exit("door", "hall", polygon=shapely.box(-30, 18, 30, 30))
+    people = [{"name": "people", "level": "hall", "number": 1, "speed": 1.0}]
+    case = {"title": "Hall", "building": plan, "people": people, "contact": {"model": "nsm2"}}
+    assert evac.load(case).building.plan["storeys"][0]["name"] == "hall"
+    plan.area("a" * 5000, "hall", shapely.box(0, 0, 1, 1))
+    with pytest.raises(ScenarioError, match="5,000 characters"):
+        evac.load(case)
