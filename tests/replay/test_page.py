@@ -250,7 +250,7 @@ def test_a_click_tells_who_somebody_is(browser, room):
 
 
 def test_somebody_is_found_and_followed(browser, room):
-    folder, results = room
+    folder, _ = room
     show(browser, folder)
     browser.run("document.getElementById('find').focus()")
     for key in "17":

@@ -319,6 +319,11 @@ async function start() {
     on("show-help", "click", () => by("help").showModal());
     on("person-close", "click", act.deselect);
     on("follow", "click", () => act.follow(!state.isFollowed));
+    on("warnings", "click", ({ target }) => {
+      if (!target.matches("button")) return;
+      by("info").close();
+      act.seek(Number(target.value));
+    });
     on("search", "submit", (event) => { event.preventDefault(); act.find(by("find").value); });
     listenToPointers(canvas, camera, act);
     listenToKeys(camera, state, act);

@@ -2,6 +2,7 @@
 
 const by = (id) => document.getElementById(id);
 const seconds = (time) => `${time.toFixed(1)} s`;
+const goTo = (time) => time === null ? "" : ` <button type="button" value="${time}">Show ${seconds(time)}</button>`;
 const escaped = (text) => String(text).replace(/[&<>"]/g, (sign) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[sign]);
 
 class Panel {
@@ -33,7 +34,7 @@ class Panel {
   tellAbout() {
     const { record } = this;
     by("facts").innerHTML = record.facts.map(([name, value]) => `<dt>${escaped(name)}</dt><dd>${escaped(value)}</dd>`).join("");
-    const list = (title, lines) => lines.length ? `<h3>${title}</h3><ul>${lines.map((line) => `<li>${escaped(line)}</li>`).join("")}</ul>` : "";
+    const list = (title, lines) => lines.length ? `<h3>${title}</h3><ul>${lines.map((line) => `<li>${escaped(line)}${goTo(timeIn(line))}</li>`).join("")}</ul>` : "";
     by("warnings").innerHTML = list("Quality warnings", record.quality_warnings) + list("Warnings about building and people", record.warnings)
       || "<h3>No warnings</h3>";
     const doubts = record.quality_warnings.length;
