@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 from collections import Counter
 from itertools import pairwise
 from types import SimpleNamespace
@@ -11,8 +12,10 @@ import pyarrow as pa
 import pytest
 
 import evac
+from evac.cli.outcome import show_answer
 from evac.pictures.colouring import colouring
 from evac.pictures.scales import PEOPLE
+from evac.report.of_run import main_results
 
 CASES = ("primary_school", "square_room")
 
@@ -181,3 +184,125 @@ def test_events_on_the_time_line_are_those_of_the_run(browser, run):
     browser.settle()
     assert browser.run("replay.state.time") == pytest.approx(told[1][0], abs=0.051)
     assert browser.run("document.querySelectorAll('#marks button').length") == len(told)
+
+
+def distance_to(segment, point):
+    """Distance of a point from a segment."""
+    first, along = np.array(segment[:2]), np.array(segment[2:]) - segment[:2]
+    share = np.clip((point - first) @ along / (along @ along), 0.0, 1.0)
+    return float(np.linalg.norm(point - first - share * along))
+
+
+def longest_queue(run):
+    """Words of the queue with the longest waiting in total, from recorded positions."""
+    building, origin = run.header["building"], np.array(run.header["origin"])
+    stair_of = [level["stair"] for level in building["levels"]]
+    waits = {}  # place and level: list of (person, time, duration, position, level)
+    for (before, there), (time, here) in zip(run.frames[:-1], run.frames[1:], strict=True):
+        ready = {one["person"] for one in there if float(run.people[one["person"]]["response_time"]) <= before}
+        for one in here:
+            if one["person"] not in ready or speed_of(run, one) >= 0.2:
+                continue
+            at, level = np.array(one["motion"][:2]) + origin, one["level"]
+            ways = [(f"before exit {way['name']!r}", way) for way in building["exits"] if way["level"] == level]
+            for way in building["portals"]:
+                if level in way["levels"]:
+                    other = stair_of[sum(way["levels"]) - level]
+                    name = building["levels"][sum(way["levels"]) - level]["name"]
+                    ways.append((f"before stair {other!r}" if other else f"before level {name!r}", way))
+            near = min(ways, key=lambda way: min(distance_to(part, at) for part in way[1]["segments"]))[0]
+            place = (f"on stair {stair_of[level]!r}", -1) if stair_of[level] else (near, level)
+            waits.setdefault(place, []).append((one["person"], time, time - before, at, level))
+    (place, _), rows = max(waits.items(), key=lambda item: sum(row[2] for row in item[1]))
+    people = len({row[0] for row in rows})
+    times = sorted({row[1] for row in rows})
+    most = max(sum(row[1] == time for row in rows) for time in times)
+    peak = next(time for time in times if sum(row[1] == time for row in rows) == most)
+    x, y = np.mean([row[3] for row in rows if row[1] == peak], axis=0)
+    level = building["levels"][max(row[4] for row in rows if row[1] == peak)]["name"]
+    mean = sum(row[2] for row in rows) / people
+    return (
+        f"Longest queue, {place}: {people} people waited {mean:.1f} s on average, {most} at once at {peak:.1f} s "
+        f"around ({x:.1f}, {y:.1f}) on {level!r}"
+    )
+
+
+def steady(times):
+    """Flow between the first and the last fifth."""
+    first, last = int(0.2 * len(times)), int(0.8 * len(times))
+    return (last - first) / (times[last] - times[first])
+
+
+def test_the_terminal_and_the_report_say_what_the_tables_say(run, capsys):
+    times = sorted(float(one["exit_time"]) for one in run.people)
+    (name,) = run.summary["exits"]
+    width = float(run.header["building"]["exits"][0]["width"])
+    expected = [
+        f"Everybody out: {len(times)} of {len(times)} people out",
+        f"Evacuation time: the last is out after {times[-1]:.2f} s, "
+        f"95 % of the people after {times[math.ceil(0.95 * len(times)) - 1]:.2f} s",
+        f"Exit {name!r}: {len(times)} people, the last after {times[-1]:.2f} s, "
+        f"{steady(times):.2f} /s ({steady(times) / width:.2f} /s/m)",
+        longest_queue(run),
+    ]
+    results = evac.read_results(run.folder)
+    show_answer(results)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1:5] == expected
+    head = main_results(results)
+    assert [head[key] for key in ("Answer", "Evacuation", "Exits", "Queues")] == expected
+
+
+def test_tables_of_the_summary_are_those_of_the_crossings(run):
+    stays = list(times_of_levels(run))
+    members = {name: {name} for name in run.summary["levels"]} | {
+        stair: {level["name"] for level in run.header["building"]["levels"] if level["stair"] == stair}
+        for stair in run.summary["stairs"]
+    }
+    for name, use in (run.summary["levels"] | run.summary["stairs"]).items():
+        own = [(since, until, person) for since, until, person, level in stays if level in members[name]]
+        assert use["people"] == len({person for _, _, person in own})
+        if own:
+            assert use["last_left"] == max(until for _, until, _ in own)
+            moments = sorted({since for since, _, _ in own})
+            at_once = [len({person for since, until, person in own if since <= time < until}) for time in moments]
+            assert use["greatest_number"] == max(at_once)
+    for use in run.summary["flows"]:
+        if use["kind"] == "portal":
+            passed = [float(one["time"]) for one in run.crossings if one["portal"] == use["name"]]
+            both = [other for other in run.summary["flows"] if other["name"] == use["name"]]
+            assert sum(other["people"] for other in both) == len(passed)
+            assert min(other["first"] for other in both) == passed[0]
+
+
+def test_densities_of_maps_are_sums_of_kernels(run):
+    trajectory = evac.read_trajectory(run.folder)
+    times = np.array([time for time, _ in run.frames])
+    shares = np.diff(np.concatenate([times[:1], 0.5 * (times[1:] + times[:-1]), times[-1:]])) / (times[-1] - times[0])
+    kernel = np.exp(-((0.2 * np.arange(-9, 10)) ** 2) / 0.7**2)
+    kernel /= kernel.sum()
+    random, origin = np.random.default_rng(2), np.array(run.header["origin"])
+    levels = [level["name"] for level in run.header["building"]["levels"]]
+    bodies = [
+        (frame, body["level"], *(np.array(body["motion"][:2]) + origin))
+        for frame, (_, people) in enumerate(run.frames)
+        for body in people
+    ]
+    bodies = np.array(bodies)
+
+    def spread(cells, cell):
+        steps = np.abs(cells - cell)
+        return np.where(steps.max(axis=1) <= 9, kernel[np.minimum(9 + steps, 18)].prod(axis=1), 0.0)
+
+    for name, one in trajectory.maps().items():
+        floor = np.argwhere(np.isfinite(one.density))
+        here = bodies[bodies[:, 1] == levels.index(name)]
+        cells = np.floor((here[:, [3, 2]] - one.origin[::-1]) / 0.2).astype(int)
+        for cell in random.permutation(floor)[:4]:
+            weight = spread(cells, cell)
+            near = np.flatnonzero(weight)
+            kept = np.array([max(0.05, spread(floor, own).sum()) for own in cells[near]])
+            density = np.zeros(len(run.frames))
+            np.add.at(density, here[near, 0].astype(int), weight[near] / kept / 0.04)
+            assert f"{one.density[tuple(cell)]:.4g}" == f"{(shares * density).sum():.4g}"
+            assert f"{one.max_density[tuple(cell)]:.4g}" == f"{density.max():.4g}"
