@@ -20,7 +20,7 @@ from evac.cli.crash import (
     shown_warnings,
 )
 from evac.cli.inputs import loaded_case
-from evac.cli.streams import guard_streams, warn_lost_output
+from evac.cli.streams import guard_streams, warn_lost_output, wrapped
 
 #: Exit status for bad input, and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
@@ -86,7 +86,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             details = ""
             if isinstance(error, PluginError) and error.__cause__ is not None:
                 details = f" ({crash_file(error, loaded_case(arguments), hidden)})"
-            print("\n".join([f"evac: {error}{details}", *getattr(error, "__notes__", ())]), file=sys.stderr)
+            lines = f"evac: {error}{details}".split("\n") + getattr(error, "__notes__", [])
+            print("\n".join(wrapped(line, sys.stderr) for line in lines), file=sys.stderr)
             return BAD_INPUT
         except KeyboardInterrupt as error:
             print("\n".join(["evac: interrupted", *getattr(error, "__notes__", ())]), file=sys.stderr)

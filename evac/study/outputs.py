@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import LONGEST_NAME
+from evac.base.errors import counted
 from evac.folder.files import (
     CONVERGENCE_NAME,
     EGRESS_NAME,
@@ -84,8 +86,10 @@ def write_replays(study: "Study") -> None:
     ranked = [run for _, _, run in sorted(found)]
     chosen = {MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], WORST_REPLAY_NAME: ranked[-1]}
     for name, run in list(chosen.items())[: len(ranked)]:
-        changes = {"output.replay": True, "output.animation": False, "output.trajectory": False}
-        case = study.case_of(0, run).change(changes)
+        case, rank = study.case_of(0, run), "Worst" if name == WORST_REPLAY_NAME else "Median"
+        title = f"{rank} of {counted(len(ranked), 'run')}, seed {case.simulation.seed}: {case.title}"[:LONGEST_NAME]
+        changes = {"output.replay": True, "output.animation": False, "output.trajectory": False, "title": title}
+        case = case.change(changes)
         with writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
             Simulation(case, Path(place)).run()
             note_written([study.folder / name])

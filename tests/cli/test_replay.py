@@ -68,3 +68,6 @@ def test_median_and_worst_runs_are_replayed(evac, tmp_path):
     names = {path.name for path in (tmp_path / "r").iterdir()}
     assert {"replay-median.html", "replay-worst.html"} < names
     assert names.isdisjoint({"trajectory.evac", "replay.html", "frames"})
+    for rank in ("median", "worst"):
+        page = (tmp_path / "r" / f"replay-{rank}.html").read_text(encoding="utf-8")
+        assert f"<title>{rank.capitalize()} of 3 runs, seed " in page
