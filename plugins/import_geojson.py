@@ -2,27 +2,38 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.building.geometry.overlays import place_of
+from evac.building.geometry.overlays import flat_parts, place_of
 from evac.building.importer import Importer
 from evac.building.plan.features import are_exported, plan_of_features
+from evac.building.plan.outlines import distinct, with_walls
 from evac.building.plan.plan import Plan
 from evac.building.plan.shapes import geometries
+from evac.building.recover.indoormaps import PROFILES, Steps, Storey, at_outline, door_at, profile_of, read_map
+from evac.building.recover.linework import LEAST_ROOM, door_sides, leads_out
 
 #: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
-#: Properties by which indoor maps are known, in which polygons are not the ground of a storey.
-INDOOR_MAPS = {"level_id": "IMDF", "indoor": "OpenStreetMap", "roomnumber": "wrld3d"}
+#: Properties of features; others may be there beside them, or with the name or number of a feature alone.
+KNOWN, LABELS = {"kind", "name", "storey", "level", "z"}, {"id", "fid", "objectid", "ogc_fid"}
+#: Thickness of walls between rooms of indoor maps with doors, if none is given [m].
+INDOOR_WALL = 0.1
+#: Greatest distance of a door from its room [m].
+BESIDE = 0.3
+#: Largest content of an archive [bytes].
+MOST_BYTES = 500_000_000
 #: Largest extent of a building with coordinates in degrees [degrees].
 MOST_DEGREES = 0.05
 #: Semi-axes of the WGS 84 ellipsoid [m].
@@ -32,12 +43,12 @@ MAJOR, MINOR = 6378137.0, 6356752.314245
 class GeojsonImporter(Importer):
     """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
 
-    Without `kind`, polygons are the ground of their storey and lines are exits. A building that evac has exported to
-    GeoJSON is read too.
+    Without `kind`, polygons are the ground of their storey and lines are exits. Indoor maps of IMDF (also as .zip),
+    OpenStreetMap and wrld3d are read by their own properties, and so is a building that evac has exported.
     """
 
     name = "geojson"
-    suffixes = (".geojson", ".json")
+    suffixes = (".geojson", ".json", ".zip")
 
     storey = Parameter("floor", "name of the storey of features without storey")
     z = Parameter(0.0, "height of the lowest storey, for storeys without z", unit="m")
@@ -48,27 +59,98 @@ class GeojsonImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read the features; raise ValueError if the file is not GeoJSON."""
-        try:
-            data = json.loads(path.read_text(encoding="utf-8-sig"))
-        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise ValueError(f"invalid JSON: {error}") from error
-        if are_exported(data):
-            return plan_of_features(data["features"], path)
-        names = {name for item in _objects(data) for name in _properties(item)}
-        foreign = names & INDOOR_MAPS.keys()
-        if foreign and "kind" not in names:
-            maps = " and ".join(f"{key!r} of {INDOOR_MAPS[key]}" for key in sorted(foreign))
+        documents = [_parsed(text) for text in _texts(path)]
+        if len(documents) == 1 and are_exported(documents[0]):
+            return plan_of_features(documents[0]["features"], path)
+        objects = [item for document in documents for item in _objects(document)]
+        names = {name for item in objects for name in _properties(item)}
+        profile = "" if "kind" in names else profile_of(names)
+        if not profile and names and not {name.lower() for name in names} & (KNOWN | LABELS):
             raise BuildingError(
-                f"{path}: indoor maps are not read: features have the property {maps}, and none has a kind; give "
-                f"every feature a kind ({', '.join(KINDS)}) and a storey"
+                f"{path}: features have the properties {', '.join(sorted(names)[:12])}, which are not those of evac "
+                f"nor of {', '.join(PROFILES)}; give every feature a kind ({', '.join(KINDS)}) and a storey"
             )
-        features = [_feature(number, item) for number, item in enumerate(_objects(data), start=1)]
+        features = [_feature(number, item, profile) for number, item in enumerate(objects, start=1)]
         if not features:
             raise ValueError("the file contains no feature with a geometry")
         plan = Plan(path)
         place = self._placing(plan, [feature.shape for feature in features])
-        self._add_storeys(plan, [replace(feature, shape=place(feature.shape)) for feature in features])
+        features = [replace(feature, shape=place(feature.shape)) for feature in features]
+        if profile:
+            plan.note("found", f"an indoor map of {profile}")
+            own = [{**_properties(item), **_labels(item)} for item in objects]
+            shapes = [one.shape for one in features]
+            self._add_map(plan, *read_map(profile, [*zip(own, shapes, strict=True)]))
+        else:
+            self._add_storeys(plan, features)
         return plan
+
+    def _add_map(self, plan: Plan, storeys: Sequence[Storey], steps: Sequence[Steps]) -> None:
+        """Add the storeys and stairs of an indoor map."""
+        if not storeys:
+            raise ValueError("the indoor map has no room, corridor or unit that people can walk in")
+        ground = min(storeys, key=lambda one: abs(one.order))
+        flights = []
+        for one in steps:
+            foot, head = shapely.get_coordinates(one.line)[[0, -1]]
+            edges = [_edge(end, head - foot, one.width) for end in (foot, head)]
+            flights.append(edges)
+            for storey in storeys:
+                if storey.name in one.levels:
+                    storey.solids.append(shapely.convex_hull(shapely.MultiPoint(np.concatenate(edges))))
+        for storey in storeys:
+            z = self.z + (storey.order - storeys[0].order) * self.height
+            self._add_level(plan, storey, z, "exit" if storey is ground else "opening")
+        for number, (one, edges) in enumerate(zip(steps, flights, strict=True), start=1):
+            name = f"{one.name} {number}"
+            plan.stair(name, one.levels[0], edges[0], one.levels[1], edges[1])
+            try:
+                plan.building(need_exit=False)
+            except BuildingError as error:
+                plan.stairs.pop()
+                text = f"stair {name!r} from {one.levels[0]!r} to {one.levels[1]!r}: {error}"
+                plan.note("missing", text, one.levels[0], place_of(one.line))
+                continue
+            plan.note("found", f"stair {name!r}", one.levels[0], place_of(one.line))
+            if not one.is_directed:
+                plan.note("assumed", f"stair {name!r} ascends in the order of its points", one.levels[0])
+
+    def _add_level(self, plan: Plan, storey: Storey, z: float, outside: str) -> None:
+        """Add one storey of an indoor map; its rooms have walls if it has doors for most of them."""
+        solid = shapely.union_all(storey.solids)
+        ways = [*shapely.get_parts(shapely.union_all(storey.ways))]
+        rooms = [shape for _, shape in storey.rooms]
+        doors = shapely.union_all([shape for _, shape, _ in storey.doors])
+        has_walls = 2 * sum(room.dwithin(doors, BESIDE) for room in rooms) >= len(rooms) > 0
+        whole = [
+            one
+            for one in shapely.get_parts(flat_parts(shapely.union_all([*storey.ways, *rooms]).difference(solid)))
+            if one.area > LEAST_ROOM
+        ]
+        parts = [one for shape in (*ways, *rooms) for one in shapely.get_parts(flat_parts(shape.difference(solid)))]
+        wall = self.wall or (INDOOR_WALL if has_walls else 0.0)
+        floor = shapely.union_all(with_walls(distinct(parts), wall)) if has_walls else shapely.union_all(whole)
+        plan.storey(storey.name, parts if has_walls else whole, z, wall=wall)
+        plan.note("found", f"{len(rooms)} rooms and {len(storey.ways)} ways", storey.name)
+        if rooms and not has_walls:
+            text = (
+                f"the map has {len(storey.doors)} doors for {len(rooms)} rooms: rooms that touch are open to each other"
+            )
+            plan.note("assumed", text, storey.name)
+        walls = shapely.union_all([shapely.boundary(one) for one in shapely.get_parts(floor)])
+        for number, (name, shape, width) in enumerate(storey.doors, start=1):
+            label = f"{storey.name} {name or 'door'} {number}"
+            ends = door_at(shape, width, walls)
+            if ends is not None and leads_out(ends.reshape(1, 4), floor)[0]:
+                ends = at_outline(ends, floor)
+            sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
+            if ends is None or sides == 0 or (sides == 1 and not leads_out(ends.reshape(1, 4), floor)[0]):
+                plan.note("left out", f"{label!r}: a door that joins nothing", storey.name, place_of(shape))
+                continue
+            plan.door(label, storey.name, ends, outside=outside)
+            plan.note("found", f"{'door' if sides == 2 else outside} {label!r}", storey.name, place_of(shape))
+        for number, (name, shape) in enumerate(storey.rooms, start=1):
+            plan.area(f"{storey.name} {name or 'room'} {number}", storey.name, shape)
 
     def _placing(self, plan: Plan, shapes: list[BaseGeometry]) -> Callable[[BaseGeometry], BaseGeometry]:
         """Return the function that converts coordinates of the file to metres."""
@@ -131,6 +213,39 @@ class Feature:
     z: float | None
 
 
+def _texts(path: Path) -> list[str]:
+    """Return the text of a file, or of the files in an archive."""
+    try:
+        if path.suffix.lower() != ".zip":
+            return [path.read_text(encoding="utf-8-sig")]
+        with ZipFile(path) as archive:
+            names = [one for one in archive.infolist() if one.filename.lower().endswith((".geojson", ".json"))]
+            names = [one for one in names if not one.filename.rpartition("/")[2].startswith(("manifest", "."))]
+            if sum(one.file_size for one in names) > MOST_BYTES:
+                raise ValueError(f"the archive contains more than {MOST_BYTES} bytes")
+            return [archive.read(one).decode("utf-8-sig") for one in names]
+    except (BadZipFile, UnicodeDecodeError) as error:
+        raise ValueError(f"cannot be read: {error}") from error
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"invalid JSON: {error}") from error
+
+
+def _labels(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the number and the type of a feature of IMDF, which are not among its properties."""
+    return {key: item[key] for key in ("id", "feature_type") if key in item}
+
+
+def _edge(at: FloatArray, way: FloatArray, width: float) -> FloatArray:
+    """Return the edge (2, 2) of a stair across its way."""
+    across = np.array([-way[1], way[0]]) / np.hypot(*way) * width / 2.0
+    return np.stack([at - across, at + across])
+
+
 def _objects(data: Any) -> list[Mapping[str, Any]]:
     """Return the features of a document; a single geometry is returned as one feature."""
     if not isinstance(data, dict) or "type" not in data:
@@ -149,7 +264,7 @@ def _properties(item: object) -> Mapping[str, Any]:
     return found if isinstance(found, Mapping) else {}
 
 
-def _feature(number: int, given: Any) -> Feature:
+def _feature(number: int, given: Any, profile: str) -> Feature:
     """Return one feature, checked."""
     if not isinstance(given, dict) or given.get("type") != "Feature":
         raise ValueError(f"feature {number}: not a GeoJSON feature")
@@ -161,6 +276,8 @@ def _feature(number: int, given: Any) -> Feature:
     if not shapes or not np.isfinite(shapely.get_coordinates(shapes)).all():
         raise ValueError(f"feature {number}: coordinates are missing or not finite")
     shape = shapes[0] if len(shapes) == 1 else shapely.GeometryCollection(shapes)
+    if profile:
+        return Feature(number, shape, "", "", "", None)
     kind = str(properties.get("kind") or ("exit" if shape.geom_type == "LineString" else "storey")).lower()
     if kind not in KINDS:
         raise ValueError(f"feature {number}: unknown kind {kind!r}; {did_you_mean(kind, KINDS)}")

@@ -1,6 +1,7 @@
 """Pictures of a building: annotated plans of all storeys with a numbered mark for each finding."""
 
 import textwrap
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +60,8 @@ def draw_levels(
     if path.suffix.lower() not in PICTURES:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {', '.join(PICTURES)}")
     figure = levels_figure(building, findings, marks, title)
-    with replacing(path, "the picture") as new:
+    with replacing(path, "the picture") as new, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # names in scripts that the font does not have are drawn as boxes
         figure.savefig(new)
 
 

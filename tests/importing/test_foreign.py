@@ -26,22 +26,20 @@ with TABLE.open(encoding="utf-8") as file:
 OPTIONS = {
     "aknz_evac.wkt": {"exits": [1]},
     "bjnortier_floorplan.dxf": {"exits": [1]},
+    "caserne.geojson": {"exits": [1, 2, 3, 4, 6]},
     "constructiq_house_plan.dxf": {"exits": [4], "options": {"plan": "1"}},
     "corner_with_shortcut.wkt": {"exits": [5]},
     "double_bottleneck.wkt": {"exits": [3]},
-    "imdf_unit.geojson": {"exits": [1]},
+    "imdf_unit.geojson": {"exits": [1, 3, 4]},
     "office_rooms.wkt": {"exits": [11]},
-    "westport-1.geojson": {"exits": [20]},
+    "westport-1.geojson": {"exits": [1, 2, 3, 4]},
     "wrld3d_cad.dxf": {"exits": [1]},
 }
 #: Nothing in them can be walked to an exit.
 REFUSED = ("TallBuilding.ifc", "ios_411_walls.ifc")
 #: What is known to be wrong, and why.
 WRONG = {
-    "caserne.geojson": "OSM indoor is not read",
-    "imdf_unit.geojson": "IMDF is not read",
     "nav_test.obj": "a game level, not a surface",
-    "westport-1.geojson": "the maps of wrld3d are not read",
 }
 SLOW = (
     "AC11-Institute.ifc",

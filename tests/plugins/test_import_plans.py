@@ -96,12 +96,9 @@ def test_degrees_become_metres(tmp_path):
     assert any(one.kind == "assumed" and "longitude" in one.text for one in building.findings)
 
 
-@pytest.mark.parametrize("key", ["level_id", "indoor", "roomnumber"])
-def test_indoor_maps_are_refused_by_the_property_that_they_have(tmp_path, key):
-    room = rectangle(0, 0, 4, 4)
-    with pytest.raises(BuildingError, match=f"{key!r} of "):
-        building_of(tmp_path / "a.geojson", collection(feature("", room, **{key: "a"})))
-    assert len(building_of(tmp_path / "a.geojson", collection(feature("storey", room, **{key: "a"}))).levels) == 1
+def test_unknown_properties_are_refused_by_naming_them(tmp_path):
+    with pytest.raises(BuildingError, match=r"properties colour, use, .*IMDF.*kind"):
+        building_of(tmp_path / "a.geojson", collection(feature("", rectangle(0, 0, 4, 4), use="a", colour="b")))
 
 
 @pytest.mark.parametrize(

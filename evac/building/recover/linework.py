@@ -157,14 +157,14 @@ def rooms_of(
         thick = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
         floor = shapely.difference(floor, thick, grid_size=GRID)
     floor = flat_parts(floor)
-    sides = _sides(known, floor)
+    sides = door_sides(known, floor)
     inside = [middle for middle, pair in found if _with_floor(_as_lines(pair), floor).all()]
     outer = np.concatenate([ways[: len(ways) - len(known)], mouths[segment_lengths(mouths) > THICKEST_WALL]])
     outer = outer[_with_floor(_as_lines(outer), floor).sum(axis=1) == 1]
     small = [face for face in _wide(closed) if not floor.intersects(face.representative_point())]
-    is_outer = (sides == 1) & _leads_out(known, floor)
+    is_outer = (sides == 1) & leads_out(known, floor)
     is_open = is_outer & ~_walled(known, floor, drawn.pieces)
-    outer = np.concatenate([outer[_leads_out(outer, floor)], known[is_outer & ~is_open]])
+    outer = np.concatenate([outer[leads_out(outer, floor)], known[is_outer & ~is_open]])
     between = np.array(inside).reshape(-1, 4)
     return Rooms(floor, drawn.closed, between, known[sides == 2], outer, known[is_open], outside, small)
 
@@ -253,7 +253,7 @@ def _mouths(pieces: Lines, floor: BaseGeometry, reach: float) -> FloatArray:
     return np.array(found).reshape(-1, 4)
 
 
-def _leads_out(doors: FloatArray, floor: BaseGeometry) -> NDArray[np.bool_]:
+def leads_out(doors: FloatArray, floor: BaseGeometry) -> NDArray[np.bool_]:
     """Return which doors (k, 4) lead to the outside of the hull of a floor with its walls."""
     thick = floor.buffer(THICKEST_HULL / 2, join_style="mitre").buffer(-THICKEST_HULL / 2, join_style="mitre")
     hull = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(thick)])
@@ -276,7 +276,7 @@ def _walled(doors: FloatArray, floor: BaseGeometry, walls: Lines) -> NDArray[np.
     return np.isin(np.arange(len(doors)), shapely.STRtree(walls).query(rays, predicate="intersects")[0])
 
 
-def _sides(doors: FloatArray, floor: BaseGeometry) -> IndexArray:
+def door_sides(doors: FloatArray, floor: BaseGeometry) -> IndexArray:
     """Return on how many sides (k,) of doors there are rooms; 0 for a door inside a room or across a wall."""
     found = []
     for ends in doors.reshape(-1, 2, 2):

@@ -1,0 +1,217 @@
+"""Indoor maps as GeoJSON: what the features of IMDF, of OpenStreetMap and of wrld3d are."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+
+#: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap.
+CLOSED = frozenset(("opentobelow", "structure", "column", "elevator", "shaft", "vegetation", "wall", "void", "parking"))
+#: Categories and values of ways that are open to each other without doors.
+WAYS = frozenset(("walkway", "corridor", "area", "lobby", "foyer", "unenclosedarea", "ramp", "stairs", "steps"))
+#: Width of doors without a width, of stairs without one [m], and the farthest that a door may be from its wall [m].
+DOOR_WIDTH, STAIR_WIDTH, NEAR = 1.0, 1.5, 1.0
+#: Longest name of a level that is not an identifier.
+LONGEST_NAME = 30
+#: Properties by which the profiles are known.
+PROFILES = {
+    "IMDF": ("level_id", "ordinal"),
+    "OpenStreetMap indoor": ("indoor", "building:levels:underground"),
+    "wrld3d": ("roomnumber",),
+}
+
+
+@dataclass
+class Storey:
+    """What an indoor map has on one level; all shapes are in metres."""
+
+    name: str
+    order: float
+    rooms: list[tuple[str, BaseGeometry]] = field(default_factory=list)
+    ways: list[BaseGeometry] = field(default_factory=list)
+    solids: list[BaseGeometry] = field(default_factory=list)
+    doors: list[tuple[str, BaseGeometry, float]] = field(default_factory=list)  # name, line or point, width
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A stair of a map: its name, the names of its levels, its line, its width, and whether the line ascends."""
+
+    name: str
+    levels: tuple[str, str]
+    line: BaseGeometry
+    width: float
+    is_directed: bool
+
+
+def profile_of(names: set[str]) -> str:
+    """Return the profile of a file whose features have some properties; empty if it is none."""
+    return next((profile for profile, keys in PROFILES.items() if names & set(keys)), "")
+
+
+def read_map(
+    profile: str, features: Sequence[tuple[Mapping[str, Any], BaseGeometry]]
+) -> tuple[list[Storey], list[Steps]]:
+    """Return the storeys of an indoor map, the lowest first, and its stairs.
+
+    Parameters
+    ----------
+    profile : str
+        One of `PROFILES`.
+    features : sequence of (properties with the id of the feature, shape [m])
+    """
+    levels: dict[str, Storey] = {}
+    steps: list[Steps] = []
+    names: dict[str, tuple[str, float]] = {}
+    for own, _ in features:
+        if "ordinal" in own:
+            names[str(own.get("id"))] = (
+                _text(own.get("name")) or f"level {own['ordinal']}",
+                float(own["ordinal"] or 0),
+            )
+    for own, shape in features:
+        what = _category(profile, own)
+        on = _levels(own, names) if profile != "wrld3d" else ["floor"]
+        if not what or not on:
+            continue
+        for name in on:
+            label, order = names.get(name, (name, _number(name, float(len(levels)))))
+            label = f"level {len(levels)}" if len(label) > LONGEST_NAME else label
+            levels.setdefault(name, Storey(label, order))
+        if what == "steps" and len(on) > 1:
+            steps.append(_steps(own, shape, on, levels))
+            if shape.geom_type == "LineString":
+                continue
+        for name in on:
+            _add(levels[name], what, _text(own.get("name")), shape, _number(own.get("width"), DOOR_WIDTH))
+    return sorted((one for one in levels.values() if one.rooms or one.ways), key=lambda one: one.order), steps
+
+
+def _category(profile: str, own: Mapping[str, Any]) -> str:
+    """Return what a feature is: way, room, solid, door, steps; empty for what is not of interest."""
+    if profile == "wrld3d":
+        kinds = {"building_outline": "way", "wall": "solid", "window": "solid", "elevator": "solid", "door": "door"}
+        return kinds.get(str(own.get("type")), "")
+    if profile == "IMDF":
+        if "ordinal" in own or "level_id" not in own:
+            return ""
+        kind = str(own.get("feature_type") or "unit")
+        category = str(own.get("category") or "").partition(".")[0]
+        if kind == "opening":
+            return "door"
+        return "" if kind != "unit" or category in CLOSED else "way" if category in WAYS else "room"
+    if own.get("highway") == "steps" or own.get("stairs") == "yes" or own.get("room") == "stairs":
+        return "steps"
+    if own.get("entrance") or own.get("door") not in (None, "no"):
+        return "door"
+    indoor, room = str(own.get("indoor") or ""), str(own.get("room") or "")
+    if not indoor or indoor == "level" or room in CLOSED or own.get("highway") == "elevator":
+        return ""
+    return "solid" if indoor == "wall" else "" if indoor in CLOSED else "way" if indoor in WAYS else "room"
+
+
+def _add(storey: Storey, what: str, name: str, shape: BaseGeometry, width: float) -> None:
+    """Add a feature to a storey."""
+    is_ground = shape.geom_type in ("Polygon", "MultiPolygon")
+    if what == "door":
+        storey.doors.append((name, _axis(shape) if is_ground else shape, width))
+    elif what == "solid":
+        storey.solids.append(shape if is_ground else shape.buffer(0.05, cap_style="flat"))
+    elif is_ground and what == "room":
+        storey.rooms.append((name, shape))
+    elif is_ground:
+        storey.ways.append(shape)
+
+
+def _steps(own: Mapping[str, Any], shape: BaseGeometry, on: list[str], levels: Mapping[str, Storey]) -> Steps:
+    """Return the stair of a line, or of a polygon along its longer axis."""
+    low, high = sorted((levels[on[0]], levels[on[-1]]), key=lambda one: one.order)
+    is_line = shape.geom_type == "LineString"
+    line = shape if is_line else _axis(shape)
+    given = _number(own.get("width"), 0.0)
+    width = given or (STAIR_WIDTH if is_line else shape.area / max(line.length, 1e-9))
+    if own.get("incline") == "down":
+        line = line.reverse()
+    return Steps(_text(own.get("name")) or "stair", (low.name, high.name), line, width, "incline" in own)
+
+
+def _axis(shape: BaseGeometry) -> BaseGeometry:
+    """Return the line through the middle of the smallest rectangle around a shape, along its longer sides."""
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))[:4]
+    if np.hypot(*(corners[1] - corners[0])) > np.hypot(*(corners[2] - corners[1])):
+        corners = np.roll(corners, -1, axis=0)
+    return shapely.LineString([(corners[0] + corners[1]) / 2, (corners[2] + corners[3]) / 2])
+
+
+def door_at(place: BaseGeometry, width: float, walls: BaseGeometry) -> FloatArray | None:
+    """Return the segment (2, 2) of a door along the wall at which it is; None if there is no wall near it.
+
+    Parameters
+    ----------
+    place : LineString or Point [m]
+    width : float [m]
+        Of a door that is a point.
+    walls : lines [m]
+    """
+    if place.geom_type == "LineString":
+        ends = shapely.get_coordinates(place)[[0, -1]]
+        return ends if np.hypot(*(ends[1] - ends[0])) > 0.3 else None
+    middle = place.centroid
+    lines = [side for part in shapely.get_parts(walls) for side in _sides(part)]
+    tree = shapely.STRtree(lines)
+    near = tree.query_nearest(middle, max_distance=NEAR)
+    if not len(near):
+        return None
+    a, b = shapely.get_coordinates(lines[int(near[0])])
+    length = float(np.hypot(*(b - a)))
+    half = min(width, 0.9 * length) / 2.0
+    at = float(np.clip(shapely.line_locate_point(lines[int(near[0])], middle), half, length - half))
+    return np.stack([a + (at - half) * (b - a) / length, a + (at + half) * (b - a) / length])
+
+
+def at_outline(ends: FloatArray, floor: BaseGeometry) -> FloatArray:
+    """Return a door (2, 2) to the outside moved through its wall to the outline of the floor."""
+    step = ends[1] - ends[0]
+    across = np.array([-step[1], step[0]]) / np.hypot(*step)
+    middle = ends.mean(axis=0)
+    rays = [shapely.LineString([middle, middle + NEAR * way]) for way in (across, -across)]
+    inside = [shapely.intersection(ray, floor).length for ray in rays]
+    out = across if inside[0] < inside[1] else -across
+    moved: FloatArray = ends + min(inside) * out
+    return moved
+
+
+def _sides(line: BaseGeometry) -> list[BaseGeometry]:
+    corners = shapely.get_coordinates(line)
+    return [*shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))]
+
+
+def _levels(own: Mapping[str, Any], names: Mapping[str, Any]) -> list[str]:
+    """Return the levels of a feature; level 0 for entrances without one."""
+    if "level_id" in own:
+        return [str(own["level_id"])]
+    text = str(own.get("level") if own.get("level") is not None else "0" if own.get("entrance") else "")
+    span = re.fullmatch(r"(-?\d+)-(-?\d+)", text)
+    if span:
+        return [str(number) for number in range(int(span[1]), int(span[2]) + 1)]
+    return [part.strip() for part in text.split(";") if part.strip()]
+
+
+def _text(value: Any) -> str:
+    """Return a name; of a table of languages the first one."""
+    if isinstance(value, Mapping):
+        return str(value.get("en") or next(iter(value.values()), ""))
+    return "" if value is None else str(value)
+
+
+def _number(value: Any, default: float) -> float:
+    try:
+        return float(str(value))
+    except ValueError:
+        return default

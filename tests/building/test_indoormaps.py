@@ -1,0 +1,106 @@
+"""Indoor maps: IMDF as an archive and as one file, and OpenStreetMap, with doors, exits, levels and stairs."""
+
+import json
+from zipfile import ZipFile
+
+import pytest
+from shapely import box, to_geojson
+from shapely.geometry import LineString, Point, Polygon
+
+from evac import BuildingError, import_building, read_building
+
+#: Metres to degrees near the equator.
+DEGREE = 110574.27
+
+
+def feature(shape, **properties):
+    geometry = json.loads(to_geojson(shape))
+    geometry["coordinates"] = scaled(geometry["coordinates"])
+    top = {key: properties.pop(key) for key in ("id", "feature_type") if key in properties}
+    return {"type": "Feature", "geometry": geometry, "properties": properties, **top}
+
+
+def scaled(numbers):
+    return [scaled(one) if isinstance(one, list) else one / DEGREE for one in numbers]
+
+
+def collection(*features):
+    return json.dumps({"type": "FeatureCollection", "features": features})
+
+
+def ground(building, storey):
+    return sum(
+        level.polygon.area for level in building.levels if level.kind == "floor" and level.name.startswith(storey)
+    )
+
+
+UNITS = [
+    feature(box(0, 0, 20, 3), id="u1", feature_type="unit", category="walkway", level_id="g"),
+    feature(box(0, 3, 10, 9), id="u2", feature_type="unit", category="room", level_id="g", name={"ja-JP": "機械室"}),
+    feature(box(10, 3, 20, 9), id="u3", feature_type="unit", category="room", level_id="g", name=None),
+    feature(box(2, 5, 3, 6), id="u4", feature_type="unit", category="elevator", level_id="g", name=None),
+]
+OPENINGS = [
+    feature(LineString([(4, 3), (5, 3)]), id="o1", feature_type="opening", category="pedestrian", level_id="g"),
+    feature(LineString([(14, 3), (15, 3)]), id="o2", feature_type="opening", category="pedestrian", level_id="g"),
+    feature(LineString([(0, 1), (0, 2)]), id="o3", feature_type="opening", category="pedestrian", level_id="g"),
+]
+LEVEL = [feature(box(0, 0, 20, 9), id="g", feature_type="level", ordinal=0, name={"en": "Ground"})]
+
+
+@pytest.mark.parametrize("is_archive", [True, False])
+def test_imdf(tmp_path, is_archive):
+    path = tmp_path / ("a.zip" if is_archive else "a.geojson")
+    if is_archive:
+        with ZipFile(path, "w") as archive:
+            archive.writestr("manifest.json", "{}")
+            for name, features in (("unit", UNITS), ("opening", OPENINGS), ("level", LEVEL)):
+                archive.writestr(f"{name}.geojson", collection(*features))
+    else:
+        path.write_text(collection(*UNITS, *OPENINGS, *LEVEL))
+    made = import_building([path], tmp_path / "case", people=9)
+    assert (made.fault, made.missing) == ("", ())
+    assert [level.name for level in made.building.levels] == ["Ground"]
+    # The rooms have walls of 0.1 m, which the two doors open.
+    assert ground(made.building, "Ground") == pytest.approx(20 * 9 - 0.1 * 20 - 0.1 * 5.95 + 2 * 0.1, rel=0.01)
+    assert [way.width for way in made.building.exits] == [pytest.approx(1.0, abs=0.01)]
+    assert any("機械室" in area.name for area in made.building.areas)
+
+
+def osm(*, door="yes"):
+    return collection(
+        feature(box(0, 0, 30, 4), indoor="corridor", level="0;1"),
+        feature(box(0, 4, 10, 10), indoor="room", level="0", name="shop"),
+        feature(box(10, 4, 20, 10), indoor="room", level="1", name="office"),
+        feature(Point(5, 4), door=door, level="0"),
+        feature(Point(15, 4), door=door, level="1"),
+        feature(Point(0, 2), entrance="main"),
+        feature(LineString([(18, 2), (24, 2)]), highway="steps", level="0;1", width="1.2", incline="up"),
+        feature(LineString([(2, 5), (2, 9)]), indoor="wall", level="0"),
+        feature(Polygon([(40, 40), (50, 40), (50, 50)]), building="yes"),
+    )
+
+
+def test_openstreetmap_with_stairs_and_doors(tmp_path):
+    (tmp_path / "a.geojson").write_text(osm())
+    made = import_building([tmp_path / "a.geojson"], tmp_path / "case", people=9)
+    assert (made.fault, made.missing) == ("", ())
+    building = made.building
+    assert len(building.stairs) == 1
+    assert sorted({round(level.z_min) for level in building.levels if level.kind == "floor"}) == [0, 3]
+    assert [(way.name, way.width) for way in building.exits] == [("0 door 2", pytest.approx(1.0))]
+    assert len(building.levels) == 3
+    assert ground(building, "0") == pytest.approx(30 * 4 + 60 - 6 * 1.2 - 0.5, rel=0.03)
+
+
+def test_without_doors_rooms_that_touch_are_open_to_each_other(tmp_path):
+    (tmp_path / "a.geojson").write_text(osm(door="no"))
+    building = read_building(tmp_path / "a.geojson")
+    assert len([level for level in building.levels if level.kind == "floor"]) == 2
+    assert any("open to each other" in one.text for one in building.findings)
+
+
+def test_a_map_with_nothing_to_walk_in_is_refused(tmp_path):
+    (tmp_path / "a.geojson").write_text(collection(feature(box(0, 0, 9, 9), indoor="level", level="0")))
+    with pytest.raises(BuildingError, match="no room, corridor or unit"):
+        read_building(tmp_path / "a.geojson")
