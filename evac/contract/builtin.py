@@ -2,7 +2,8 @@
 
 #: Modules of the built-in importers, sufficient to read a building without a case.
 BUILTIN_IMPORTERS = tuple(
-    f"evac_plugins.import_{name}" for name in ("dxf", "geojson", "ifc", "meshio", "obj", "off", "plan", "ply", "wkt")
+    f"evac_plugins.import_{name}"
+    for name in ("dxf", "fds", "geojson", "ifc", "meshio", "obj", "off", "plan", "ply", "wkt")
 )
 
 #: Modules of the built-in exporters, sufficient to export a recorded run.

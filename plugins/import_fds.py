@@ -1,0 +1,183 @@
+"""Importer of FDS decks: the floor of each storey from meshes, obstructions and holes, and exits of FDS+Evac."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.base.parameters import Parameter
+from evac.building.geometry.overlays import flat_parts, place_of
+from evac.building.importer import Importer
+from evac.building.plan.plan import Plan
+
+#: Heights above the floor at which an obstruction is in the way [m], and the clear height that a storey needs [m].
+SECTIONS, CLEAR = (0.3, 1.0, 1.7), 1.8
+#: Greatest thickness of a slab [m], least area of a storey [m2], and heights that are one storey [m].
+THICKEST_SLAB, LEAST_FLOOR, SAME = 0.6, 4.0, 0.3
+#: Depth of the ground outside of an exit [m]; least area of a part of the ground [m2].
+OUTSIDE, LEAST_PART = 0.1, 0.5
+
+
+class FdsImporter(Importer):
+    """FDS decks (.fds): a storey for the bottom of the meshes and for the top of each slab, with exits and start areas.
+
+    Ground is what no obstruction occupies between 0.3 and 1.7 m above the floor, where holes are cut out of them. Exits
+    are those of FDS+Evac (`&EXIT`); open vents and its doors are openings, and `&EVAC` are start areas.
+    """
+
+    name = "fds"
+    suffixes = (".fds",)
+
+    least = Parameter(LEAST_FLOOR, "least area of a storey", unit="m2", above=0.0)
+
+    def read(self, path: Path) -> Plan:
+        """Read the deck; raise ValueError if it has no mesh."""
+        lines = [*_namelists(path.read_text(encoding="utf-8", errors="replace"))]
+        of = {group: [one for one in lines if one.group == group and one.box is not None] for group in GROUPS}
+        meshes = [one for one in of["MESH"] if "EVAC" not in one.text]
+        if not meshes:
+            raise ValueError("the deck has no &MESH with XB")
+        plan = Plan(path)
+        for one in lines:
+            if "MULT_ID" in one.text or one.group in ("CORR", "GEOM", "STRS"):
+                what = f"&{one.group} {one.name} (line {one.number})"
+                plan.note(
+                    "left out", f"{what} is not read: " + ("repeated lines" if "MULT_ID" in one.text else "links")
+                )
+        storeys = [(z, floor) for z, floor in _floors(meshes, of["OBST"], of["HOLE"]) if floor.area >= self.least]
+        if not storeys:
+            raise ValueError(f"nowhere in the meshes are there {self.least:g} m2 of floor with {CLEAR:g} m above it")
+        for number, (z, floor) in enumerate(storeys, start=1):
+            self._add_storey(plan, f"floor {number}", z, floor, of)
+        return plan
+
+    def _add_storey(self, plan: Plan, storey: str, z: float, floor: BaseGeometry, of: "dict[str, list[Line]]") -> None:
+        """Add one storey, and the exits, openings and start areas whose boxes begin at its height."""
+        own = {group: [one for one in found if abs(one.low - z) <= 2.0 * SAME] for group, found in of.items()}
+        starts = shapely.union_all([one.plan for one in own["EVAC"]])
+        outer = [(one, one.outside) for one in own["EXIT"]]
+        floor = floor.difference(shapely.union_all([ground for _, ground in outer]))
+        parts = [part for part in shapely.get_parts(flat_parts(floor)) if part.area > LEAST_PART]
+        inside = [part for part in parts if part.intersects(starts)] or parts
+        plan.storey(storey, inside, z)
+        plan.note("found", f"{len(inside)} parts of ground at z = {z:g} m", storey)
+        for part in parts:
+            if part not in inside:
+                text = f"{part.area:.2f} m2 of ground in which no &EVAC line starts"
+                plan.note("left out", text, storey, place_of(part))
+        ground = shapely.union_all(inside)
+        for one, outside in outer:
+            if not ground.dwithin(outside, OUTSIDE):
+                plan.note("left out", f"&EXIT {one.name} (line {one.number}) is not at the ground", storey)
+                continue
+            plan.exit(f"{one.name} (line {one.number})", storey, polygon=outside)
+        vents = [one for one in own["VENT"] if "OPEN" in one.text and one.segment is not None]
+        for one in [*own["DOOR"], *vents]:
+            if one.segment is not None and ground.boundary.dwithin(shapely.LineString(one.segment).centroid, OUTSIDE):
+                plan.opening(storey, one.segment)
+        for one in own["EVAC"]:
+            if one.plan.intersects(ground):
+                plan.area(f"{one.name} (line {one.number})", storey, one.plan)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A namelist of the deck: its group, text, number of line, name, and box (6,) [m] if it has one."""
+
+    group: str
+    text: str
+    number: int
+    name: str
+    box: FloatArray | None
+
+    @property
+    def low(self) -> float:
+        """The height of its lower side [m]."""
+        assert self.box is not None
+        return float(self.box[4])
+
+    @property
+    def plan(self) -> BaseGeometry:
+        """Its box in plan."""
+        assert self.box is not None
+        x1, x2, y1, y2 = self.box[:4].tolist()
+        return shapely.box(x1, y1, x2, y2)
+
+    @property
+    def segment(self) -> FloatArray | None:
+        """The segment (2, 2) of a vertical face; None for a horizontal one."""
+        assert self.box is not None
+        x1, x2, y1, y2, z1, z2 = self.box.tolist()
+        if z2 - z1 < SAME:
+            return None
+        x, y = (x1 + x2) / 2, (y1 + y2) / 2
+        return np.array([[x1, y], [x2, y]]) if x2 - x1 > y2 - y1 else np.array([[x, y1], [x, y2]])
+
+    @property
+    def outside(self) -> BaseGeometry:
+        """The ground outside of an exit, to which its orientation IOR points."""
+        found = re.search(r"IOR\s*=\s*([+-]?\d)", self.text)
+        way = int(found[1]) if found else 0
+        step = np.sign(way) * OUTSIDE * np.eye(3)[abs(way) - 1][:2] if way else np.zeros(2)
+        near = self.plan.buffer(1e-6, join_style="mitre") if way else self.plan.buffer(OUTSIDE / 2, join_style="mitre")
+        moved = shapely.transform(near, lambda xy: xy + step)
+        return shapely.set_precision(shapely.envelope(shapely.union(near, moved)), 1e-4)
+
+
+#: Groups that are read.
+GROUPS = ("MESH", "OBST", "HOLE", "VENT", "EXIT", "DOOR", "EVAC")
+
+
+def _namelists(text: str) -> Iterator[Line]:
+    """Yield the namelists of a deck; quoted texts may contain slashes."""
+    for found in re.finditer(r"(?m)^\s*&(\w{4})\b((?:'[^']*'|\"[^\"]*\"|[^'\"/])*)/", text):
+        own = found[2].upper()
+        number = text.count("\n", 0, found.start(1)) + 1
+        name = re.search(r"\bID\s*=\s*['\"]([^'\"]*)", found[2])
+        given = re.search(r"\bXB\s*=\s*([-+\d.EDed\s,*]+)", own)
+        box = None
+        if given:
+            numbers = [
+                float(word.replace("D", "E")) for word in re.findall(r"[-+]?[\d.]+(?:[ED][-+]?\d+)?", given[1])[:6]
+            ]
+            if len(numbers) != 6 or not np.isfinite(numbers).all():
+                raise ValueError(f"line {number}: XB of &{found[1].upper()} must be six numbers")
+            box = np.sort(np.reshape(numbers, (3, 2)), axis=1).ravel()
+        yield Line(found[1].upper(), own, number, name[1] if name else found[1].lower(), box)
+
+
+def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> Iterator[tuple[float, BaseGeometry]]:
+    """Yield the height and the ground of each storey, the lowest first."""
+    domain = np.array([one.box for one in meshes])
+    boxes = np.array([one.box for one in obstructions]).reshape(-1, 6)
+    slabs = boxes[
+        (boxes[:, 5] - boxes[:, 4] <= THICKEST_SLAB)
+        & (np.ptp(boxes.reshape(-1, 3, 2)[:, :2], axis=2).min(axis=1) > 1.0)
+    ]
+    heights: list[float] = []
+    for z in sorted([float(domain[:, 4].min()), *slabs[:, 5].tolist()]):
+        if not heights or z - heights[-1] > SAME:
+            heights.append(z)
+    for z in heights:
+        tops = slabs[np.abs(slabs[:, 5] - z) <= SAME]
+        bottoms = domain[np.abs(domain[:, 4] - z) <= SAME]
+        floor = _solid(tops, holes, z - 0.01) if len(tops) else shapely.GeometryCollection()
+        floor = shapely.union_all([floor, *shapely.box(*bottoms[:, [0, 2, 1, 3]].T)])
+        top = domain[:, 5].max()
+        walls = [_solid(boxes[(boxes[:, 4] < z + h) & (boxes[:, 5] > z + h)], holes, z + h) for h in SECTIONS]
+        if z + CLEAR <= top and (z == heights[0] or any(one.intersects(floor) for one in walls[1:])):
+            yield z, floor.difference(shapely.union_all(walls))
+
+
+def _solid(boxes: FloatArray, holes: list[Line], z: float) -> BaseGeometry:
+    """Return the plan of boxes (n, 6) without the holes that reach a height [m]."""
+    away = [one.plan for one in holes if one.box is not None and one.box[4] <= z <= one.box[5]]
+    return shapely.union_all([*shapely.box(*boxes[:, [0, 2, 1, 3]].T)]).difference(shapely.union_all(away))
+
+
+evac_interface = 3

@@ -1,0 +1,60 @@
+"""FDS decks: storeys at slabs, walls with holes, exits and start areas of old evacuation lines."""
+
+import pytest
+
+import evac
+from evac import BuildingError, import_building, read_building
+
+DECK = """&HEAD CHID='office', TITLE='two storeys / one deck' /
+&MESH IJK=50,40,30, XB=0.0,10.0,0.0,8.0,0.0,6.0 /
+&MESH IJK=50,40,1, XB=0.0,10.0,0.0,8.0,0.4,1.6, EVACUATION=.TRUE., EVAC_HUMANS=.TRUE. /
+&OBST XB=0.0,10.0,0.0,8.0,2.8,3.0, SURF_ID='SLAB' / the slab
+&OBST XB=5.0,5.2,0.0,8.0,0.0,2.8 / an inner wall
+&HOLE XB=4.9,5.3,3.0,4.0,0.0,2.1 /
+&OBST XB=1.0,2.0,6.0,7.0,0.0,0.8 / a table
+&OBST XB=7.0,7.2,0.0,8.0,3.0,6.0 / a wall upstairs
+&VENT MB='XMAX', SURF_ID='OPEN' /
+&VENT XB=10.0,10.0,2.0,3.0,3.0,5.0, SURF_ID='OPEN' /
+&VENT XB=0.0,0.0,2.0,3.0,3.0,5.0, SURF_ID='OPEN' /
+&EVAC ID='staff', NUMBER_INITIAL_PERSONS=5, XB=6.0,9.0,1.0,7.0,0.4,1.6 /
+&EXIT ID='main', IOR=-1, XB=0.0,0.0,2.0,3.2,0.4,1.6 /
+&TAIL /
+"""
+
+
+def test_storeys_walls_exits_and_start_areas(tmp_path):
+    (tmp_path / "a.fds").write_text(DECK)
+    building = read_building(tmp_path / "a.fds")
+    floors = {level.name: (level.z_min, level.polygon.area) for level in building.levels}
+    # 80 m2 less the wall of 0.2 m, whose hole is 1 m wide, and the table of 1 m2.
+    assert floors["floor 1"] == (0.0, pytest.approx(80.0 - 0.2 * 7.0 - 1.0, rel=1e-3))
+    upper = [area for name, (z, area) in floors.items() if z == 3.0]
+    assert sum(upper) == pytest.approx(80.0 - 0.2 * 8.0, rel=1e-3)
+    assert [(way.name, round(way.width, 2)) for way in building.exits] == [("main (line 13)", 1.2)]
+    assert [area.polygon.area for area in building.areas] == [pytest.approx(18.0)]
+
+
+def test_a_deck_becomes_a_case_that_runs(tmp_path):
+    ground = "\n".join(line for line in DECK.splitlines() if ",3.0,6.0" not in line and ",3.0,5.0" not in line)
+    (tmp_path / "a.fds").write_text(ground.replace("0.0,8.0,0.0,6.0", "0.0,8.0,0.0,2.8"))
+    made = import_building([tmp_path / "a.fds"], tmp_path / "case", people=10)
+    assert (made.fault, made.missing) == ("", ())
+    assert evac.run(evac.load(made.folder)).evacuated == 10
+
+
+def test_open_vents_are_offered_as_exits(tmp_path):
+    (tmp_path / "a.fds").write_text(DECK)
+    made = import_building([tmp_path / "a.fds"], tmp_path / "case", exits=[1, 2], people=10)
+    assert made.missing == ()
+    assert len(made.building.exits) == 3
+
+
+@pytest.mark.parametrize(
+    ("deck", "message"),
+    [("&HEAD CHID='a' /\n", "no &MESH"), ("&MESH IJK=1,1,1, XB=0,1,0,1,0 /\n", "line 1: XB"),
+     ("&MESH IJK=1,1,1, XB=0,1,0,1,0,1 /\n", "m2 of floor")],
+)  # fmt: skip
+def test_a_deck_without_floors_is_refused(tmp_path, deck, message):
+    (tmp_path / "a.fds").write_text(deck)
+    with pytest.raises(BuildingError, match=message):
+        read_building(tmp_path / "a.fds")
