@@ -38,7 +38,7 @@ class Familiarity(Behaviour):
       share `notices` is noticed;
     - an exit that is in sight within `sees`;
     - with `influence` > 0 the exits to which people walk who are in sight within `sees`. The cost of an exit is
-      multiplied by 1 - `influence` times the share of these people who go to it.
+      multiplied by 1 - `influence` times the share of these people, and of the person itself, who go to it.
 
     People whose group has ``exits`` use these only. People on their way to a refuge or an assembly area keep their way.
     If all exits that a person knows are closed, it takes any.
@@ -200,6 +200,8 @@ class Familiarity(Behaviour):
         place = np.ascontiguousarray(crowd.position), np.ascontiguousarray(crowd.level)
         watch_walkers(self._scene.world, *place, asks.view(np.uint8), goal, float(self.sees), count)
         self._known[count > 0.0] = 1
+        walks = np.flatnonzero(goal >= 0)
+        count[walks, goal[walks]] += 1.0  # itself, so that two people do not follow each other in turn
         share: FloatArray = count / np.maximum(count.sum(axis=1), 1.0)[:, None]
         return share
 

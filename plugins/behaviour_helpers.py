@@ -64,9 +64,9 @@ class Helpers(Behaviour):
     go to a refuge if the case has one for them and wait there. As soon as somebody waits, the nearest free helpers go
     to the area, as many as the device needs (`handlers`), and to the person. After the time `preparation` they go
     together, at the speeds of the device: the helpers stay with the person, who waits for a helper farther than 3 m
-    away. They leave by one of `exits`, or go to the assembly area in `to`, from where the helpers fetch the next one.
-    Helpers who are not needed any more leave by the exits of their group. The notes of the results say who was fetched
-    when, and by whom.
+    away. They leave by one of `exits`, where helpers who are still needed let the person go the last 2 s alone and
+    return, or go to the assembly area in `to`, from where the helpers fetch the next one. Helpers who are not needed
+    any more leave by the exits of their group. The notes of the results say who was fetched when, and by whom.
 
     | device | flat | up | down | helpers | source |
     |---|---|---|---|---|---|
@@ -205,7 +205,7 @@ class Helpers(Behaviour):
         for k, person in enumerate(self._people.tolist()):
             if crowd.level[person] < 0 and self._state[k] != IS_THERE:
                 if self._state[k] != WAITS:
-                    self._end(crowd, k)
+                    self._release(crowd, k, IS_THERE)
                 continue
             match self._state[k]:
                 case state if state == WAITS:
@@ -250,6 +250,9 @@ class Helpers(Behaviour):
     def _fetch(self, crowd: Crowd, time: float, k: int) -> None:
         """Lead the helpers to a person; begin the preparation when all of them are there."""
         person, helpers = self._people[k], self._helpers[self._task == k]
+        if (crowd.level[helpers] < 0).any():  # pushed out
+            self._release(crowd, k, WAITS)
+            return
         apart = crowd.position[person] - crowd.position[helpers]
         distance = np.hypot(*apart.T)
         is_here = crowd.level[helpers] == crowd.level[person]
@@ -290,6 +293,8 @@ class Helpers(Behaviour):
         pace = self._share(crowd, rows, device)
         with np.errstate(invalid="ignore"):
             pace[1:] *= np.nan_to_num(np.clip(1.0 + (remaining[1:] - remaining[0]) / LEAD, 0.0, 1.5))
+        if self._place is None and remaining[0] < LEAD and self._may[self._task == k][:, self._state == WAITS].any():
+            pace[1:] = 0.0  # they are still needed, and let the person go the last steps alone
         is_far = np.hypot(*(crowd.position[helpers] - crowd.position[person]).T) > LOST
         is_here = crowd.level[helpers] == crowd.level[person]
         if (is_far & (remaining[1:] > remaining[0])).any():
@@ -302,7 +307,7 @@ class Helpers(Behaviour):
             if len(there) and not is_far.any():
                 assert self._scene.scene.places is not None
                 self._scene.scene.places.take_in(person, self._place.name, time)
-                self._end(crowd, k)
+                self._release(crowd, k, IS_THERE)
 
     def _share(self, crowd: Crowd, rows: NDArray[np.integer[Any]], device: Device) -> FloatArray:
         """Return the factors that give people the speed of a device where they are, by their own speeds."""
@@ -317,9 +322,9 @@ class Helpers(Behaviour):
         share: FloatArray = np.array([device.flat, device.up, device.down])[column] / crowd.speed[rows, column]
         return share
 
-    def _end(self, crowd: Crowd, k: int) -> None:
-        """Release the helpers of a person who is out or there."""
-        self._state[k] = IS_THERE
+    def _release(self, crowd: Crowd, k: int, state: int) -> None:
+        """Release the helpers of a person, who is in another state now."""
+        self._state[k] = state
         mine = np.flatnonzero(self._task == k)
         self._task[mine] = -1
         inside = mine[crowd.level[self._helpers[mine]] >= 0]

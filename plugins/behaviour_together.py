@@ -10,7 +10,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import PluginError, ScenarioError, counted
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
-from evac.directions.routes import Route, changed_route
+from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.places import have_stopped
 from evac.physics.state import Crowd
@@ -97,19 +97,18 @@ class Together(Behaviour):
             unit.append(own.astype(np.int32))
         self._rows, self._unit, self._place = np.concatenate(rows), np.concatenate(unit), places
         self._stage = np.array([GATHERS if place else LEAVES for place in places], dtype=np.int32)
-        self._leaving = scene.crowd.route[self._rows].copy()
         self._send_to_places()
         self._arrived = np.zeros(len(self._rows), dtype=np.uint8)
         self._since = np.zeros(len(places))  # last progress, or the end of the count [s]
         self._least = np.full(len(places), np.inf)  # least travel time of the last member [s]
         self._counted = np.full(len(places), np.inf)  # when each unit was counted [s]
-        self._heard = 0  # changes of the scene that were looked at
 
     def _send_to_places(self) -> None:
         """Set the routes to the places of those whose units gather there, with the slopes that they use."""
         routes = self._scene.scene.fields.routes
         for k in np.flatnonzero(self._stage[self._unit] == GATHERS).tolist():
-            own = Route(refuge=self._place[self._unit[k]], steepest=routes[self._leaving[k]].steepest)
+            steepest = routes[self._scene.crowd.route[self._rows[k]]].steepest
+            own = Route(refuge=self._place[self._unit[k]], steepest=steepest)
             self._scene.crowd.route[self._rows[k]] = routes.index(own)
 
     def _checked_place(self, group: Any) -> str:
@@ -123,24 +122,14 @@ class Together(Behaviour):
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Lead the units to their places, count them, and let those ahead wait for the last."""
-        self._hear_of_changes()
         is_inside = crowd.level[self._rows] >= 0
         self._gather(crowd, time)
         self._end_stages(crowd, time, is_inside)
         stage = self._stage[self._unit]
         crowd.speed_factor[self._rows[(stage != LEAVES) & (self._arrived == 1)]] = 0.0
-        self._wait(crowd, time, is_inside & (stage == LEAVES))
-
-    def _hear_of_changes(self) -> None:
-        """Let those who gather leave by the exits and strategies that events have given to their groups since."""
-        changes, routes = self._scene.scene.changes, self._scene.scene.fields.routes
-        for change in changes[self._heard :]:
-            if change.kind == "strategy":
-                rows = next(group.rows for group in self._scene.groups if group.name == change.what)
-                for k in np.flatnonzero(np.isin(self._rows, rows)).tolist():
-                    after = changed_route(routes[self._leaving[k]], change.values["value"])
-                    self._leaving[k] = routes.index(after) if after in routes else self._leaving[k]
-        self._heard = len(changes)
+        assert self._scene.scene.places is not None
+        is_there = self._scene.scene.places.arrived[self._rows]
+        self._wait(crowd, time, is_inside & (stage == LEAVES) & ~is_there)
 
     def _gather(self, crowd: Crowd, time: float) -> None:
         """Note who has arrived at the place of its unit."""
@@ -164,8 +153,11 @@ class Together(Behaviour):
         ends = (self._stage == COUNTS) & (time >= self._since)
         self._stage[begins], self._since[begins] = COUNTS, time + self.count
         self._stage[ends], self._since[ends], self._counted[ends] = LEAVES, time, time
-        leave = ends[self._unit] & is_inside
-        crowd.route[self._rows[leave]] = self._leaving[leave]
+        if ends.any():
+            places, rows = self._scene.scene.places, self._rows[ends[self._unit] & is_inside]
+            assert places is not None
+            crowd.route[rows] = places.exit_routes(rows)
+            places.assign(self._scene.scene.fields)
 
     def _wait(self, crowd: Crowd, time: float, walks: NDArray[np.bool_]) -> None:
         """Let those ahead of the last member of their unit wait."""
@@ -200,15 +192,13 @@ class Together(Behaviour):
         return bool(_taking_part(scene))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the stages of the units, who has arrived, routes from there, and what the last members reached."""
+        """Return the stages of the units, who has arrived, and what the last members have reached."""
         return {
             "stage": self._stage,
             "since": self._since,
             "least": self._least,
             "counted": self._counted,
             "arrived": self._arrived,
-            "leaving": self._leaving,
-            "heard": np.array([self._heard]),
         }
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
@@ -218,9 +208,6 @@ class Together(Behaviour):
         self._since = taken(state, "since", np.float64, self._since.shape, 0.0)
         self._least = taken(state, "least", np.float64, self._least.shape, 0.0, np.inf)
         self._counted = taken(state, "counted", np.float64, self._counted.shape, 0.0, np.inf)
-        routes = len(self._scene.scene.fields.routes)
-        self._leaving = taken(state, "leaving", np.int32, self._leaving.shape, 0, routes - 1)
-        self._heard = int(taken(state, "heard", np.int64, (1,), 0, np.iinfo(np.int64).max)[0])
 
 
 def _taking_part(scene: BehaviourScene) -> list[Any]:

@@ -180,6 +180,8 @@ class Places:
     ----------
     arrived : (n,) bool
         Whether each person stays in its place. Its speed factor is zero.
+    of_groups : (n,) int32
+        The route of each person that its group has in the case.
     """
 
     def __init__(self, case: "Case", building: Building, routes: Sequence[Route], crowd: Crowd) -> None:
@@ -190,7 +192,13 @@ class Places:
             {self._index[name]: routes.index(route) for name, route in routes_to_places(case, people).items()}
             for people in case.people
         ]
+        # Route of each group to each place, -1 if it has none, also in the last column, which stands for no place.
+        self._way_to: IntArray = np.full((len(case.people), len(self._places) + 1), -1, dtype=np.int32)
+        for group, ways in enumerate(self._ways):
+            self._way_to[group, [*ways]] = [*ways.values()]
+        self._ends_inside = np.array([bool(route.refuge) for route in routes], dtype=np.bool_)
         self._is_limited = [is_limited(people) for people in case.people]
+        self.of_groups: IntArray = crowd.route.copy()
         self._before: IntArray = crowd.route.copy()  # route of each person until it was sent to a place
         self._meant: IntArray = np.full(len(crowd.level), -1, dtype=np.int32)
         self._since: FloatArray = np.full(len(crowd.level), np.nan)  # when each person arrived [s]
@@ -228,18 +236,25 @@ class Places:
         return np.array([place.kind == "assembly" for place in self._places], dtype=np.bool_)
 
     def exit_routes(self, rows: NDArray[np.integer[Any]]) -> IntArray:
-        """Return the routes of people to exits: of those who go to a place, the route that they had before."""
-        routes: IntArray = np.where(self._meant[rows] >= 0, self._before[rows], self._crowd.route[rows])
+        """Return the routes of people to exits: of those who go to an area, the route that they had before."""
+        goes = (self._meant[rows] >= 0) | self._is_led(rows)
+        routes: IntArray = np.where(goes, self._before[rows], self._crowd.route[rows])
         return routes
+
+    def _is_led(self, rows: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
+        """Return who is on the way to an area because a behaviour wants it."""
+        own = self._way_to[self._crowd.group[rows], self._meant[rows]]
+        is_led: NDArray[np.bool_] = self._ends_inside[self._crowd.route[rows]] & (self._crowd.route[rows] != own)
+        return is_led
 
     def set_exit_routes(self, rows: NDArray[np.integer[Any]], routes: IntArray) -> None:
         """Set the routes of people to exits; those who go to a place take them if they do so no more."""
-        goes = self._meant[rows] >= 0
+        goes = (self._meant[rows] >= 0) | self._is_led(rows)
         self._before[rows[goes]] = routes[goes]
         self._crowd.route[rows[~goes]] = routes[~goes]
 
     def assign(self, fields: "Fields") -> None:
-        """Send people to places, and those who have none to their exits.
+        """Send people to places, and those who have none to their exits, unless a behaviour leads them to an area.
 
         Parameters
         ----------
@@ -250,9 +265,9 @@ class Places:
         for group, ways in enumerate(self._ways):
             if not ways:
                 continue
-            rows = np.flatnonzero(
-                (self._crowd.group == group) & (self._crowd.level >= 0) & ~self.arrived & ~self._is_brought
-            )
+            is_asked = (self._crowd.level >= 0) & ~self.arrived & ~self._is_brought
+            rows = np.flatnonzero((self._crowd.group == group) & is_asked)
+            rows = rows[~self._is_led(rows)]
             self._before[rows] = self.exit_routes(rows)
             out = self._times(fields, rows, self._before[rows], self._is_limited[group])
             times = np.full((len(rows), len(self._places)), np.inf)

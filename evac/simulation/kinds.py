@@ -77,7 +77,8 @@ def _check_strategy(scene: "Scene", change: Change) -> None:
     """Check that there are directions for the routes after a change."""
     group, rows, places = _group_of(scene, change)
     value = change.values["value"]
-    after: set[Route | str] = {changed_route(scene.fields.routes[k], value) for k in places.exit_routes(rows).tolist()}
+    of_group = places.of_groups[rows].tolist()
+    after: set[Route | str] = {changed_route(scene.fields.routes[index], value) for index in of_group}
     if isinstance(value, tuple) and places.has_assembly_areas(value):
         after = set() if places.can_be_sent(group, value) else {" or ".join(value)}
     for route in after - {*scene.fields.routes}:
@@ -88,16 +89,20 @@ def _check_strategy(scene: "Scene", change: Change) -> None:
 
 
 def _change_strategy(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
-    """Change the strategy of a group, or send it to exits or assembly areas."""
+    """Change the strategy of a group, or send it to exits or assembly areas.
+
+    People whose route a behaviour has chosen keep it if there are no directions for the route after the change.
+    """
     group, rows, places = _group_of(scene, change)
     value, routes = change.values["value"], scene.fields.routes
     if isinstance(value, tuple) and places.has_assembly_areas(value):
         return {} if places.send(group, value) else None
     before = places.exit_routes(rows)
-    after = np.array([routes.index(changed_route(routes[index], value)) for index in before.tolist()], np.int32)
+    changed_to = {index: changed_route(routes[index], value) for index in before.tolist()}
+    known = {index: routes.index(route) if route in routes else index for index, route in changed_to.items()}
+    after = np.array([known[index] for index in before.tolist()], np.int32)
     is_sent = isinstance(value, tuple) and places.send(group, ())
-    takes_later = any(routes[index].refuge for index in before.tolist())  # when a behaviour lets them leave an area
-    if not is_sent and not takes_later and (before == after).all():
+    if not is_sent and (before == after).all():
         return None
     places.set_exit_routes(rows, after)
     return {}

@@ -138,3 +138,10 @@ def test_a_sign_needs_a_behaviour_that_follows_it():
     case["behaviours"], case["place"], case["people"][0]["behaviours"] = {}, [SIGN], {}
     with pytest.raises(evac.EvacError, match=r"place\.sign\.kind: no behaviour of the case follows signs"):
         evac.load(case)
+
+
+def test_an_event_changes_the_strategy_of_those_only_for_whom_there_are_directions():
+    event = {"when": {"out": 1}, "kind": "strategy", "target": "people", "value": "shortest"}
+    case = case_of(main=["main"], knows={"east": 0.5}).to_dict() | {"event": [event]}
+    results = evac.run(evac.load(case))
+    assert results.ended == "everybody out"

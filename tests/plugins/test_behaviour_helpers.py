@@ -158,3 +158,11 @@ def test_a_run_goes_on_to_the_same_bits():
 def test_mistakes_are_named(change, line):
     with pytest.raises(evac.EvacError, match=line):
         Simulation(ward(**change))
+
+
+def test_a_helper_who_is_still_needed_returns_from_the_exit():
+    simulation, _, _ = run(ward(patients={"number": 2}, staff={"number": 1}))
+    assert simulation.ended == "everybody out"
+    out = simulation.population.crowd.exit_time
+    assert out[2] > out[1] - 3.0
+    assert all(" by 2 at " in note for note in simulation.results().notes)

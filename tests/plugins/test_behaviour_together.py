@@ -140,6 +140,25 @@ def test_a_class_leaves_by_the_exits_that_an_event_has_given_it_while_it_gathere
     assert {routes[k].strategy for k in simulation.population.crowd.route} == {"shortest"}
 
 
+def test_a_unit_that_has_gathered_goes_to_its_assembly_area():
+    case = class_of([1.2, 1.4], count=1.0).case.to_dict()
+    case["building"]["plan"]["areas"].append(
+        {"name": "yard", "storey": "floor", "polygon": [[40, 0.5], [46, 0.5], [46, 3.5], [40, 3.5]]}
+    )
+    case["place"] = [{"name": "yard", "kind": "assembly", "area": "yard"}]
+    for group in case["people"]:
+        group["assembly"] = ["yard"]
+    case["event"] = [{"time": 5.0, "kind": "slow", "target": "home", "value": 0.5}]  # while they gather
+    simulation = Simulation(evac.load(case))
+    halls = []
+    while not simulation.ended:
+        simulation.advance_tick()
+        x = simulation.population.crowd.position[:, 0]
+        halls.append(((x > 20.0) & (x < 24.0)).all())
+    assert any(halls)
+    assert [len(place.people) for place in simulation.results().places] == [3]
+
+
 def test_wheelchairs_gather_without_stairs():
     plan = evac.Plan()
     plan.storey("low", box(0, 0, 10, 10))
