@@ -24,10 +24,13 @@ REACH = 0.6
 #: Distance within which a helper walks straight to the person [m], and weight of that direction.
 NEAR, STRAIGHT = 6.0, 4.0
 
-#: Distance of a helper beyond which the person waits for it [m].
-LOST = 3.0
+#: Distance of a helper beyond which the person waits for it, or it for the person [m]; distance of those beside it [m].
+LOST, BESIDE = 3.0, 1.5
 
-#: Lead of a helper at which it stops [s].
+#: Speed of helpers who have fallen behind, over that of the device.
+HASTE = 1.3
+
+#: Time to the exit from which helpers who are still needed let the person go alone [s].
 LEAD = 2.0
 
 #: Greatest speed of a device [m/s].
@@ -240,6 +243,7 @@ class Helpers(Behaviour):
         if len(nearest) == self._device[k].handlers and np.isfinite(away[nearest]).all():
             self._task[free[nearest]], self._state[k] = k, IS_FETCHED
             crowd.route[rows[nearest]] = routes[nearest]
+            self._scene.begin_ways(rows[nearest])
             self._by[k, free[nearest]] = 1
 
     def _route_to(self, route: Route, own: int) -> int:
@@ -274,6 +278,7 @@ class Helpers(Behaviour):
             self._scene.scene.places.release(int(person))
         self._state[k] = IS_BROUGHT
         crowd.route[person] = crowd.route[helpers] = self._way_of(k)
+        self._scene.begin_ways(np.append(helpers, person))
 
     def _way_of(self, k: int) -> int:
         """Return the index of the route on which a person is brought."""
@@ -291,20 +296,21 @@ class Helpers(Behaviour):
             crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
         )
         pace = self._share(crowd, rows, device)
-        with np.errstate(invalid="ignore"):
-            pace[1:] *= np.nan_to_num(np.clip(1.0 + (remaining[1:] - remaining[0]) / LEAD, 0.0, 1.5))
-        if self._place is None and remaining[0] < LEAD and self._may[self._task == k][:, self._state == WAITS].any():
+        away = np.hypot(*(crowd.position[helpers] - crowd.position[person]).T)
+        is_behind = remaining[1:] > remaining[0]
+        pace[1:] *= np.where(is_behind, HASTE, np.clip((LOST - away) / (LOST - BESIDE), 0.0, 1.0))
+        stays = self._place is None and remaining[0] < LEAD and bool(self._may[self._task == k][:, self._waits].any())
+        if stays:
             pace[1:] = 0.0  # they are still needed, and let the person go the last steps alone
-        is_far = np.hypot(*(crowd.position[helpers] - crowd.position[person]).T) > LOST
-        is_here = crowd.level[helpers] == crowd.level[person]
-        if (is_far & (remaining[1:] > remaining[0])).any():
+        elif (is_behind & (away > LOST)).any():
             pace[0] = 0.0
         crowd.speed_factor[rows] *= pace
-        self._turn_to(crowd, helpers[is_here & is_far & (remaining[1:] > remaining[0])], person)
+        is_lost = is_behind & (away > LOST) & (crowd.level[helpers] == crowd.level[person]) & (not stays)
+        self._turn_to(crowd, helpers[is_lost], person)
         if self._place is not None:
             velocity = self._scene.displacement_velocity
             there = have_stopped(self._scene.fields, crowd, rows[:1], velocity, self._place)
-            if len(there) and not is_far.any():
+            if len(there) and not (away > LOST).any():
                 assert self._scene.scene.places is not None
                 self._scene.scene.places.take_in(person, self._place.name, time)
                 self._release(crowd, k, IS_THERE)
@@ -322,6 +328,12 @@ class Helpers(Behaviour):
         share: FloatArray = np.array([device.flat, device.up, device.down])[column] / crowd.speed[rows, column]
         return share
 
+    @property
+    def _waits(self) -> NDArray[np.bool_]:
+        """Who waits for helpers."""
+        waits: NDArray[np.bool_] = self._state == WAITS
+        return waits
+
     def _release(self, crowd: Crowd, k: int, state: int) -> None:
         """Release the helpers of a person, who is in another state now."""
         self._state[k] = state
@@ -329,10 +341,11 @@ class Helpers(Behaviour):
         self._task[mine] = -1
         inside = mine[crowd.level[self._helpers[mine]] >= 0]
         crowd.route[self._helpers[inside]] = self._own[inside]
+        self._scene.begin_ways(self._helpers[inside])
 
     def _let_wait(self, crowd: Crowd, time: float) -> None:
         """Let free helpers stand who may still be needed."""
-        is_needed = self._may[:, self._state == WAITS].any(axis=1)
+        is_needed = self._may[:, self._waits].any(axis=1)
         crowd.speed_factor[self._helpers[(self._task < 0) & is_needed]] = 0.0
 
     def notes(self) -> tuple[str, ...]:

@@ -278,6 +278,13 @@ class BehaviourScene:
         assert self.scene.people is not None
         return self.scene.people.rows_in(self.scene.building, name)
 
+    def begin_ways(self, rows: IntArray) -> None:
+        """Let the progress of people count anew, because they begin another way, such as back to where they were.
+
+        A run ends when nobody has come nearer to the end of a route than ever before for ``no_progress``.
+        """
+        self.scene.new_ways += rows.tolist()
+
     def apply(self, change: Change) -> None:
         """Change the scene: open or close exits, portals or stairs, now or later; see `Scene.apply`."""
         self.scene.apply(change)

@@ -10,6 +10,8 @@ from evac.directions.fields import Fields
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from evac.case.schema import SimulationSettings
 
 EVERYBODY_OUT = "everybody out"
@@ -82,9 +84,9 @@ class Ending:
         self._gained = np.zeros(people)  # below the least remaining travel time, since the last progress [s]
         self._progress_at = np.zeros(people)  # time of the last progress [s]
 
-    def begin_anew(self) -> None:
-        """Forget the least travel times: the scene has changed, and other ways may be longer."""
-        self._least[:] = np.inf
+    def begin_anew(self, rows: "Sequence[int] | slice" = slice(None)) -> None:
+        """Forget the least travel times of people, for whom other ways may be longer now; by default of everybody."""
+        self._least[:, rows] = np.inf
 
     def reason(self, step: int, crowd: Crowd, fields: Fields, can_change: bool = False) -> str:
         """Return why the run ends with this tick; an empty string if it continues.

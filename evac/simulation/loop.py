@@ -120,6 +120,9 @@ class Loop:
         if simulation.deciding.version != simulation.scene.version:
             simulation.ending.begin_anew()
         simulation.deciding.act(simulation.time)
+        if simulation.scene.new_ways:
+            simulation.ending.begin_anew(simulation.scene.new_ways)
+            simulation.scene.new_ways = []
 
     def _is_update(self) -> bool:
         tick = self._simulation.step // self._settings.steps_per_tick

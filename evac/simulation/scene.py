@@ -72,6 +72,8 @@ class Scene:
         Simulated time [s]: the beginning of the next tick.
     changes : list of Change
         The changes so far, in order, each with the time at which it took effect.
+    new_ways : list of int
+        The people who have begun another way at this tick, on which progress counts anew.
     people : Population or None
         The people, as soon as they exist: those on the line of a link that closes are let through.
     places : Places or None
@@ -96,6 +98,7 @@ class Scene:
         self.has_begun = self.has_ended = False
         self._planned: list[Change] = []  # what behaviours have applied before the run
         self._waiting: list[Change] = []
+        self.new_ways: list[int] = []
         self.people: Population | None = None
         self.places: Places | None = None
         self._held: set[int] = set()  # closed links that let people through who stand on their lines

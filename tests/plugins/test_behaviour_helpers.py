@@ -85,6 +85,12 @@ def test_helpers_return_from_an_assembly_area_for_the_next_one():
     assert np.isfinite(simulation.population.crowd.exit_time[3:]).all()
 
 
+def test_ways_that_helpers_go_again_are_progress():
+    case = ward(HALL, patients={"number": 4}, staff={"number": 1}, to="hall", preparation=0.0)
+    simulation, _, _ = run(case.change({"simulation.no_progress": 12.0}))
+    assert simulation.ended == "everybody out or at a safe place"
+
+
 def test_two_carry_one():
     simulation, _, _ = run(ward(device="carry"))
     assert simulation.ended == "everybody out"
