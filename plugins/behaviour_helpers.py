@@ -1,5 +1,6 @@
 """Helpers: people who fetch others who cannot leave alone, and bring them out or to an assembly area."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -36,6 +37,9 @@ LEAD = 2.0
 #: Greatest speed of a device [m/s].
 FASTEST = 10.0
 
+#: Length of a stair below which a device need not go up or down, because lengths are interpolated [m].
+FLIGHT = 0.5
+
 #: Slope of ramps for wheelchairs.
 RAMP = 0.0834
 
@@ -44,19 +48,20 @@ WAITS, IS_FETCHED, IS_PREPARED, IS_BROUGHT, IS_THERE = range(5)
 
 
 class Device(NamedTuple):
-    """Speeds of a way to bring somebody [m/s], up and down along the slope, and the number of helpers for it."""
+    """Speeds of a way to bring somebody [m/s], up and down along the slope, helpers for it, and the steepest slope."""
 
     flat: float
     up: float
     down: float
     handlers: int
+    steepest: float | None = None
 
 
 DEVICES = {
     "evacuation_chair": Device(1.3, 0.0, 0.84, 1),
     "carry": Device(1.0, 0.6, 0.6, 2),
     "support": Device(0.78, 0.31, 0.31, 1),
-    "push": Device(1.3, 0.0, 0.0, 1),
+    "push": Device(1.3, 1.3, 1.3, 1, RAMP),
 }
 
 
@@ -69,14 +74,15 @@ class Helpers(Behaviour):
     together, at the speeds of the device: the helpers stay with the person, who waits for a helper farther than 3 m
     away. They leave by one of `exits`, where helpers who are still needed let the person go the last 2 s alone and
     return, or go to the assembly area in `to`, from where the helpers fetch the next one. Helpers who are not needed
-    any more leave by the exits of their group. The notes of the results say who was fetched when, and by whom.
+    any more leave by the exits of their group. Nobody is fetched whom the device cannot bring all the way. The notes of
+    the results say who was fetched when, and by whom.
 
     | device | flat | up | down | helpers | source |
     |---|---|---|---|---|---|
     | `evacuation_chair` | 1.3 | 0 | 0.84 | 1 | down: fastest device of Hunt et al. 2020; flat: as `push` |
     | `carry` | 1.0 | 0.6 | 0.6 | 2 | down: slowest device of Hunt et al. 2020; others: assumed |
     | `support` | 0.78 | 0.31 | 0.31 | 1 | Boyce et al. 1999; stairs: Peacock et al. 2014, as the preset `accompanied` |
-    | `push` | 1.3 | 0 | 0 | 1 | Boyce et al. 1999, as the preset `pushed_wheelchair`; ramps up to 1:12 only |
+    | `push` | 1.3 | 1.3 | 1.3 | 1 | Boyce et al. 1999, as the preset `pushed_wheelchair`; ramps up to 1:12, no stairs |
 
     That the fastest of these devices is the chair is from memory. Speeds are in m/s, on stairs along the slope.
     `devices` adds others, such as ``{ sledge = { flat = 0.7, up = 0.0, down = 0.6, handlers = 2 } }``. The default of
@@ -229,7 +235,7 @@ class Helpers(Behaviour):
         """Send the nearest free helpers to a person who waits."""
         person = int(self._people[k])
         area = None if self._is_on_the_way(person) else self._area_of(crowd, person)
-        if area is None:
+        if area is None or not self._can_bring(crowd, k):
             return
         free = np.flatnonzero((self._task < 0) & self._may[:, k])
         rows = self._helpers[free]
@@ -282,8 +288,14 @@ class Helpers(Behaviour):
 
     def _way_of(self, k: int) -> int:
         """Return the index of the route on which a person is brought."""
-        device = self._device[k]
-        return self._scene.fields.routes.index(self._way(RAMP if device.up == device.down == 0.0 else None))
+        return self._scene.fields.routes.index(self._way(self._device[k].steepest))
+
+    def _can_bring(self, crowd: Crowd, k: int) -> bool:
+        """Return whether the device of a person can go all the way: up, down, and not steeper than it may."""
+        person, device = self._people[k : k + 1], self._device[k]
+        place = crowd.level[person], crowd.position[person], self._way_of(k), crowd.contact_radius[person]
+        _, up, down = self._scene.fields.lengths_at(*place)[0].tolist()
+        return math.isfinite(up) and (device.up > 0.0 or up < FLIGHT) and (device.down > 0.0 or down < FLIGHT)
 
     def _bring(self, crowd: Crowd, time: float, k: int) -> None:
         """Keep a person and its helpers together at the speed of the device."""

@@ -9,6 +9,7 @@ from shapely import box
 import evac
 from evac.building.model.building import FLAT
 from evac.simulation.simulation import Simulation
+from tests.people.test_mobility import two_ways
 from tests.runs import assert_same_bits, run_ticks
 
 HALL = {"name": "hall", "kind": "assembly", "area": "hall"}
@@ -98,11 +99,26 @@ def test_two_carry_one():
 
 
 def test_a_helper_pushes_a_wheelchair_over_a_ramp_and_no_stair():
-    case = ward(device="push", patients={"preset": "wheelchair"}).to_dict()
-    case["building"]["plan"]["exits"].append({"name": "level", "storey": "high", "segment": [[33, 6], [33, 4]]})
-    simulation, _, level = run(evac.load(case))
+    own, fetch = {"helpers": {"device": "push"}}, {"helpers": {"fetches": "patients"}}
+    people = [
+        {"name": "patients", "preset": "wheelchair", "area": "start", "number": 1, "behaviours": own},
+        {"name": "staff", "area": "start", "number": 1, "behaviours": fetch},
+    ]
+    content = {"building": two_ways(), "people": people, "contact": {"model": "nsm2"}}
+    behaviours = {"walking": {}, "helpers": {"areas": ["start"], "preparation": 1.0}}
+    simulation, position, level = run(evac.load(content | {"behaviours": behaviours}))
     assert simulation.ended == "everybody out"
     assert not np.isin(level[:, 0], simulation.building.stairs["stairs"]).any()
+    on_ramp = (level[1:, 0] == level[:-1, 0]) & np.isin(level[1:, 0], simulation.building.stairs["ramp"])
+    speed = np.hypot(*np.diff(position[:, 0], axis=0).T) / 0.1
+    assert np.median(speed[on_ramp]) == pytest.approx(1.3, rel=0.05)
+
+
+def test_nobody_is_fetched_whom_the_device_cannot_bring_all_the_way():
+    case = ward(device="evacuation_chair", to="lobby", areas=["office"], patients={"area": "office"}).to_dict()
+    case["place"] = [{"name": "lobby", "kind": "assembly", "area": "lobby"}]  # upstairs
+    simulation, _, _ = run(evac.load(case).change({"simulation.no_progress": 5.0}))
+    assert simulation.results().notes == ("helpers: person 0 was not fetched",)
 
 
 def test_people_in_wheelchairs_are_fetched_from_their_refuge():
