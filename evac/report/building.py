@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from evac.building.model.building import Place
 from evac.building.model.links import states_of
 from evac.report import figures
 from evac.report.templates import Section, fixed, section
@@ -43,10 +44,21 @@ def building_section(run: Results | None) -> Section:
             for k, door in enumerate(building.doors)
         ],
         areas=[(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas],
+        places=[
+            (place.name, place.kind, levels[place.level].name, place.area or place.exit, _room(place))
+            for place in building.places
+        ],
         closed=run.record.table.building.closed,
         changes=[(fixed(change.time, 1), str(change)) for change in run.trajectory.changes],
         lacks=() if building.doors else ("doors",),
     )
+
+
+def _room(place: Place) -> str:
+    """Return how many people a place has room for, or from where a sign is seen."""
+    if place.kind == "sign":
+        return f"seen from {place.range:g} m"
+    return "any number" if place.capacity is None else f"{place.capacity} people"
 
 
 def _in_words(states: Sequence[tuple[float, bool]]) -> str:

@@ -13,6 +13,7 @@ from shapely import box
 import evac
 from evac.pictures import palette
 from evac.pictures.render import Renderer
+from evac.report.building import building_section
 from evac.trajectory.header import HeaderError, building_from_json, building_to_json
 
 PLACES = [
@@ -75,6 +76,13 @@ def test_plans_show_them(results, tmp_path):
             counts[-1].append(int((np.abs(picture - (0.75 * floor + 0.25 * colour)).max(axis=2) < 4).sum()))
     assert min(counts[0]) > 500
     assert max(counts[1]) < 50
+
+
+def test_the_report_lists_them(results):
+    text = re.sub(r"<[^>]+>", " ", str(building_section(results).content))
+    for words in ("lobby refuge floor corner 2 people", "yard assembly floor far end any number"):
+        assert words in " ".join(text.split())
+    assert "sign sign floor out seen from 30 m" in " ".join(text.split())
 
 
 def test_the_replay_has_them(results):
