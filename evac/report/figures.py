@@ -58,6 +58,8 @@ def plans(building: Building) -> Picture:
         " dashed lines: portals between levels with their clear widths; violet: areas in which people can start."
         " Flights, with an arrow that points upwards, and landings are drawn with the floor below them. Red: closed."
     )
+    if building.places:
+        caption += " Blue areas: refuges; green areas: assembly areas; green squares: signs, with their exits."
     return drawing(figure, caption, "plans of the storeys")
 
 
