@@ -1,6 +1,7 @@
 """Colours of people in pictures: by group, or by a quantity on a colour scale."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,9 @@ from evac.trajectory.trajectory import Frame, Trajectory
 
 #: What people can be coloured by.
 COLOURINGS = ("group", *PEOPLE)
+
+#: The field of smoke that a trajectory may have, and the colouring by it.
+SMOKE = "extinction"
 
 #: Maximum number of groups in a legend.
 LEGEND_GROUPS = 24
@@ -66,7 +70,10 @@ def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colo
         names = trajectory.groups if is_told else ()
         return Colouring(lambda frame: table[trajectory.group[frame["person"]]], names, tuple(shades[: len(names)]))
     scale = PEOPLE[colour_by].with_service(service)
-    quantity, most = _density(trajectory) if colour_by == "density" else _measured(trajectory, colour_by)
+    if colour_by == SMOKE:
+        quantity, most = _smoke(trajectory)
+    else:
+        quantity, most = _density(trajectory) if colour_by == "density" else _measured(trajectory, colour_by)
     colours, top = (255.0 * scale.ramp()).round().astype(np.uint8), scale.end(most)
 
     def of(frame: Frame) -> NDArray[np.uint8]:
@@ -88,6 +95,20 @@ def _density(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], flo
         return values
 
     return of, 0.0
+
+
+def _smoke(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
+    """Return a function that gives the recorded extinction coefficient where people are; 0 if none was recorded."""
+    if SMOKE not in [field.name for field in trajectory.level_fields]:
+        return lambda frame: np.zeros(len(frame["person"])), 0.0
+    field = trajectory.field(SMOKE)
+
+    def of(frame: Frame) -> FloatArray:
+        now = copy(field)
+        now.values = field.values[trajectory.nearest(frame["time"])]
+        return now.at(frame["level"], frame["position"])
+
+    return of, float(field.values.max(initial=0.0))
 
 
 def _measured(trajectory: Trajectory, name: str) -> tuple[Callable[[Frame], FloatArray], float]:

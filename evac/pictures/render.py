@@ -15,8 +15,9 @@ from evac.building.model.building import Building
 from evac.building.model.storeys import level_of
 from evac.folder.files import replacing
 from evac.pictures.camera import Camera
-from evac.pictures.colouring import colouring
+from evac.pictures.colouring import SMOKE, colouring
 from evac.pictures.pawns import draw_people
+from evac.pictures.smoke import Smoke
 from evac.pictures.view import View
 from evac.pictures.writing import Pen
 from evac.trajectory.trajectory import Trajectory
@@ -89,6 +90,7 @@ class Renderer:
         _check_size(size)
         self.trajectory = trajectory
         self._colouring = colouring(trajectory, colour_by, service)
+        self._smoke = Smoke(trajectory) if SMOKE in [field.name for field in trajectory.level_fields] else None
         self._look = _looking(size, view, camera or Camera(), levels, self._colouring.has_legend)
         self._drawn: dict[Hashable, _Drawn] = {}
         largest = float(trajectory.radius.max(initial=0.0)) * self.view_at(float(trajectory.time[0])).scale
@@ -102,7 +104,7 @@ class Renderer:
         trajectory = self.trajectory
         frame = trajectory[k]
         view, ground, names = self._drawn_at(frame["time"])
-        image = ground.copy()
+        image = ground.copy() if self._smoke is None else self._smoke.draw(ground, view, k).copy()
         places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
         shown = np.isfinite(places[:, 0])
         person = frame["person"][shown]
@@ -114,7 +116,8 @@ class Renderer:
         picture.paste(names, (0, 0), names)
         so_far = [change for change in trajectory.changes if change.time <= frame["time"]]
         latest = f"      {so_far[-1]}" if so_far else ""
-        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out{latest}")
+        smoke = "" if self._smoke is None else f"      smoke up to {self._smoke.greatest(k):.1f} 1/m"
+        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out{smoke}{latest}")
         return np.array(picture)
 
     def view_at(self, time: float) -> View:

@@ -1,0 +1,38 @@
+"""Smoke in pictures: a veil on the floors, and people coloured by the smoke at their heads."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.pictures.colouring import colouring
+from evac.pictures.render import Renderer
+from tests.conditions.corridor import corridor, prescribed
+
+
+@pytest.fixture(scope="module")
+def trajectory(tmp_path_factory):
+    area = {"name": "west", "level": "f", "polygon": [[0, 0], [50, 0], [50, 2], [0, 2]]}
+    smoke = prescribed(area="west", times=[0, 4], values={"extinction": [0, 4]}, hold=True)
+    case = corridor(smoke, positions=((0.5, 1.0), (80.0, 1.0)))
+    case = case.change({"building.areas": [area], "simulation.duration": 6.0})
+    return evac.run(case, tmp_path_factory.mktemp("smoke") / "result").trajectory
+
+
+@pytest.mark.parametrize("view", ["plan", "3d"])
+def test_smoke_darkens_the_floor_where_it_is(trajectory, view):
+    renderer = Renderer(trajectory, (800, 300), view)
+    last = len(trajectory) - 1
+    before, after = renderer.image(0).astype(float), renderer.image(last).astype(float)
+    ends = renderer.view_at(0.0).project(np.zeros(2, np.int32), np.array([[20.0, 0.4, 0.0], [90.0, 0.4, 0.0]]))
+    (x1, y1), (x2, y2) = ends[:, :2].round().astype(int)
+    assert after[y1, x1].mean() < 0.7 * before[y1, x1].mean()
+    np.testing.assert_array_equal(after[y2, x2], before[y2, x2])
+
+
+def test_people_are_coloured_by_the_smoke_at_their_heads(trajectory):
+    found = colouring(trajectory, "extinction")
+    assert found.top >= 4.0
+    first, last = found.of(trajectory[0]), found.of(trajectory[len(trajectory) - 1])
+    np.testing.assert_array_equal(first[0], first[1])
+    assert (last[0] != last[1]).any()
+    np.testing.assert_array_equal(last[1], first[1])
