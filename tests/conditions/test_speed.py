@@ -1,5 +1,7 @@
 """Speeds in smoke: the laws, and people who walk through a corridor (NIST 2.5, ISO 20414 test 18)."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -24,19 +26,24 @@ def walked(case):
     return crowd.exit_time[0], passed[1] - passed[0]
 
 
+@cache
+def in_clear_air():
+    return walked(corridor())
+
+
 @pytest.mark.parametrize(
     ("extinction", "ratio"), [(0.5, 1.0421), (1.0, 1.0878), (3.0, 1.3196), (7.5, 2.5350), (10.0, 5.1912)]
 )
 def test_times_in_a_corridor_are_those_of_iso_18(extinction, ratio):
     """The band of ISO 18 follows from the start and from the tick: (2 tau (1 - f) + 2 dt) / t0."""
-    (clear, clear_part), (time, part) = walked(corridor()), walked(corridor(prescribed(extinction)))
+    (clear, clear_part), (time, part) = in_clear_air(), walked(corridor(prescribed(extinction)))
     f = 1.0 / ratio
     assert abs(time / clear * f - 1.0) <= (2.0 * 0.2 * (1.0 - f) + 2.0 * 0.1) / clear
     assert part / clear_part == pytest.approx(ratio, rel=1e-3)
 
 
 def test_nobody_is_slowed_in_clear_air_nor_by_the_law_none():
-    clear = walked(corridor())
+    clear = in_clear_air()
     assert walked(corridor(prescribed(0.0))) == clear
     assert walked(corridor(prescribed(10.0), smoke={"law": "none", "routes": False})) == clear
 
@@ -102,4 +109,4 @@ def test_a_law_is_a_plugin_of_ten_lines(tmp_path):
     path.write_text(TEN_LINES)
     case = corridor(prescribed(1.0))
     changed = evac.load(case.to_dict(), {"smoke.law": "half"}, plugin_files=[path])
-    assert walked(changed)[1] == pytest.approx(2.0 * walked(corridor())[1], rel=1e-6)
+    assert walked(changed)[1] == pytest.approx(2.0 * in_clear_air()[1], rel=1e-6)
