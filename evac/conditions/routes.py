@@ -15,7 +15,7 @@ from evac.conditions.dose import irritant_concentration
 from evac.conditions.law import SmokeLaw, share_in_smoke
 from evac.conditions.quantities import IRRITANTS
 from evac.directions.fields import Fields
-from evac.directions.smoky import Smoky, own_nodes
+from evac.directions.smoky import Smoky, own_nodes, widened
 from evac.people.groups import reference_speeds
 
 if TYPE_CHECKING:
@@ -70,11 +70,13 @@ class RoutesInSmoke:
         smoky: Smoky | None = scene.smoky
         size = scene.fields.grids[0].grids.size
         before = np.ones(size) if smoky is None else smoky.share
-        share, changed = before.copy(), set()
+        share = before.copy()
         for level, (nodes, *_) in enumerate(self._nodes):
             share[nodes] = self._share_on(level, now)
-            if len(nodes) and np.abs(share[nodes] - before[nodes]).max() > self._settings.noticed:
-                changed.add(level)
+        if (share < 1.0).any():
+            share = widened(scene.fields, share)
+        differs = [np.abs(share[nodes] - before[nodes]).max(initial=0.0) for nodes, *_ in self._nodes]
+        changed = set(np.flatnonzero(np.array(differs) > self._settings.noticed).tolist())
         if changed:
             solved = scene.in_smoke().solve(changed, share)
             self._counts += (1, solved)
