@@ -305,6 +305,16 @@ def test_a_low_attic_and_a_space_above_the_roof_are_no_storeys(tmp_path):
     assert place == pytest.approx((5.2, 3.2, 3.0))  # with its height, unlike a place in the cellar
 
 
+def test_a_flat_roof_of_slabs_is_no_storey(tmp_path):
+    ifc = house(IfcFile(), spaces=False)
+    ifc.storey("Roof", 3.0)
+    ifc.box("IFCSLAB", "R", (0, 0, 3.0), (10.4, 6.4, 3.2), predefined="FLOOR")
+    ifc.box("IFCWALL", "parapet", (0, 0, 3.2), (10.4, 0.2, 4.0))
+    path = ifc.write(tmp_path / "a.ifc")
+    assert [level.name for level in building_of(path).levels] == ["L0"]
+    assert [(level, "roof" in text) for level, _, text in told_by(path, "left out")] == [("Roof", True)]
+
+
 @pytest.mark.parametrize("leaf", [((0.15, 3.1, 0), (0.19, 4.1, 2.1)), ((-0.05, 3.1, 0), (-0.01, 4.1, 2.1))])
 def test_a_thin_leaf_belongs_to_its_opening(tmp_path, leaf):
     ifc = IfcFile()

@@ -106,6 +106,10 @@ def floors_of(
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
             continue
         else:
+            if len(heights) > 1 and _is_bare(height, bodies, passages):
+                text = "no wall, door or stair stands on the slab: a roof, a terrace or a canopy"
+                findings.append(Finding("left out", text, name, place_of(slabs)))
+                continue
             made, rooms = slabs, []
             what = "the file has no spaces" if ground == "auto" else "as set"
             findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
@@ -140,6 +144,19 @@ def _is_above_roof(height: "_Height", bodies: Sequence[Body]) -> bool:
     """Return whether a roof ends at about the height of spaces, below at least half of their area."""
     roofs = [body.shadow() for body in bodies if body.kind == "roof" and abs(body.z_max - height.z) < ROOF]
     return bool(roofs) and _covers(united(roofs), united([one for _, one, _ in height.spaces]))
+
+
+def _is_bare(height: "_Height", bodies: Sequence[Body], passages: Sequence[Body]) -> bool:
+    """Return whether neither walls higher than a parapet nor doors nor stairs are at a height."""
+    slabs, z = united(height.slabs), height.z
+    beside = [
+        body
+        for body in bodies
+        if (body.kind == "wall" and body.z_min < z + CUTS[2] and body.z_max > z + CUTS[3])
+        or (body.kind in ("stair", "landing") and body.z_min - THICKNESS < z < body.z_max + THICKNESS)
+    ]
+    beside += [body for body in passages if abs(body.z_min - z) <= THICKNESS]
+    return not any(shapely.dwithin(shapely.box(*body.box[:, :2].ravel()), slabs, THICKNESS) for body in beside)
 
 
 def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
