@@ -220,8 +220,14 @@ class _Draft:
         ------
         BuildingError
             The plan in the folder cannot be read.
+        ScenarioError
+            It has been changed, and the present building has no plan.
         """
+        is_edited = _is_edited(folder)
         if self.table is None:
+            if is_edited:
+                text = "has been changed, and these files have no plan in which that could be kept"
+                raise ScenarioError(f"{folder / PLAN}: {text}; choose another folder (--out)")
             self._build({"exits": exits})
             return
         storeys = {one["name"] for one in self.table["storeys"]}
@@ -231,7 +237,7 @@ class _Draft:
             self.table["exits"] = [*self.table.get("exits", []), more]
         (self._folder / ORIGIN).write_text(plan_text(self.table), encoding="utf-8", errors="replace")
         dropped: list[str] = []
-        if (folder / PLAN).exists() and (folder / ORIGIN).exists():
+        if is_edited:
             places = (self._folder / ORIGIN, folder / ORIGIN, folder / PLAN)
             imported, former, edited = (_table_in(place) for place in places)
             self.table, dropped, told = with_edits(imported, former, edited, self._check)
@@ -270,6 +276,12 @@ def _drafted(folder: Path) -> Iterator[Path]:
             yield Path(draft)
     except OSError as error:
         raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
+
+
+def _is_edited(folder: Path) -> bool:
+    """Return whether the plan of an earlier import has been changed."""
+    plan, origin = folder / PLAN, folder / ORIGIN
+    return plan.exists() and origin.exists() and plan.read_bytes() != origin.read_bytes()
 
 
 def _table_in(file: Path) -> dict[str, Any]:

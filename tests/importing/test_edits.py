@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from evac import Plan, import_building, read_building
+from evac import Plan, ScenarioError, import_building, read_building
 from evac.building.plan.plantable import table_of
 from evac.importing.edits import plan_text
 
@@ -119,9 +119,23 @@ def test_the_plan_gives_the_building_that_was_imported(tmp_path, name):
     assert one.stairs == other.stairs
 
 
+def test_a_floor_that_slopes_has_no_plan_and_takes_no_edits_away(tmp_path):
+    path = write(tmp_path / "a.plan.toml", upper=False)
+    corners = "v 0 0 0\nv 8 0 0.1\nv 8 6 0.1\nv 0 6 0\nf 1 2 3 4\n"
+    (tmp_path / "slope.obj").write_text(corners, encoding="utf-8")
+    made = import_building([tmp_path / "slope.obj"], tmp_path / "case", exits=[1])
+    assert (made.fault, (made.folder / "building.msh").exists()) == ("", True)
+    import_building([path], tmp_path / "case")
+    assert not (made.folder / "building.msh").exists()
+    edit(made.folder, "[[8.1, 3.0], [8.1, 4.0]]", "[[8.1, 1.0], [8.1, 1.9]]")
+    with pytest.raises(ScenarioError, match="has been changed"):
+        import_building([tmp_path / "slope.obj"], tmp_path / "case")
+    assert "[8.1, 1.9]" in (made.folder / "building.plan.toml").read_text(encoding="utf-8")
+
+
 def test_a_plan_that_is_no_toml_is_named(tmp_path):
     path = write(tmp_path / "a.plan.toml", upper=False)
     made = import_building([path], tmp_path / "case")
     edit(made.folder, "[[exits]]", "[[exits")
-    with pytest.raises(Exception, match=r"building.plan.toml: invalid TOML"):
+    with pytest.raises(Exception, match=r"building\.plan\.toml: invalid TOML"):
         import_building([path], tmp_path / "case")
