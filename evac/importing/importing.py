@@ -232,7 +232,7 @@ class _Draft:
             return
         storeys = {one["name"] for one in self.table["storeys"]}
         for way in exits:
-            level = way["level"] if way["level"] in storeys else way["level"].partition(" (")[0]
+            level = way["level"] if way["level"] in storeys else way["level"].rpartition(" (")[0]
             more = {"name": way["name"], "storey": level, "segment": way["segment"]}
             self.table["exits"] = [*self.table.get("exits", []), more]
         (self._folder / ORIGIN).write_text(plan_text(self.table), encoding="utf-8", errors="replace")

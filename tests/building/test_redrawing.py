@@ -1,10 +1,12 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 from evac import BuildingError, Plan, read_building
+from evac.building.plan.plantable import plan_of
 from evac.building.plan.redrawing import plan_of_building, slopes_of
 
 
@@ -47,6 +49,30 @@ def test_an_exit_on_a_stair_has_no_plan():
     building = plan.building(need_exit=False, exits=[{"name": "top", "segment": ((8, 0), (8, 2)), "z": 2.0}])
     with pytest.raises(ValueError, match="'top'"):
         plan_of_building(building)
+
+
+@pytest.mark.parametrize("segment", [[], [[]], [[[0, 0], [0, 1]], []], [[0, 0]]])
+def test_an_exit_needs_segments(segment):
+    plan = Plan()
+    plan.storey("low", shapely.box(0, 0, 4, 2))
+    with pytest.raises(BuildingError, match="exit 'door': segment: a segment must be"):
+        plan.exit("door", "low", segment)
+
+
+@pytest.mark.parametrize(
+    ("polygon", "edge", "match"),
+    [
+        ("POLYGON ((4 0, 8 0, 8 2, 4 2, 4 0))", None, "corners with heights"),
+        ("POLYGON Z ((4 0 0, 8 0 2, 8 2 3, 4 2 0, 4 0 0))", None, "off the plane"),
+        ("POLYGON Z ((4 0 0, 8 0 2, 8 2 2, 4 2 0, 4 0 0))", [(4, 0), (4, 2)], "not both"),
+        (None, [(4, 0), (4, 2)], "upper_edge is missing"),
+    ],
+)
+def test_a_flight_is_between_edges_or_in_one_plane(polygon, edge, match):
+    flight = {"stair": "up", "polygon": polygon, "lower_edge": edge}
+    table = {"storeys": [{"name": "low", "polygons": [[0, 0], [4, 0], [4, 2], [0, 2]]}], "flights": [flight]}
+    with pytest.raises(BuildingError, match=match):
+        plan_of(table, Path("a.plan.toml"), Path()).building(need_exit=False)
 
 
 @pytest.mark.parametrize(

@@ -119,6 +119,18 @@ def test_the_plan_gives_the_building_that_was_imported(tmp_path, name):
     assert one.stairs == other.stairs
 
 
+def test_an_opening_of_a_part_of_a_storey_becomes_an_exit_of_the_storey(tmp_path):
+    plan = Plan()
+    plan.storey("Level (1)", [ROOM, OTHER])
+    plan.exit("main", "Level (1)", [(0, 3), (0, 4.2)])
+    path = tmp_path / "a.plan.toml"
+    path.write_text(plan_text(table_of(plan)), encoding="utf-8")
+    made = import_building([path], tmp_path / "case", partial=True)
+    (number, *_) = [one.number for one in made.openings if one.level == "Level (1) (2)"]
+    again = import_building([path], tmp_path / "case", exits=[number])
+    assert (again.is_accepted, again.fault, len(again.building.exits)) == (True, "", 2)
+
+
 def test_a_floor_that_slopes_has_no_plan_and_takes_no_edits_away(tmp_path):
     path = write(tmp_path / "a.plan.toml", upper=False)
     corners = "v 0 0 0\nv 8 0 0.1\nv 8 6 0.1\nv 0 6 0\nf 1 2 3 4\n"

@@ -291,7 +291,7 @@ class Plan:
         if segment is None:
             self.exits.append(Item(name, storey, None, self._polygons(what, storey, polygon)))
             return
-        several = segment if isinstance(segment, list) and not any(map(is_point, segment)) else [segment]
+        several = segment if isinstance(segment, list) and segment and not any(map(is_point, segment)) else [segment]
         self.exits += [Item(name, storey, self._segment(what, "segment", one)) for one in several]
 
     def opening(self, storey: str, segment: Shape, name: str = "") -> None:
