@@ -8,7 +8,7 @@ documentation. Fields not filled in by options are left empty.
 import argparse
 from pathlib import Path
 
-from evac.cli.inputs import maps_of
+from evac.cli.inputs import declare_service, maps_of
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--congestion-time", type=float, metavar="S", help=what)
     what = "maps to draw, as for evac map; all or none (six of them by default)"
     parser.add_argument("--maps", metavar="MAP,...", help=what)
+    declare_service(parser)
     what = "result folder of a run of the study whose plans, congestion and maps are shown (may be repeated)"
     parser.add_argument("--run", dest="runs", type=Path, metavar="RESULT", action="append", default=[], help=what)
 
@@ -50,7 +51,7 @@ def execute(arguments: argparse.Namespace) -> int:
     labels = Labels(arguments.project, arguments.author, arguments.reviewer, arguments.date)
     density = DENSITY if arguments.congestion_density is None else arguments.congestion_density
     maps = MAPS if arguments.maps is None else () if arguments.maps == "none" else maps_of("--maps", arguments.maps)
-    places = Places(density, arguments.congestion_time, maps)
+    places = Places(density, arguments.congestion_time, maps, arguments.service)
     if is_study(folder):
         text = study_report(folder, arguments.runs, labels, places)
     elif arguments.runs:

@@ -20,6 +20,7 @@ class Places:
     density: float = DENSITY  # above which a place is congested [1/m2], see `evac.analysis.congestion.find_congestion`
     least_time: float | None = None  # for how long it has to be exceeded [s]; None: a tenth of the evacuation time
     maps: Sequence[str] = MAPS  # names of `evac.analysis.maps.QUANTITIES`, in order
+    service: str = ""  # levels of service as colours of densities, see `evac.pictures.scales.SERVICES`
 
 
 USUAL = Places()
@@ -58,11 +59,13 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
                 )
                 for number, place in enumerate(found.places, 1)
             ],
-            picture=figures.map_picture(trajectory, "max_density", computed, caption, found.places),
+            picture=figures.map_picture(trajectory, "max_density", computed, caption, found.places, places.service),
         )
     ]
     pictures = [
-        figures.map_picture(trajectory, name, computed, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.")
+        figures.map_picture(
+            trajectory, name, computed, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.", (), places.service
+        )
         for name in places.maps
         if name != "max_density"
     ]

@@ -121,10 +121,15 @@ def difference_picture(first: Trajectory, other: Trajectory, quantity: str, name
 
 
 def map_picture(
-    trajectory: Trajectory, quantity: str, maps: Mapping[str, LevelMaps], caption: str, places: Sequence[Place] = ()
+    trajectory: Trajectory,
+    quantity: str,
+    maps: Mapping[str, LevelMaps],
+    caption: str,
+    places: Sequence[Place] = (),
+    service: str = "",
 ) -> Picture:
     """Return the map of one quantity, with the numbers of congested places."""
-    figure = draw_map(trajectory, quantity, maps, dpi=DPI)
+    figure = draw_map(trajectory, quantity, maps, dpi=DPI, service=service)
     shown = storeys(trajectory.building)
     for axes, (_, levels) in zip(figure.axes[: len(shown)], shown, strict=True):
         names = {level.name for level in levels}

@@ -88,11 +88,13 @@ def _times(results: "Results") -> str:
 
 def _exits(results: "Results") -> tuple[str, ...]:
     used = sorted(results.exits.items(), key=lambda item: -item[1]["people"])
-    lines = []
+    building, lines = results.building_or_none, list[str]()
+    shut = {one.name for one in building.exits if not building.is_open(one)} if building else set()
     for name, use in used[: MOST_EXITS if len(used) <= MOST_EXITS else MOST_EXITS - 1]:
         last = "" if use["last_out"] is None else f", the last after {use['last_out']:.2f} s"
         flow = "" if use["flow"] is None else f", {use['flow']:.2f} /s ({use['flow_per_metre']:.2f} /s/m)"
-        lines.append(f"Exit {name!r}: {counted(use['people'], 'person', 'people')}{last}{flow}")
+        closed = " (closed)" if name in shut else ""
+        lines.append(f"Exit {name!r}{closed}: {counted(use['people'], 'person', 'people')}{last}{flow}")
     if others := used[len(lines) :]:
         lines.append(f"{len(others)} other exits: {sum(use['people'] for _, use in others)} people")
     return tuple(lines)

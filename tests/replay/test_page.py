@@ -294,6 +294,21 @@ def test_colours_follow_the_quantity(browser, room, quantity):
     assert len(set(colours)) > 1
 
 
+def test_levels_of_service_colour_people_in_bands(browser, room):
+    folder, _ = room
+    show(browser, folder)
+    browser.run("replay.act.seek(4.0); replay.act.colour('density'); replay.act.service('fruin')")
+    browser.settle()
+    assert set(browser.text("#legend").split()) <= set("ABCDEF")
+    colours = browser.run("Array.from(replay.people.words.subarray(0, replay.people.count), (word) => word & 0xffffff)")
+    values = browser.run(
+        """Array.from({ length: replay.people.count },
+             (_, k) => replay.people.valueOf("density", replay.record.now, k))"""
+    )
+    bands = np.digitize(values, (0.31, 0.43, 0.72, 1.08, 2.15))
+    assert len({(band, colour) for band, colour in zip(bands.tolist(), colours, strict=True)}) == len(set(colours)) > 1
+
+
 def test_density_is_a_number_of_people_and_lies_on_the_floor(browser, room):
     folder, _ = room
     show(browser, folder)
