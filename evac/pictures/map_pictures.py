@@ -19,12 +19,15 @@ from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import Plans, draw_plans, outline
 from evac.pictures.scales import MAPS as SCALES
-from evac.pictures.scales import Scale, high_value, round_up
+from evac.pictures.scales import SERVICES, Scale, high_value, round_up
 from evac.results.reading import recorded_flows
 from evac.trajectory.trajectory import Trajectory
 
 #: Colours of floors where a map has no value, and of cells that are never cleared.
 NO_VALUE, NEVER = "#eef0f3", "#7a0177"
+
+#: Least distance of two ticks, as a share of a colour bar.
+LEAST_STEP = 0.03
 
 #: Greatest number of letters of a title for changes of the scene.
 MOST_SAID = 80
@@ -220,8 +223,11 @@ def _drawn(maps: LevelMaps, quantity: str, scale: Scale, top: float) -> np.ndarr
 
 def _add_scale(plans: Plans, colours: ScalarMappable, scale: Scale, top: float) -> None:
     """Add the colour bar of a scale at the right."""
-    shares, texts = zip(*scale.ticks(top), strict=True)
-    _add_bar(plans, colours, f"{scale.label} [{scale.unit}]").set_ticks(shares, labels=texts)
+    ticks = scale.ticks(top)
+    ticks = [tick for k, tick in enumerate(ticks) if k == 0 or tick[0] >= ticks[k - 1][0] + LEAST_STEP]
+    shares, texts = zip(*ticks, strict=True)
+    source = f", {SERVICES[scale.service].source}" if scale.service else ""
+    _add_bar(plans, colours, f"{scale.label} [{scale.unit}]{source}").set_ticks(shares, labels=texts)
 
 
 def _add_bar(plans: Plans, colours: ScalarMappable, label: str) -> Colorbar:
