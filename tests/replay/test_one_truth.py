@@ -306,3 +306,16 @@ def test_densities_of_maps_are_sums_of_kernels(run):
             np.add.at(density, here[near, 0].astype(int), weight[near] / kept / 0.04)
             assert f"{one.density[tuple(cell)]:.4g}" == f"{(shares * density).sum():.4g}"
             assert f"{one.max_density[tuple(cell)]:.4g}" == f"{density.max():.4g}"
+
+
+def test_people_who_come_are_drawn_and_counted_from_then_on(browser, tmp_path):
+    arrive = {"rate": 1.0, "from": 0.0, "to": 6.0}
+    people = [{"name": "early", "level": "room", "number": 4}, {"name": "late", "level": "room", "arrive": arrive}]
+    quiet = {"output.animation": False, "output.picture": False}
+    results = evac.run(evac.load("square_room", {"people": people, **quiet}), tmp_path / "result")
+    browser.open(tmp_path / "result" / "replay.html")
+    crowd = results.crowd
+    for time in np.linspace(0.0, results.time, 40)[:-1] + 0.0037:
+        inside = int(((crowd.arrival_time <= time) & (crowd.exit_time > time)).sum())
+        shown = browser.run(f"[replay.series.inside.at({time}), replay.record.at({time}).count]")
+        assert shown == [inside, inside]

@@ -23,12 +23,22 @@ class Record {
     const { motion } = this;
     this.lastRow = new Int32Array(this.people).fill(-1);
     this.lastFrame = new Int32Array(this.people).fill(-1);
+    const firstSeen = new Map();
     for (let k = 0; k < this.frames; k++) {
       for (let row = motion.first[k]; row < motion.first[k + 1]; row++) {
+        if (this.lastRow[motion.person[row]] < 0) firstSeen.set(motion.person[row], [row, k]);
         this.lastRow[motion.person[row]] = row;
         this.lastFrame[motion.person[row]] = k;
       }
     }
+    // Who comes during the run, when, and where each of them is recorded first.
+    const { moves } = this;
+    this.comes = [];
+    moves.person.forEach((p, i) => {
+      if (moves.start[p] >= 0 || !firstSeen.has(p)) return;
+      this.comes.push([moves.time[i] / 100, ...firstSeen.get(p)]);
+      firstSeen.delete(p);
+    });
     this.hasTimes = this.exit_time !== null;
     this.outTime = new Float64Array(this.people).fill(Infinity);
     this.outBy = new Int32Array(this.people).fill(-1);
@@ -120,6 +130,15 @@ class Record {
       now.x[count] = x[row] + u * (x[next] - x[row]);
       now.y[count] = y[row] + u * (y[next] - y[row]);
       now.z[count++] = z[row] + u * (z[next] - z[row]);
+    }
+    for (const [came, row, frame] of this.comes) {
+      if (frame !== k + 1 || came > time) continue;
+      now.person[count] = person[row];
+      now.row[count] = row;
+      now.level[count] = level[row];
+      now.x[count] = x[row];
+      now.y[count] = y[row];
+      now.z[count++] = z[row];
     }
     now.count = count;
     now.frame = k;
