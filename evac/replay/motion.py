@@ -44,7 +44,7 @@ MOMENT, PACE = 0.01, 0.01
 
 #: Contact forces below this are stored as 0 [N].
 LEAST_FORCE = 10.0
-_ESCAPE = 255
+ESCAPE = 255
 #: Largest numbers in a saved state, so that differences do not overflow.
 MOST_FRAMES = 2**31 - 1
 MOST_CODE = 2**40
@@ -233,8 +233,8 @@ class MotionPacker:
     def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
         """Write whole numbers as bytes, and those that do not fit to ``wide``."""
         folded = np.where(values < 0, -2 * values - 1, 2 * values)
-        self._write(name, np.minimum(folded, _ESCAPE).astype(np.uint8))
-        self._write("wide", values[folded >= _ESCAPE].astype("<i4"))
+        self._write(name, np.minimum(folded, ESCAPE).astype(np.uint8))
+        self._write("wide", values[folded >= ESCAPE].astype("<i4"))
 
     def _write(self, name: str, values: NDArray[np.generic]) -> None:
         self._streams[name].write(values.tobytes())

@@ -3,8 +3,9 @@
 import base64
 import html
 import json
+import re
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from evac.pictures.scales import LEAST, MAPS, PEOPLE, SERVICES, Scale
 from evac.replay.account import Account, account_of_folder
 from evac.replay.geometry import building_for_page, marks_for_page
 from evac.replay.motion import GRAIN, LEAST_FORCE, MOMENT, PACE, MotionPacker
+from evac.replay.poster import poster, texts
 from evac.trajectory.trajectory import Trajectory
 
 #: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
@@ -49,6 +51,8 @@ SCRIPTS = (
     "views.js",
     "people.js",
     "labels.js",
+    "picture.js",
+    "address.js",
     "chart.js",
     "events.js",
     "panel.js",
@@ -96,7 +100,8 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
     scripts = "\n".join(_read(name) for name in SCRIPTS)
     streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
     streams |= {"floors": zlib.compress(floors.tobytes(), 9)} | motion.streams()
-    head, tail = _template(account.title).split("<!--data-->")
+    words = texts(account) | {"title": html.escape(account.title), "poster": poster(motion, account.group)}
+    head, tail = _template(words).split("<!--data-->")
     with replacing(path, "the replay") as new, new.open("w", encoding="utf-8", errors="backslashreplace") as file:
         file.write(head)
         for name, data in streams.items():
@@ -171,11 +176,7 @@ def _about(account: Account) -> dict[str, Any]:
 
     return {
         "title": account.title,
-        "answer": account.answer,
-        "facts": account.facts,
-        "warnings": account.warnings,
         "quality_warnings": account.quality_warnings,
-        "banner": account.banner,
         "groups": account.groups,
         "colours": {
             "groups": palette.group_colours(len(account.groups))[:-1],
@@ -217,10 +218,12 @@ def _scale(scale: Scale) -> dict[str, Any]:
     }
 
 
-def _template(title: str) -> str:
-    """Return the page without its data."""
+def _template(words: Mapping[str, str]) -> str:
+    """Return the page without its data, with texts at their places."""
     page = _read("template.html").replace("/*style*/", _read("style.css")).replace("/*loader*/", _read(LOADER))
-    return page.replace("<!--title-->", html.escape(title))
+    first, *others = re.split(r"<!--(?=(?:" + "|".join(words) + ")-->)", page)
+    parts = (part.partition("-->") for part in others)
+    return first + "".join(words[name] + rest for name, _, rest in parts)
 
 
 def _read(name: str) -> str:

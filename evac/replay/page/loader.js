@@ -14,6 +14,8 @@ inflate("scripts").then((data) => {
   script.textContent = `(() => { "use strict";\n${new TextDecoder().decode(data)}\n})();`;
   document.body.append(script);
 }).catch((error) => {
-  document.getElementById("loading").textContent = `The replay cannot be opened: ${error.message}. Use a current browser.`;
+  document.documentElement.className = "plain";
+  const text = `The replay cannot be opened: ${error.message}. Use a current browser.`;
+  Object.assign(document.getElementById("loading"), { className: "failed", textContent: text });
   throw error;
 });

@@ -19,6 +19,7 @@ async function start() {
   const layout = new Layout(about.building, about.grain, storeys);
   const density = new Density(about.building, new Uint8Array(await inflate("floors")), about.people_scales.density.top);
   const maps = new Maps(record, density), layers = ["plain", "density now", ...Object.keys(about.map_scales)];
+  const quantities = ["group", ...Object.keys(about.people_scales)];
   const series = new Series(record, storeys);
   const people = new People(record, density);
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
@@ -32,6 +33,7 @@ async function start() {
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
   const drawn = [];
+  let opened = null, remembering = null;
 
   const redraw = () => {
     if (isStale) return;
@@ -104,6 +106,53 @@ async function start() {
     return null;
   }
 
+  // Writes what is shown to the address, a little later. A frame within another page has no address of its own.
+  function remember() {
+    if (location.protocol === "about:" || !opened) return;
+    clearTimeout(remembering);
+    remembering = setTimeout(() => {
+      const fragment = addressOf(describeView(state, camera), opened);
+      history.replaceState(null, "", fragment ? `#${fragment}` : location.href.split("#")[0]);
+    }, WAIT);
+  }
+
+  // Shows what the fragment of the address says.
+  function goToAddress() {
+    const known = { storeys: storeys.length, layers, quantities, services: Object.keys(about.services), people: record.people, groups: record.groups.length };
+    const { azimuth, tilt, size, target, view, selected, ...others } = readAddress(location.hash.slice(1), known);
+    act.view(view ?? state.view);
+    Object.assign(state, others);
+    Object.assign(camera, { tilt: tilt ?? camera.tilt, azimuth: azimuth ?? camera.azimuth });
+    by("spread").value = state.spread;
+    arrange();
+    fit();
+    Object.assign(camera, { size: size ?? camera.size, target: target ?? camera.target });
+    select(selected ?? null);
+    recolour();
+    act.seek(state.time);
+  }
+
+  // Draws, and returns a picture of it with texts.
+  function paint() {
+    show();
+    const scale = state.quantity === "group" ? null : people.scaleOf(state.quantity, state.service);
+    const told = scale && { ...scale, name: state.quantity, most: scale.top, stops: onFloor({ ...scale, isVeiled: false }, [0, 0, 0]) };
+    const words = `${seconds(state.time)} · ${by("inside").textContent} inside, ${by("outside").textContent} out`;
+    return paintPicture(canvas, document.title, words, { scale: told, groups: panel.groupNames });
+  }
+
+  // Prints are light, and have a picture in the place of the canvas.
+  function preparePrint() {
+    const { theme } = document.documentElement.dataset;
+    if (theme === "dark") act.theme();
+    by("printed").src = paint().toDataURL("image/png");
+    by("printed").hidden = false;
+    addEventListener("afterprint", () => {
+      by("printed").hidden = true;
+      if (theme === "dark") act.theme();
+    }, { once: true });
+  }
+
   // Keeps whoever is followed in the middle of the picture, on the level that is shown.
   function goAlong(now) {
     const i = now.person.subarray(0, now.count).indexOf(state.selected);
@@ -153,6 +202,7 @@ async function start() {
     labels.update(camera, closed, selectedPlace(now), people, density);
     updateScale(camera, canvas.clientHeight);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
+    if (!state.isPlaying) remember();
     drawn.push(performance.now() - began);
   }
 
@@ -237,7 +287,7 @@ async function start() {
     climb(by) { act.storey(Math.max(-1, state.storey + by >= storeys.length ? -1 : state.storey < 0 && by < 0 ? storeys.length - 1 : state.storey + by)); },
     storey(storey) { if (storeys.length > 1) { state.storey = storey; arrange(); fit(); } },
     spread(spread) { state.spread = spread; arrange(); fit(); },
-    recolour() { const all = ["group", ...Object.keys(about.people_scales)]; act.colour(all[(all.indexOf(state.quantity) + 1) % all.length]); },
+    recolour() { act.colour(quantities[(quantities.indexOf(state.quantity) + 1) % quantities.length]); },
     colour(quantity) { state.quantity = quantity; recolour(); },
     service(service) { state.service = service; recolour(); },
     nextLayer() { act.layer(layers[(layers.indexOf(state.layer) + 1) % layers.length]); },
@@ -276,6 +326,10 @@ async function start() {
   isStale = false;
   follow();
   act.restart();
+  opened = describeView(state, camera);
+  goToAddress();
+  addEventListener("hashchange", goToAddress);
+  addEventListener("beforeprint", preparePrint);
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
   return { record, layout, density, maps, series, people, camera, state, act, stage, drawn };
@@ -286,7 +340,7 @@ async function start() {
     };
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
     by("view-section").hidden = storeys.length < 2;
-    options("colour", ["group", ...Object.keys(about.people_scales)].map((name) => [name, name[0].toUpperCase() + name.slice(1)]));
+    options("colour", quantities.map((name) => [name, name[0].toUpperCase() + name.slice(1)]));
     options("layer", layers.map((name) => [name, name]));
     options("service", [["", "none"], ...Object.entries(about.services).map(([name, { source }]) => [name, source])]);
     options("curve", Object.keys(chart.curves).map((name) => [name, name]));
@@ -308,6 +362,7 @@ async function start() {
     on("spread", "input", () => act.spread(Number(by("spread").value)));
     on("layer", "change", () => act.layer(by("layer").value));
     on("fit", "click", fit);
+    on("save-picture", "click", () => savePicture(paint(), `replay-${state.time.toFixed(1)}-s.png`));
     on("colour", "change", () => act.colour(by("colour").value));
     on("service", "change", () => act.service(by("service").value));
     on("curve", "change", () => {
@@ -331,7 +386,7 @@ async function start() {
 }
 
 start().then((replay) => { window.replay = Object.assign(replay, { opened: performance.now() }); }, (error) => {
-  by("loading").hidden = false;
-  by("loading").textContent = `The replay cannot be shown: ${error.message}`;
+  document.documentElement.className = "plain";
+  Object.assign(by("loading"), { hidden: false, className: "failed", textContent: `The replay cannot be shown: ${error.message}` });
   throw error;
 });

@@ -31,22 +31,13 @@ class Panel {
     });
   }
 
+  // Tells how many doubts there are, and gives warnings that name a time a button that leads to it.
   tellAbout() {
-    const { record } = this;
-    by("facts").innerHTML = record.facts.map(([name, value]) => `<dt>${escaped(name)}</dt><dd>${escaped(value)}</dd>`).join("");
-    const list = (title, lines) => lines.length ? `<h3>${title}</h3><ul>${lines.map((line) => `<li>${escaped(line)}${goTo(timeIn(line))}</li>`).join("")}</ul>` : "";
-    by("warnings").innerHTML = list("Quality warnings", record.quality_warnings) + list("Warnings about building and people", record.warnings)
-      || "<h3>No warnings</h3>";
-    const doubts = record.quality_warnings.length;
+    for (const line of by("warnings").querySelectorAll("li")) line.insertAdjacentHTML("beforeend", goTo(timeIn(line.textContent)));
+    const doubts = this.record.quality_warnings.length;
     by("doubts").hidden = !doubts;
     by("doubts").textContent = doubts;
     by("doubts").title = `${doubts} quality warning${doubts > 1 ? "s" : ""}`;
-    by("answer").hidden = !record.answer.length;
-    by("answer").innerHTML = record.answer.map((line) => `<p>${escaped(line)}</p>`).join("");
-    if (!record.banner) return;
-    by("banner").hidden = false;
-    by("banner").className = record.banner[0];
-    by("banner").textContent = record.banner[1];
   }
 
   // The legend; a click on a group shows it alone.

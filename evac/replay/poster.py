@@ -1,0 +1,108 @@
+"""What the page shows where it cannot play: a picture of the people at the start, and texts of the run."""
+
+import html
+import math
+import zlib
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import shapely
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.building.model.building import Building
+from evac.pictures import palette
+from evac.replay.account import Account
+from evac.replay.motion import ESCAPE, GRAIN, MotionPacker
+
+#: Lines of floors are drawn with this tolerance [m], which keeps the picture small.
+TOLERANCE = 0.05
+
+#: At most so many people are drawn.
+MOST_PEOPLE = 1500
+
+#: Space between the plans of storeys, as a share of the longer side of the building, and at least [m].
+GAP, LEAST_GAP = 0.08, 1.0
+
+
+def texts(account: Account) -> dict[str, str]:
+    """Return the parts of the page that tell about the run, as HTML, by their places in the template."""
+    kind, banner = account.banner or ("", "")
+    facts = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in account.facts)
+    warnings = _list("Quality warnings", account.quality_warnings)
+    warnings += _list("Warnings about building and people", account.warnings)
+    return {
+        "banner": f'<p id="banner" class="{kind}" role="alert"{"" if banner else " hidden"}>{html.escape(banner)}</p>',
+        "answer": "".join(f"<p>{html.escape(line)}</p>" for line in account.answer),
+        "facts": facts,
+        "warnings": warnings or "<h3>No warnings</h3>",
+    }
+
+
+def poster(motion: MotionPacker, group: IntArray) -> str:
+    """Return a picture of all storeys in plan side by side, with the people of the first state, as SVG.
+
+    Parameters
+    ----------
+    motion : MotionPacker
+        With at least one state.
+    group : (n,) int32
+        Group of each person, -1 for none.
+    """
+    building = motion.building
+    storeys = np.unique([round(level.z_min, 1) for level in building.levels if level.kind == "floor"])
+    low, high = np.array(shapely.total_bounds([level.polygon for level in building.levels])).reshape(2, 2)
+    cell = high - low + max(GAP * float((high - low).max()), LEAST_GAP)
+    columns = max(1, round(math.sqrt(1.6 * len(storeys) * cell[1] / cell[0])))  # about as wide as a screen
+
+    def placed(level: int, points: FloatArray) -> FloatArray:
+        """Return points [m] of a level as they are drawn [cm], y downwards."""
+        storey = max(int(np.searchsorted(storeys, building.levels[level].z_min + 0.5)) - 1, 0)
+        at = points - [low[0], high[1]] + cell * [storey % columns, -(storey // columns)]
+        drawn: FloatArray = np.rint(at * [100.0, -100.0])
+        return drawn
+
+    parts = [_floor(building, level, placed) for level in range(len(building.levels))]
+    for exit_ in building.exits:
+        ends = placed(exit_.level, exit_.segments.reshape(-1, 2)).reshape(-1, 4)
+        parts.append(f'<path class="exit" d="{"".join(f"M{a:.0f} {b:.0f}L{c:.0f} {d:.0f}" for a, b, c, d in ends)}"/>')
+    person, level, position = first_state(motion)
+    every = math.ceil(max(len(person), 1) / MOST_PEOPLE)
+    colours = palette.group_colours(int(group.max(initial=-1)) + 1)
+    for number in np.unique(group[person]):
+        rows = np.flatnonzero(group[person] == number)[::every]
+        at = [placed(int(level[row]), position[row]) for row in rows]
+        dots = "".join(f"M{x:.0f} {y:.0f}h0" for x, y in at)
+        parts.append(f'<path class="people" stroke="{colours[number]}" d="{dots}"/>')
+    width, height = 100.0 * cell * [min(columns, len(storeys)), math.ceil(len(storeys) / columns)]
+    label = "All storeys in plan, from the lowest, with the people at the start"
+    return f'<svg viewBox="-50 -50 {width:.0f} {height:.0f}" role="img" aria-label="{label}">{"".join(parts)}</svg>'
+
+
+def first_state(motion: MotionPacker) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return person, level and position (n, 2) [m] of everybody in the first state of a packed motion."""
+    packed = motion.streams()
+    count = int(np.frombuffer(_start_of(packed["events"], 4), "<i4")[0])
+    person, level = np.frombuffer(_start_of(packed["events"], 4 + 8 * count), "<i4")[1:].reshape(2, count)
+    folded = np.frombuffer(_start_of(packed["steps"], 2 * count), np.uint8).astype(np.int64)
+    steps = np.where(folded % 2, -(folded + 1) // 2, folded // 2)
+    is_wide = folded == ESCAPE
+    steps[is_wide] = np.frombuffer(_start_of(packed["wide"], 4 * int(is_wide.sum())), "<i4")
+    return person, level, GRAIN * (steps.reshape(2, count).T + 0.5) + motion.origin
+
+
+def _start_of(stream: bytes, length: int) -> bytes:
+    return zlib.decompressobj().decompress(stream, length) if length else b""
+
+
+def _floor(building: Building, index: int, placed: Callable[[int, FloatArray], FloatArray]) -> str:
+    level = building.levels[index]
+    parts = shapely.get_parts(level.polygon.simplify(TOLERANCE))
+    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
+    outlines = (placed(index, np.array(ring.coords)[:-1]) for ring in rings)
+    path = "".join(f"M{'L'.join(f'{x:.0f} {y:.0f}' for x, y in outline)}z" for outline in outlines)
+    return f'<path class="{level.kind}" d="{path}"/>'
+
+
+def _list(title: str, lines: Sequence[str]) -> str:
+    items = "".join(f"<li>{html.escape(line)}</li>" for line in lines)
+    return f"<h3>{title}</h3><ul>{items}</ul>" if items else ""

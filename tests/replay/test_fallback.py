@@ -1,0 +1,139 @@
+"""Links, pictures and print of the page, and what it shows without JavaScript or WebGL."""
+
+import base64
+import io
+import json
+import re
+import time
+
+import numpy as np
+from PIL import Image
+
+from evac.replay.motion import GRAIN, MotionPacker
+from evac.replay.poster import first_state, poster
+from evac.trajectory.trajectory import read_trajectory
+
+VIEW = "['time', 'view', 'storey', 'layer', 'quantity', 'selected'].map((name) => replay.state[name])"
+AIM = "[replay.camera.azimuth, replay.camera.tilt, replay.camera.size, ...replay.camera.target]"
+
+
+def image_of(address):
+    return np.array(Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))).convert("RGB")).astype(int)
+
+
+def test_a_link_leads_to_the_view(browser, storeys):
+    page, _ = storeys
+    browser.open(page)
+    browser.run("replay.act.seek(1.25); replay.act.spread(2.5); replay.camera.orbit(0.4, 0.1); replay.camera.zoom(0.6)")
+    browser.run("replay.act.layer('density now'); replay.act.colour('speed'); replay.act.select(2)")
+    browser.wait("location.hash.includes('selected=2')")
+    shown, aim, link = browser.run(VIEW), browser.run(AIM), browser.run("location.hash")
+    browser.run("replay.act.restart()")
+    browser.wait("location.hash === ''")  # as it opens
+    assert browser.run(VIEW) != shown
+    browser.run(f"location.hash = {json.dumps(link)}")
+    browser.wait("replay.state.time === 1.25")
+    browser.settle()
+    assert browser.run(VIEW) == shown
+    np.testing.assert_allclose(browser.run(AIM), aim, rtol=1e-5, atol=1e-5)
+
+
+def test_a_link_from_anywhere_is_read_with_care(browser, storeys):
+    page, _ = storeys
+    browser.open(page)
+    odd = "time=1e999&view=<b>&storey=9&selected=2.5&size=nan&target=1,x,2&layer=__proto__&spread=0.1"
+    browser.run(f"location.hash = {json.dumps(odd)}")
+    browser.settle()
+    found = browser.run(VIEW)
+    assert found == [browser.run("replay.record.end"), "3d", -1, "plain", "group", None]
+    assert all(np.isfinite(browser.run(AIM)))
+
+
+def test_a_picture_has_what_is_shown_with_labels_and_legend(browser, room):
+    folder, _ = room
+    browser.open(folder / "replay.html")
+    browser.run("replay.act.seek(2.0)")
+    browser.settle()
+    shown = np.array(Image.open(io.BytesIO(browser.picture())).convert("RGB")).astype(int)
+    box = browser.run("replay.stage.canvas.getBoundingClientRect().toJSON()")
+    x, y, width, height = (round(box[name]) for name in ("x", "y", "width", "height"))
+    browser.run("HTMLCanvasElement.prototype.toBlob = function () { window.saved = this.toDataURL(); }")
+    browser.run("document.getElementById('save-picture').click()")
+    saved = image_of(browser.run("saved"))
+    assert saved.shape[1] == width
+    assert saved.shape[0] > height
+    below = slice(80, height - 40)  # without tools and the bar of the scale
+    off = np.abs(saved[below, :width] - shown[y : y + height, x : x + width][below]).max(axis=2)
+    assert (off > 60).mean() < 0.01  # letters are smoothed in another way
+    assert np.ptp(saved[height:], axis=(0, 1)).min() > 150  # texts and swatches
+
+
+def test_print_is_light_and_has_a_picture_for_the_canvas(browser, room):
+    folder, _ = room
+    browser.open(folder / "replay.html", dark=True)
+    browser.run("replay.act.seek(2.0); dispatchEvent(new Event('beforeprint'))")
+    printed = image_of(browser.run("document.getElementById('printed').src"))
+    assert printed.mean() > 200
+    assert browser.run("document.documentElement.dataset.theme") == "light"
+    browser.send("Emulation.setEmulatedMedia", {"media": "print"})
+    parts = "[...document.querySelectorAll('#printed, #answer, #facts, #exits, #view, #tools')]"
+    shown = browser.run(f"{parts}.filter((one) => one.checkVisibility()).map(({{ id }}) => id)")
+    assert sorted(shown) == ["answer", "exits", "facts", "printed"]
+    browser.send("Emulation.setEmulatedMedia", {"media": ""})
+    browser.run("dispatchEvent(new Event('afterprint'))")
+    assert browser.run("document.documentElement.dataset.theme") == "dark"
+    pages = base64.b64decode(browser.send("Page.printToPDF", {"preferCSSPageSize": True})["data"])
+    assert 1 <= len(re.findall(rb"/Type /Page\b(?!s)", pages)) <= 3
+
+
+def test_without_javascript_there_are_the_results_and_a_poster(chromium, room):
+    folder, results = room
+    chromium.open(folder / "replay.html")
+    chromium.send("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        chromium.send("Page.reload")
+        for _ in range(200):
+            time.sleep(0.05)
+            if chromium.run("document.readyState === 'complete' && !window.replay"):
+                break
+        check_plain(chromium, results)
+    finally:
+        chromium.send("Emulation.setScriptExecutionDisabled", {"value": False})
+
+
+def test_without_webgl_there_are_the_results_and_a_poster(chromium, room):
+    folder, results = room
+    chromium.open(folder / "replay.html")
+    script = "HTMLCanvasElement.prototype.getContext = () => null"
+    number = chromium.send("Page.addScriptToEvaluateOnNewDocument", {"source": script})["identifier"]
+    chromium.send("Page.reload")
+    chromium.wait("/WebGL/.test(document.getElementById('loading')?.textContent)")
+    check_plain(chromium, results)
+    chromium.send("Page.removeScriptToEvaluateOnNewDocument", {"identifier": number})
+
+
+def check_plain(browser, results):
+    """The answer, the facts and a picture with everybody are seen, and nothing that needs the rest."""
+    assert f"{results.last_out:.2f} s" in browser.text("#answer")
+    assert f"{results.last_out:.2f} s" in browser.text("#facts")
+    seen = "[...document.querySelectorAll('{}')].filter((one) => one.checkVisibility()).length"
+    assert browser.run(seen.format("#poster svg")) == 1
+    assert browser.run(seen.format("#view, #tools, aside, footer, button")) == 0
+    dots = browser.run("[...document.querySelectorAll('#poster .people')].map((one) => one.getAttribute('d')).join('')")
+    assert dots.count("M") == 20
+
+
+def test_the_poster_has_everybody_where_they_were_first(descent):
+    trajectory = read_trajectory(descent(people=6, frames=3).path)
+    motion = MotionPacker(6, trajectory.building)
+    for k in range(len(trajectory)):
+        frame = trajectory[k]
+        names = ("time", "person", "level", "position", "velocity", "started", "contact_force")
+        motion.add(*(frame[name] for name in names))
+    person, level, position = first_state(motion)
+    first = trajectory[0]
+    assert (person.tolist(), level.tolist()) == (first["person"].tolist(), first["level"].tolist())
+    np.testing.assert_allclose(position, first["position"], atol=0.51 * GRAIN)
+    picture = poster(motion, trajectory.group)
+    assert picture.count("h0") == 6
+    assert picture.count('class="exit"') == len(trajectory.building.exits)
