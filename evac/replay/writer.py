@@ -55,6 +55,7 @@ SCRIPTS = (
     "address.js",
     "chart.js",
     "events.js",
+    "measuring.js",
     "panel.js",
     "controls.js",
     "main.js",

@@ -11,6 +11,7 @@ const KEYS = [
   ["Page up, Page down", "next level up or down; all levels beyond the last"],
   ["C", "next colour of people"],
   ["L", "next map on the floors"],
+  ["M", "measure: draw a line, an area, off"],
   ["F, 0", "show everything; back to how it opened"],
   ["+ −", "zoom"],
   ["W A S D", "move"],
@@ -28,7 +29,7 @@ const KEYS = [
 // Calls `act` with the names of what the pointers on the canvas do.
 function listenToPointers(canvas, camera, act) {
   const pointers = new Map();
-  let moved = 0;
+  let moved = 0, isDrawing = false;
   const middle = () => {
     const all = [...pointers.values()];
     const [x, y] = [0, 1].map((i) => all.reduce((sum, at) => sum + at[i], 0) / all.length);
@@ -43,11 +44,13 @@ function listenToPointers(canvas, camera, act) {
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
     moved = pointers.size > 1 ? 99 : 0;
+    isDrawing = pointers.size === 1 && act.draw(...place(event.clientX, event.clientY), true);
   });
   canvas.addEventListener("pointermove", (event) => {
     if (!pointers.has(event.pointerId)) return;
     const [x, y, apart] = middle();
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    if (isDrawing) return act.draw(...place(event.clientX, event.clientY), false);
     const [nx, ny, now] = middle(), { clientWidth: width, clientHeight: height } = canvas;
     moved += Math.hypot(nx - x, ny - y);
     if (moved < 4) return;
@@ -57,7 +60,7 @@ function listenToPointers(canvas, camera, act) {
     act.look();
   });
   const release = (event) => {
-    if (event.type === "pointerup" && pointers.has(event.pointerId) && moved < 4) act.click(...place(event.clientX, event.clientY));
+    if (event.type === "pointerup" && pointers.has(event.pointerId) && moved < 4 && !isDrawing) act.click(...place(event.clientX, event.clientY));
     pointers.delete(event.pointerId);
   };
   for (const type of ["pointerup", "pointercancel"]) canvas.addEventListener(type, release);
@@ -74,7 +77,7 @@ function listenToKeys(camera, state, act) {
   const keys = {
     " ": act.toggle, k: act.toggle, home: () => act.seek(-Infinity), end: () => act.seek(Infinity),
     "[": () => act.faster(-1), "]": () => act.faster(1), p: act.nextView, pageup: () => act.climb(1), pagedown: () => act.climb(-1),
-    c: act.recolour, l: act.nextLayer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
+    m: act.nextMeasure, c: act.recolour, l: act.nextLayer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
     g: () => act.follow(state.selected !== null && !state.isFollowed), n: () => act.nextEvent(1), b: () => act.nextEvent(-1),
     escape: act.deselect, "0": act.restart, "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)),
     w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)),

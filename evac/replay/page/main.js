@@ -1,6 +1,7 @@
 // Puts everything together, and shows the time that is to be shown.
 
 const VIEWS = ["3d", "plan", "section"];
+const MEASURED = "measured";  // Name of its curves.
 const FOLLOWED = 14;  // Height of the picture around somebody who is followed [m].
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
 const LEAST_PIXELS = 0.6;
@@ -27,12 +28,13 @@ async function start() {
   const panel = new Panel(record, series, layout, people);
   const state = {
     time: record.begin, isPlaying: false, speed: 1, quantity: "group", view: "3d", storey: -1, spread: 1,
-    layer: "plain", service: "", selected: null, isFollowed: false, highlighted: null, pixels: MOST_PIXELS, took: 0,
+    layer: "plain", service: "", selected: null, isFollowed: false, highlighted: null, measuring: "", pixels: MOST_PIXELS, took: 0,
   };
   const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
   const drawn = [];
+  let measured = null, drawnFrom = null;
   let opened = null, remembering = null;
 
   const redraw = () => {
@@ -166,6 +168,28 @@ async function start() {
     camera.update();
   }
 
+  function showMeasured() {
+    by("measured-section").hidden = !measured;
+    stage.mesh("measured", measured ? measureMesh(layout, measured, look.mark) : [], [3, 4]);
+    if (measured) {
+      by("measured-name").textContent = measured.name[0].toUpperCase() + measured.name.slice(1);
+      chart.curves[MEASURED] = measured.curves();
+    } else delete chart.curves[MEASURED];
+    options("curve", Object.keys(chart.curves).map((name) => [name, name]));
+    showCurve(measured ? MEASURED : by("curve").value);
+    redraw();
+  }
+
+  function showCurve(name) {
+    by("curve").value = name;
+    chart.show(name, (of, index) => panel.lineColour(of === "people out" ? index - 1 : index));
+    redraw();
+  }
+
+  function options(id, entries) {
+    by(id).innerHTML = entries.map(([value, text]) => `<option value="${escaped(value)}">${escaped(text)}</option>`).join("");
+  }
+
   function select(p) {
     state.selected = p;
     if (p === null) act.follow(false);
@@ -186,6 +210,7 @@ async function start() {
       closed = shut;
       stage.build(layout, density, closed, record.marksAt(state.time), { exit: unit(about.colours.exit), closed: unit(about.colours.closed), places: Object.fromEntries(Object.entries(about.colours.places).map(([kind, colour]) => [kind, unit(colour)])) });
       select(state.selected);
+      showMeasured();
       isBuilt = true;
     }
     const now = record.at(state.time);
@@ -211,6 +236,7 @@ async function start() {
     panel.update(state.time, now);
     panel.tellPerson(state.selected, state.time, now);
     chart.update(state.time);
+    if (measured) by("measured-facts").innerHTML = asTerms(measured.facts(state.time));
     timeLine.update(state.time);
     by("slider").value = state.time;
     by("slider").setAttribute("aria-valuetext", `${seconds(state.time)}, ${series.inside.at(state.time)} people inside`);
@@ -248,6 +274,7 @@ async function start() {
       Object.assign(state, { time: record.begin, speed: 1, quantity: "group", view: "3d", storey: -1, layer: "plain", service: "", highlighted: null });
       for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
       act.speed(1);
+      act.measure("");
       select(null);
       recolour();
       camera.aspect = aspect();
@@ -313,6 +340,27 @@ async function start() {
       if (isFollowed) camera.size = Math.min(camera.size, FOLLOWED);
       redraw();
     },
+    // Lets the user draw a line or an area; with neither, nothing is measured any more.
+    measure(kind) {
+      state.measuring = by("measure").value = kind;
+      canvas.classList.toggle("drawing", Boolean(kind));
+      if (kind) return;
+      measured = null;
+      showMeasured();
+    },
+    nextMeasure() { const kinds = ["", "line", "area"]; act.measure(kinds[(kinds.indexOf(state.measuring) + 1) % 3]); },
+    // Draws from or to a place on the screen; returns whether something is drawn.
+    draw(x, y, isStart) {
+      if (!state.measuring) return false;
+      camera.update();
+      const at = meetFloor(layout, density, camera.ray(x, y));
+      if (isStart) drawnFrom = at;
+      else if (at && drawnFrom && at.level === drawnFrom.level && Math.hypot(at.x - drawnFrom.x, at.y - drawnFrom.y) > 0.1) {
+        measured = new Measured(state.measuring, drawnFrom, at, record, density);
+        showMeasured();
+      }
+      return drawnFrom !== null;
+    },
     nextEvent(by) { act.seek(timeLine.next(state.time, by) ?? state.time); },
     deselect() { select(null); },
     click(x, y) { camera.update(); const p = people.pick(camera.ray(x, y)); select(p < 0 ? null : p); },
@@ -332,24 +380,19 @@ async function start() {
   addEventListener("beforeprint", preparePrint);
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
-  return { record, layout, density, maps, series, people, camera, state, act, stage, drawn };
+  return { record, layout, density, maps, series, people, camera, state, act, stage, drawn, get measured() { return measured; } };
 
   function fillChoices() {
-    const options = (id, entries) => {
-      by(id).innerHTML = entries.map(([value, text]) => `<option value="${escaped(value)}">${escaped(text)}</option>`).join("");
-    };
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
     by("view-section").hidden = storeys.length < 2;
     options("colour", quantities.map((name) => [name, name[0].toUpperCase() + name.slice(1)]));
     options("layer", layers.map((name) => [name, name]));
     options("service", [["", "none"], ...Object.entries(about.services).map(([name, { source }]) => [name, source])]);
-    options("curve", Object.keys(chart.curves).map((name) => [name, name]));
     options("speed", SPEEDS.map((speed) => [speed, `${speed}×`]));
     by("speed").value = state.speed;
     Object.assign(by("slider"), { min: record.begin, max: record.end });
     Object.assign(by("spread"), { min: 1, max: MOST_SPREAD });
     by("keys").tBodies[0].innerHTML = KEYS.map(([keys, what]) => `<tr><td><kbd>${keys}</kbd></td><td>${what}</td></tr>`).join("");
-    chart.show(by("curve").value, (name, index) => panel.lineColour(name === "people out" ? index - 1 : index));
   }
 
   function listen() {
@@ -365,10 +408,10 @@ async function start() {
     on("save-picture", "click", () => savePicture(paint(), `replay-${state.time.toFixed(1)}-s.png`));
     on("colour", "change", () => act.colour(by("colour").value));
     on("service", "change", () => act.service(by("service").value));
-    on("curve", "change", () => {
-      chart.show(by("curve").value, (name, index) => panel.lineColour(name === "people out" ? index - 1 : index));
-      redraw();
-    });
+    on("curve", "change", () => showCurve(by("curve").value));
+    on("measure", "change", () => act.measure(by("measure").value));
+    on("measured-close", "click", () => act.measure(""));
+    on("measured-save", "click", () => save(new Blob([measured.table(), "\n"], { type: "text/csv" }), `${measured.name}.csv`));
     on("theme", "click", act.theme);
     on("show-info", "click", () => by("info").showModal());
     on("show-help", "click", () => by("help").showModal());

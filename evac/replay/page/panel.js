@@ -3,6 +3,7 @@
 const by = (id) => document.getElementById(id);
 const seconds = (time) => `${time.toFixed(1)} s`;
 const goTo = (time) => time === null ? "" : ` <button type="button" value="${time}">Show ${seconds(time)}</button>`;
+const asTerms = (facts) => facts.map(([name, value]) => `<dt>${name}</dt><dd>${escaped(value)}</dd>`).join("");
 const escaped = (text) => String(text).replace(/[&<>"]/g, (sign) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[sign]);
 
 class Panel {
@@ -109,7 +110,7 @@ class Panel {
     facts.push(["Exit time", left ? (record.hasTimes ? `${record.outTime[p].toFixed(2)} s` : `by ${seconds(record.outTime[p])}`) : "did not get out"]);
     if (left) facts.push(["Exit used", `${exit ? exit.name : "unknown"}${record.hasTimes ? "" : " (the nearest)"}`]);
     if (by("person-name").textContent !== `Person ${p}`) by("person-name").textContent = `Person ${p}`;
-    by("person-facts").innerHTML = facts.map(([name, value]) => `<dt>${name}</dt><dd>${escaped(value)}</dd>`).join("");
+    by("person-facts").innerHTML = asTerms(facts);
   }
 }
 

@@ -142,6 +142,7 @@ class Stage {
     gl.depthMask(false);
     this.use(this.glow, camera);
     this.show("track");
+    this.show("measured");
     gl.depthMask(true);
   }
 
