@@ -181,6 +181,7 @@ def _about(account: Account) -> dict[str, Any]:
         "groups": account.groups,
         "colours": {
             "groups": palette.group_colours(len(account.groups))[:-1],
+            "different": len(palette.GROUPS),
             "none": palette.NO_GROUP,
             "exit": palette.EXIT,
             "closed": palette.CLOSED,

@@ -62,9 +62,14 @@ def page(request, room, tmp_path_factory):
     everybody = np.zeros(people, np.int32)
     some = account_of_run(room[1])
     moves = replace(some.moves, start=everybody, row=everybody[:0], target=everybody[:0], time=np.zeros(0))
-    sizes = {"group": everybody, "radius": everybody + 0.25, "height": everybody + 1.7, "moves": moves}
+    sizes = {
+        "group": np.arange(people, dtype=np.int32) % 60,
+        "radius": everybody + 0.25,
+        "height": everybody + 1.7,
+        "moves": moves,
+    }
     unknown = dict.fromkeys(("speed", "response_time", "exit_used", "exit_time"))
-    account = replace(some, **sizes, **unknown)
+    account = replace(some, groups=[f"group {k + 1}" for k in range(60)], **sizes, **unknown)
     path = tmp_path_factory.mktemp("view") / "replay.html"
     write_page(path, motion, account, ())
     return path
@@ -136,3 +141,38 @@ def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser
     rise = np.polyfit(z[stairs], y[stairs], 1)
     assert rise[0] > 0.5
     assert np.abs(np.polyval(rise, z[stairs]) - y[stairs]).max() < 1.0  # half the width of a stair, and its landing
+
+
+def test_60_groups_and_12_exits_are_told_apart_and_in_the_order_of_numbers(browser, page):
+    browser.open(page)
+    legend = "[...document.querySelectorAll('#legend button')]"
+    assert browser.run(f"{legend}.map(({{ innerText }}) => innerText)") == [f"group {k + 1}" for k in range(60)]
+    swatches = browser.run(f"{legend}.map((one) => one.querySelector('.swatch').style.background)")
+    assert len(set(swatches)) == 60
+    drawn = browser.run(
+        """Array.from({ length: 60 }, (_, k) => {
+             const { people } = replay;
+             return [people.words[k] & 0xffffff, Math.floor(people.bodies[4 * k + 3] / 10)].join();
+           })"""
+    )
+    shown = browser.run("Array.from({ length: 60 }, (_, k) => replay.record.now.person[replay.people.shown[k]] % 60)")
+    assert len(set(drawn)) == len(set(shown)) > 20
+    rows = "[...document.querySelectorAll('#exits tbody tr')]"
+    assert browser.run(f"{rows}.map(({{ cells }}) => cells[0].innerText)") == [f"exit {k + 1}" for k in range(12)]
+    lines = browser.run(f"{rows}.map((row) => row.querySelector('line').getAttribute('style'))")
+    curves = browser.run(
+        "[...document.querySelectorAll('#chart .curve:not(.total)')].map((one) => one.getAttribute('style'))"
+    )
+    assert len(set(lines)) == 12
+    assert curves == lines
+
+
+def test_ticks_of_the_chart_reach_over_the_whole_range(browser, page):
+    browser.open(page)
+    at = browser.run(
+        "[...document.querySelectorAll('#chart .at')].map((text) => [Number(text.getAttribute('x')), text.textContent])"
+    )
+    left, right = browser.run("[replay.record.begin, replay.record.end].map((time) => replay.chart.x(time))")
+    assert at[0] == [left, "0"]
+    assert at[-1] == [right, "40 s"]
+    assert max(second - first for (first, _), (second, _) in pairwise(at)) < 0.4 * (right - left)

@@ -29,30 +29,28 @@ class Chart {
     return CHART.left + (CHART.width - CHART.left - CHART.right) * (end > begin ? (time - begin) / (end - begin) : 0);
   }
 
-  show(name, colours) {
+  show(name) {
     const curves = this.curves[name], { begin, end } = this.record;
     const times = Array.from({ length: SAMPLES + 1 }, (_, k) => begin + (end - begin) * k / SAMPLES);
     const values = curves.map((curve) => times.map(curve.value));
-    const most = Math.max(1, ...values.flat());
-    const y = (value) => CHART.height - CHART.bottom - (CHART.height - CHART.top - CHART.bottom) * value / most;
+    const most = values.flat().reduce((a, b) => Math.max(a, b), 1), marks = ticks(most, 4), top = Math.max(most, marks.at(-1));
+    const y = (value) => CHART.height - CHART.bottom - (CHART.height - CHART.top - CHART.bottom) * value / top;
     const parts = [];
-    for (const tick of ticks(most, 4)) {
+    for (const tick of marks) {
       parts.push(`<line class="grid" x1="${CHART.left}" x2="${CHART.width - CHART.right}" y1="${y(tick)}" y2="${y(tick)}"/>`,
                  `<text x="${CHART.left - 5}" y="${y(tick) + 4}" text-anchor="end">${tick}</text>`);
     }
-    ticks(end - begin, 5).forEach((tick, k, all) => {
-      const text = k + 1 < all.length ? begin + tick : `${begin + tick} s`;
-      const isLast = this.x(begin + tick) > CHART.width - 24;  // Its unit would be cut off.
-      parts.push(`<text x="${isLast ? CHART.width : this.x(begin + tick)}" y="${CHART.height - 7}" text-anchor="${isLast ? "end" : "middle"}">${text}</text>`);
-    });
+    const label = (time, text, anchor) => parts.push(`<text class="at" x="${this.x(time)}" y="${CHART.height - 7}" text-anchor="${anchor}">${text}</text>`);
+    for (const tick of ticks(end - begin, 5)) if (tick < 0.85 * (end - begin)) label(begin + tick, begin + tick, "middle");
+    label(end, `${Number(end.toFixed(1))} s`, "end");
     curves.forEach((curve, index) => {
       const points = times.map((time, k) => `${this.x(time).toFixed(1)},${y(values[index][k]).toFixed(1)}`);
-      const colour = curve.isTotal ? "" : ` style="stroke:${colours(name, index)}"`;
-      parts.push(`<polyline class="curve${curve.isTotal ? " total" : ""}"${colour} points="${points.join(" ")}"/>`);
+      const isFirstTotal = curves[0].isTotal, style = curve.isTotal ? "" : ` style="${lineStyle(isFirstTotal ? index - 1 : index)}"`;
+      parts.push(`<polyline class="curve${curve.isTotal ? " total" : ""}"${style} points="${points.join(" ")}"/>`);
     });
     parts.push(`<line class="cursor" y1="${CHART.top - 4}" y2="${CHART.height - CHART.bottom}"/>`);
-    const label = `${name} over time, up to ${most} people in ${(end - begin).toFixed(1)} seconds`;
-    this.node.innerHTML = `<svg viewBox="0 0 ${CHART.width} ${CHART.height}" role="img" aria-label="${label}">${parts.join("")}</svg>`;
+    const words = `${name} over time, up to ${most} people in ${(end - begin).toFixed(1)} seconds`;
+    this.node.innerHTML = `<svg viewBox="0 0 ${CHART.width} ${CHART.height}" role="img" aria-label="${words}">${parts.join("")}</svg>`;
     this.cursor = this.node.querySelector(".cursor");
   }
 
@@ -62,9 +60,9 @@ class Chart {
   }
 }
 
-// Round numbers from 0 up to a greatest value.
+// Round numbers from 0 up to a greatest value, and the next one if that is nearer than half a step.
 function ticks(most, count) {
   const power = 10 ** Math.floor(Math.log10(Math.max(most, 1) / count));
   const step = Math.max(1, [1, 2, 5, 10].map((k) => k * power).find((value) => most / value <= count));
-  return Array.from({ length: Math.floor(most / step) + 1 }, (_, k) => k * step);
+  return Array.from({ length: Math.round(most / step) + 1 }, (_, k) => k * step);
 }

@@ -21,13 +21,13 @@ function findEvents(record, series) {
 }
 
 // The first time at which a jam is on each stair, and on the floors of each storey.
-function findJams({ motion, frames, building }, { storeys, stairs }) {
+function findJams({ motion, frames, building, people }, { storeys }) {
   const { first, person, level, waited, times } = motion, events = [];
   const places = building.levels.map((one, index) => {
     const stair = building.stairs.findIndex(({ levels }) => levels.includes(index));
     return stair < 0 ? one.storey : storeys.length + stair;
   });
-  const names = [...storeys, ...stairs].map(({ name }) => name), isTold = names.map(() => false), last = new Float32Array(1 + Math.max(...person));
+  const names = [...storeys, ...building.stairs].map(({ name }) => name), isTold = names.map(() => false), last = new Float32Array(people);
   for (let k = 0; k < frames; k++) {
     const waiting = names.map(() => 0);
     for (let row = first[k]; row < first[k + 1]; row++) {

@@ -125,7 +125,7 @@ class Cells {
   markPeople(camera, { bodies, words, count, tallest }) {
     for (let k = 0; k < count; k++) {
       const [x, y, z, radius] = bodies.subarray(4 * k, 4 * k + 4), tall = (words[k] >>> 24) / 255 * tallest;
-      const ends = [z, z + tall].map((height) => camera.project([x, y, height])), reach = 1.2 * radius / camera.size * this.height;
+      const ends = [z, z + tall].map((height) => camera.project([x, y, height])), reach = 1.2 * (radius % HEAD_STEP) / camera.size * this.height;
       const xs = ends.map(([px]) => (px + 1) / 2 * this.width), ys = ends.map(([, py]) => (1 - py) / 2 * this.height);
       const box = [Math.min(...xs) - reach, Math.min(...ys) - reach, Math.max(...xs) + reach, Math.max(...ys) + reach];
       if (box[2] > 0 && box[3] > 0 && box[0] < this.width && box[1] < this.height) this.mark(box);

@@ -182,7 +182,7 @@ async function start() {
 
   function showCurve(name) {
     by("curve").value = name;
-    chart.show(name, (of, index) => panel.lineColour(of === "people out" ? index - 1 : index));
+    chart.show(name);
     redraw();
   }
 
@@ -380,7 +380,7 @@ async function start() {
   addEventListener("beforeprint", preparePrint);
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
-  return { record, layout, density, maps, series, people, camera, state, act, stage, drawn, get measured() { return measured; } };
+  return { record, layout, density, maps, series, people, camera, state, act, stage, chart, drawn, get measured() { return measured; } };
 
   function fillChoices() {
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);

@@ -10,7 +10,6 @@ class Panel {
   constructor(record, series, layout, people) {
     Object.assign(this, { record, series, layout, people });
     const { groups } = record.colours;
-    this.lineColour = (index) => LINES[index % LINES.length];
     this.exits = this.table("exits", series.exits, 2);
     this.lines = this.table("lines", record.lines, 3);
     by("line-section").hidden = !record.lines.length;
@@ -18,15 +17,15 @@ class Panel {
     this.storeys = this.table("storeys", series.storeys, 1);
     by("stair-section").hidden = !series.stairs.length;
     by("storey-section").hidden = series.storeys.length < 2;
-    this.groupNames = [...record.groups, "no group"].map((name, index) => ({ name, index, colour: groups[index] ?? record.colours.none }))
-      .filter(({ index }) => record.group.some((group) => group === (index < record.groups.length ? index : -1)));
+    this.groupNames = [...record.groups, "no group"].map((name, index) => ({ name, index, colour: groups[index] ?? record.colours.none, head: headOf(index, record) }))
+      .filter(({ index }) => record.group.some((group) => group === (index < record.groups.length ? index : -1))).sort(byName);
     this.tellAbout();
   }
 
   table(id, rows, columns) {
     return rows.map(({ name }, index) => {
       const row = by(id).tBodies[0].insertRow();
-      const swatch = rows.length > 1 ? `<span class="swatch" style="background:${this.lineColour(index)}"></span>` : "";
+      const swatch = rows.length > 1 ? `<svg class="key" viewBox="0 0 30 4"><line x2="30" y1="2" y2="2" style="${lineStyle(index)}"/></svg>` : "";
       row.insertCell().innerHTML = swatch + escaped(name);
       return Array.from({ length: columns }, () => row.insertCell());
     });
@@ -49,10 +48,10 @@ class Panel {
       return;
     }
     const list = document.createElement("ul");
-    for (const { name, index, colour } of this.groupNames) {
+    for (const { name, index, colour, head } of this.groupNames) {
       const button = document.createElement("button");
       button.type = "button";
-      button.innerHTML = `<span class="swatch" style="background:${colour}"></span>${escaped(name)}`;
+      button.innerHTML = `<span class="swatch" style="background:${swatchOf(colour, head)}"></span>${escaped(name)}`;
       button.setAttribute("aria-pressed", highlighted === index);
       button.addEventListener("click", () => highlight(highlighted === index ? null : index));
       list.append(Object.assign(document.createElement("li")));
@@ -68,8 +67,8 @@ class Panel {
     by("inside").textContent = series.inside.at(time);
     by("outside").textContent = out;
     const closed = record.closedAt(time), { portals } = record.building;
-    series.exits.forEach(({ times }, index) => {
-      this.exits[index][0].parentElement.classList.toggle("closed", closed.includes(portals.length + index));
+    series.exits.forEach(({ times, index: exit }, index) => {
+      this.exits[index][0].parentElement.classList.toggle("closed", closed.includes(portals.length + exit));
       this.exits[index][0].textContent = countUpTo(times, time);
       this.exits[index][1].textContent = flowAt(times, time, record.begin).toFixed(1);
     });
@@ -114,8 +113,14 @@ class Panel {
   }
 }
 
-// Colours of exits, stairs and levels in charts; colour-blind people tell them apart.
-const LINES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a939e"];
+// Lines of exits, stairs and levels in charts: colours of the theme that colour-blind people tell apart, then dashes.
+const LINES = 6, DASHES = ["none", "7 3", "2 3"];
+const lineStyle = (index) => `stroke:var(--line-${1 + index % LINES});stroke-dasharray:${DASHES[Math.floor(index / LINES) % DASHES.length]}`;
+
+// The head and the belt of people, from 0 to the last of `HEADS`, tell groups of the same colour apart.
+const HEADS = [null, "#ffffff", "#000000", "#ffe100"];
+const headOf = (group, { colours }) => group < colours.groups.length ? Math.floor(group / colours.different) % HEADS.length : 0;
+const swatchOf = (colour, head) => head ? `linear-gradient(${colour} 30%, ${HEADS[head]} 30% 70%, ${colour} 70%)` : colour;
 
 // The bar of a scale with its colours, and numbers or levels of service below it.
 function bar(stops, { unit, least, edges, letters }, top) {

@@ -3,6 +3,8 @@
 // The measures of people, and the columns of the motion that have them.
 const COLUMNS = { speed: "speed", "contact force": "force", "waited so far": "waited" };
 
+const HEAD_STEP = 10;  // The fourth number of a body is its radius, and this for each step of its head.
+
 class People {
   constructor(record, density) {
     this.record = record;
@@ -53,8 +55,8 @@ class People {
       bodies[4 * k] = xx * now.x[i] + xy * now.y[i] + x0;
       bodies[4 * k + 1] = yx * now.x[i] + yy * now.y[i] + y0;
       bodies[4 * k + 2] = layout.height(now.z[i]);
-      bodies[4 * k + 3] = record.radius[p] / 1000;
       const group = record.group[p] < 0 ? this.groups.length - 1 : record.group[p];
+      bodies[4 * k + 3] = record.radius[p] / 1000 + (isGroup ? HEAD_STEP * headOf(group, record) : 0);
       const fades = highlighted !== null && group !== highlighted;
       let colour = isGroup ? this.groups[group] : colours[Math.floor(255 * shareOf(scale, scale.top, this.valueOf(quantity, now, i)))];
       if (fades) colour = this.faded[group];
@@ -71,7 +73,7 @@ class People {
     for (let k = 0; k < this.count; k++) {
       const [x, y, z, r] = this.bodies.subarray(4 * k, 4 * k + 4);
       const tall = this.record.height[this.record.now.person[this.shown[k]]] / 1000;
-      const way = meetCapsule(from, along, [x, y, z], 1.25 * r, tall);
+      const way = meetCapsule(from, along, [x, y, z], 1.25 * (r % HEAD_STEP), tall);
       if (way < least) [least, found] = [way, this.shown[k]];
     }
     return found < 0 ? -1 : this.record.now.person[found];

@@ -46,10 +46,14 @@ function paintLegend(pen, { groups, scale }, y, right, ink) {
     write(`${scale.most} ${scale.unit}`);
     return;
   }
-  for (const [k, { name, colour }] of groups.entries()) {
+  for (const [k, { name, colour, head }] of groups.entries()) {
     if (x + pen.measureText(name).width + 90 > right) return write(`and ${groups.length - k} more groups`);
     pen.fillStyle = colour;
     pen.fillRect(x, y - 5, 10, 10);
+    if (head) {
+      pen.fillStyle = HEADS[head];
+      pen.fillRect(x, y - 2, 10, 4);
+    }
     x += 14;
     write(name);
     x += 6;

@@ -1,5 +1,9 @@
 // Numbers of people over time, all counted from the same moves: who changed to which level, or came in or left, and when.
 
+// Names in the order that people expect: north 2 before north 10.
+const { compare } = new Intl.Collator("en", { numeric: true });
+const byName = (a, b) => compare(a.name, b.name);
+
 // A number of people that changes at times.
 class Count {
   constructor(number) {
@@ -24,11 +28,11 @@ class Series {
     const timesOf = (people) => Float64Array.from(people, (p) => record.outTime[p]);
     this.out = timesOf(order);
     this.exits = exits.map((exit, index) => ({
-      name: exit.name, times: timesOf(order.filter((p) => record.outBy[p] === index)),
-    }));
+      name: exit.name, index, times: timesOf(order.filter((p) => record.outBy[p] === index)),
+    })).sort(byName);
     const onStair = levels.map((_, index) => stairs.findIndex((stair) => stair.levels.includes(index)));
     this.inside = this.place("inside", levels.map(() => true)).inside;
-    this.stairs = stairs.map(({ name }, stair) => this.place(name, onStair.map((of) => of === stair)));
+    this.stairs = stairs.map(({ name }, stair) => this.place(name, onStair.map((of) => of === stair))).sort(byName);
     this.storeys = storeys.map(({ name }, storey) => this.place(name, levels.map((level, index) => level.storey === storey && onStair[index] < 0)));
   }
 

@@ -186,6 +186,7 @@ class Stage {
     }
     this.usePeople(this.person, camera, people);
     gl.uniform3fv(this.person.places.rim, look.rim);
+    gl.uniform3fv(this.person.places.heads, HEADS.flatMap((head) => unit(head ?? HEADS[1])));
     gl.disable(gl.BLEND);
     gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * count);
