@@ -5,22 +5,19 @@ the crowd have, whose slowness is divided by the share of the speed at each node
 has changed on it, or if its ways lead through a level that is.
 """
 
-import math
 from collections.abc import Mapping, Set
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
 
-from evac.base.arrays import FloatArray, IndexArray
+from evac.base.arrays import FloatArray
 from evac.base.saved import part_of, taken
 from evac.directions.column import Column
 from evac.directions.fields import Fields
 from evac.directions.gates import Gates
 from evac.directions.quickest import Quickest
-from evac.directions.raster.grids import OWN
 
 #: Least share of the speed, so that travel times remain finite.
 LEAST_SHARE = 1e-5
@@ -106,30 +103,3 @@ class Smoky:
         for number, column in self._columns.items():
             with part_of(state, f"{number}.") as own:
                 column.restore(own)
-
-
-def widened(fields: Fields, share: FloatArray) -> FloatArray:
-    """Return the least share (nodes,) of the speed within the clearance of each node, also across portals.
-
-    Paths keep their clearance from posts by a slowness that is up to nine times as great beside them. Where much smoke
-    ends at a door or a portal, they would lead along the post, since what lies behind it costs next to nothing.
-    """
-    grids = fields.grids[0].grids
-    reach = 1 + 2 * (1 + math.ceil(fields.clearance / grids.lattice.spacing))
-    found = share.copy()
-    for grid in grids.levels:
-        sheet, source = grid.sheet.ravel(), grid.source.ravel()
-        own, halo = np.flatnonzero(sheet == OWN), np.flatnonzero((sheet != OWN) & (source >= 0))
-        there = np.ones(len(sheet))
-        there[own], there[halo] = share[grid.offset + own], share[source[halo]]
-        least = minimum_filter(there.reshape(grid.window.shape), reach, mode="constant", cval=1.0)
-        found[grid.offset + own] = least.ravel()[own]
-    return found
-
-
-def own_nodes(fields: Fields, level: int) -> tuple[IndexArray, FloatArray]:
-    """Return the packed indices of the nodes on the ground of a level, and their places in plan (n, 2) [m]."""
-    grid = fields.grids[0].grids.levels[level]
-    nodes = np.flatnonzero(grid.sheet == OWN)
-    places = grid.window.places(np.stack(np.unravel_index(nodes, grid.window.shape), axis=1))
-    return grid.offset + nodes, places

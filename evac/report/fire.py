@@ -11,7 +11,13 @@ TENABLE = 10.0
 
 
 def fire_section(run: Results) -> Section:
-    """Return the section on the conditions of the air of a run that has them."""
+    """Return the section on the conditions of the air of a run.
+
+    Parameters
+    ----------
+    run : Results
+        Of a case with conditions.
+    """
     conditions = run.conditions
     assert conditions is not None
     settings: Any = run.settings
