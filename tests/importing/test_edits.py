@@ -123,6 +123,7 @@ def test_an_opening_of_a_part_of_a_storey_becomes_an_exit_of_the_storey(tmp_path
     plan = Plan()
     plan.storey("Level (1)", [ROOM, OTHER])
     plan.exit("main", "Level (1)", [(0, 3), (0, 4.2)])
+    plan.opening("Level (1)", [(14, 3), (14, 4)])  # without a name
     path = tmp_path / "a.plan.toml"
     path.write_text(plan_text(table_of(plan)), encoding="utf-8")
     made = import_building([path], tmp_path / "case", partial=True)

@@ -156,7 +156,7 @@ def _exit(items: list[Item]) -> dict[str, Any]:
 
 def _item(item: Item) -> dict[str, Any]:
     shape = {"polygon": _wkt(item.polygons)} if item.segment is None else {"segment": item.segment.tolist()}
-    return {**({"name": item.name} if item.name else {}), "storey": item.storey, **shape}
+    return {"name": item.name or "unnamed", "storey": item.storey, **shape}
 
 
 def _wkt(polygons: tuple[Any, ...]) -> list[str]:
