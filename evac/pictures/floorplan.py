@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Exit, Level, Place
-from evac.building.model.conditions import marks_of
+from evac.building.model.marks import marks_of
 from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
 from evac.pictures.writing import round_length

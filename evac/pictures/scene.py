@@ -11,8 +11,8 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Level
-from evac.building.model.conditions import Mark, marks_of
 from evac.building.model.elevation import elevation
+from evac.building.model.marks import Mark, marks_of
 from evac.export.vtk import segments_in_space
 from evac.pictures import palette
 from evac.pictures.camera import Camera, aim

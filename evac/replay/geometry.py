@@ -13,8 +13,8 @@ from evac.analysis.maps import SPACING
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Level, Place
 from evac.building.model.cells import Cells
-from evac.building.model.conditions import marks_of
 from evac.building.model.elevation import elevation
+from evac.building.model.marks import marks_of
 from evac.replay.motion import GRAIN, is_even, level_plane
 
 #: Greatest number of cells of the maps of all levels, and along x on one of them: a texture has no more.

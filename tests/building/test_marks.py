@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 import evac
-from evac.building.model.conditions import marks_of
 from evac.building.model.links import with_direction
+from evac.building.model.marks import marks_of
 
 
 @pytest.fixture(scope="module")
