@@ -8,7 +8,7 @@ import numpy as np
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, naming, plugin_code
 from evac.building.model.building import Building
-from evac.building.model.elevation import PLANE, elevation
+from evac.building.model.elevation import ground_of
 from evac.conditions.quantities import QUANTITIES
 from evac.conditions.source import AT_ONCE, HEAD, ConditionSource, SourceScene
 
@@ -46,7 +46,7 @@ class Air:
         heads: dict[str, float],
         needed: Sequence[str],
     ) -> None:
-        self._building, self._where = building, case.source
+        self._where = case.source
         self.sources, self._settings = list(sources), case.conditions
         self.scenes = [SourceScene(building, case.folder, one, heads, tuple(needed)) for one in case.conditions]
         self._given: list[frozenset[str]] = []
@@ -60,7 +60,7 @@ class Air:
                     )
             self._given.append(given)
         self.quantities = tuple(name for name in QUANTITIES if any(name in given for given in self._given))
-        self._planes = [_plane_of(building, level) for level in range(len(building.levels))]
+        self._grounds = [ground_of(building.vertices, level) for level in building.levels]
 
     @property
     def last(self) -> float:
@@ -72,11 +72,8 @@ class Air:
         """Return the heights z (n,) of the heads of people with body heights (n,) on levels (n,) [m]."""
         ground = np.empty(len(level))
         for index in np.unique(level).tolist():
-            rows, plane = np.flatnonzero(level == index), self._planes[index]
-            if plane is None:
-                ground[rows] = elevation(self._building, level[rows], position[rows])
-            else:
-                ground[rows] = plane[0] + position[rows] @ plane[1]
+            rows = np.flatnonzero(level == index)
+            ground[rows] = self._grounds[index](position[rows])
         return ground + HEAD * np.asarray(height)
 
     def at(
@@ -124,12 +121,3 @@ class Air:
             else:
                 found[rows] = np.where(is_known, values, found[rows])
         return found
-
-
-def _plane_of(building: Building, level: int) -> tuple[float, FloatArray] | None:
-    """Return height at the origin and gradient of a level that is a plane; None if it is not one."""
-    one = building.levels[level]
-    own = building.vertices[np.unique(one.triangles)]
-    gradient = np.tan(one.slope) * one.uphill
-    base = own[:, 2] - own[:, :2] @ gradient
-    return (float(base[0]), gradient) if np.abs(base - base[0]).max() <= PLANE else None

@@ -249,7 +249,8 @@ class Exposure:
         dose = self._dose
         assert dose is not None
         scale = COMPROMISING if dose.form == "iso" else INCAPACITATING
-        self.irritants[rows] = np.maximum(self.irritants[rows], irritant_concentration(air, scale))
+        if any(name in air for name in IRRITANTS):
+            self.irritants[rows] = np.maximum(self.irritants[rows], irritant_concentration(air, scale))
         heat = heat_rate(dose.heat, air) if dose.heat != "none" and "temperature" in air else np.zeros(len(rows))
         rates = np.stack([gas_rate(dose.form, dose.activity, air), heat]) / MINUTE
         before = self._rates[:, rows]

@@ -1,5 +1,7 @@
 """Heights of points on a building's levels."""
 
+from collections.abc import Callable
+
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
@@ -44,15 +46,28 @@ def in_space(building: Building, level: IntArray, velocity: FloatArray) -> Float
 
 def level_elevation(vertices: FloatArray, level: Level, position: FloatArray) -> FloatArray:
     """Return the heights (n,) of points (n, 2) on one level [m]; see `elevation`."""
+    return ground_of(vertices, level)(position)
+
+
+def ground_of(vertices: FloatArray, level: Level) -> Callable[[FloatArray], FloatArray]:
+    """Return a function that gives the heights (n,) of points (n, 2) on one level [m]; see `elevation`."""
     own = vertices[np.unique(level.triangles)]
     gradient = np.tan(level.slope) * level.uphill
     off = own[:, 2] - own[0, 2] - (own[:, :2] - own[0, :2]) @ gradient
     if np.abs(off).max() <= PLANE:
-        height: FloatArray = own[0, 2] + (position - own[0, :2]) @ gradient
-        return height
+
+        def on_plane(position: FloatArray) -> FloatArray:
+            height: FloatArray = own[0, 2] + (position - own[0, :2]) @ gradient
+            return height
+
+        return on_plane
     corners = vertices[level.triangles]
-    cell = shapely.STRtree(shapely.polygons(corners[:, :, :2])).nearest(shapely.points(position))
-    a, b, c = corners[cell].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    height = a[:, 2] - ((position - a[:, :2]) * normal[:, :2]).sum(axis=1) / normal[:, 2]
-    return height
+    cells = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
+
+    def on_cells(position: FloatArray) -> FloatArray:
+        a, b, c = corners[cells.nearest(shapely.points(position))].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        height: FloatArray = a[:, 2] - ((position - a[:, :2]) * normal[:, :2]).sum(axis=1) / normal[:, 2]
+        return height
+
+    return on_cells
