@@ -69,7 +69,7 @@ class Labels {
       };
       const shines = ([left, top, right, bottom]) => !camera.isFlat && item !== this.who && [[left, top], [right, top], [left, bottom], [right, bottom]].some(([px, py]) => {
         const [from, along] = camera.ray(2 * px / width - 1, 1 - 2 * py / height), way = (at[2] - from[2]) / along[2];
-        return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i])) > 0;
+        return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i]), 1) > 0;
       });
       const places = SIDES[item.kind] ?? SIDES.any, tries = item.side ? [item.side, ...places] : places;  // So that it does not jump.
       item.side = depth < 1 ? tries.find((side) => taken.isFree(boxAt(side)) && !shines(boxAt(side))) : null;

@@ -375,7 +375,7 @@ async function start() {
   follow();
   act.restart();
   opened = describeView(state, camera);
-  goToAddress();
+  if (location.hash) goToAddress();
   addEventListener("hashchange", goToAddress);
   addEventListener("beforeprint", preparePrint);
   by("loading").hidden = true;
