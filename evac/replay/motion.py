@@ -1,6 +1,6 @@
 """The motion of all people for the replay page: quantised, as second differences, compressed frame by frame.
 
-The page decodes the streams (page/motion.js). All numbers are little-endian:
+The page decodes the streams (page/run/motion.js). All numbers are little-endian:
 
 - ``times``: float64, the time of each frame [s].
 - ``events``: int32. For each frame the number of people who were not in the previous frame, then their indices and

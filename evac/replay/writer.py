@@ -37,13 +37,13 @@ LOADER = "loader.js"
 #: Scripts in the order in which they are run, within one function so that they define no global names.
 SCRIPTS = (
     "colours.js",
-    "motion.js",
-    "record.js",
-    "series.js",
+    "run/motion.js",
+    "run/record.js",
+    "run/series.js",
     "section.js",
     "layout.js",
-    "density.js",
-    "maps.js",
+    "run/density.js",
+    "run/maps.js",
     "shaders.js",
     "meshes.js",
     "stage.js",
