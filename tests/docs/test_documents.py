@@ -1,9 +1,11 @@
 """What the documents say is there, is there; what they show, runs."""
 
+import csv
 import json
 import re
 import subprocess
 import sys
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -73,6 +75,50 @@ def test_commands_of_the_readme_exist(text):
     assert len(words) >= 5
     for word in words:
         assert re.search(rf"^ +{word} ", help_text, re.MULTILINE), word
+
+
+def words_of(screen):
+    """Return the words of a screen, without what a narrow terminal cuts off and adds."""
+    return [word for word in screen.split() if word != "..." and not set(word) <= {"─"}]
+
+
+@pytest.mark.parametrize(
+    ("block", "command"),
+    [
+        (0, ["run", "primary_school"]),
+        pytest.param(1, ["repeat", "primary_school_drill", "--runs", "20"], marks=pytest.mark.slow),
+    ],
+)
+def test_screens_of_the_readme_are_those_of_its_commands(text, tmp_path, block, command):
+    done = subprocess.run(
+        [sys.executable, "-m", "evac", *command], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    printed = words_of(done.stdout)
+    shown = words_of(fenced(text("README.md"), "text")[block])
+    assert len(shown) > 40
+    assert not Counter(shown) - Counter(printed)
+
+
+def test_figures_of_the_readme_are_those_of_the_evidence(text, root):
+    verdicts = text("docs/evidence/README.md")
+    readme = text("README.md")
+    answers = {
+        "Tests passed: NSM2, walking]": r"\(`walking`\) \| (.+?) \|",
+        "Tests passed: NSM2]": r"as in the paper \| (.+?) \|",
+        "walking, all contact models: targets met]": r"`walking` \| (.+?) \|",
+        "Intervals of studies with a fixed number of runs that cover": r"2000 studies \| (.+?) \|",
+        "evac run primary_school, whole command [s]": r"whole command \| (.+?) s \|",
+    }
+    for question, answer in answers.items():
+        (row,) = (line for line in verdicts.splitlines() if question in line)
+        assert re.search(answer, readme)[1] == row.split(" | ")[1], question
+    with open(root / "docs/evidence/scaling/peers.csv", newline="", encoding="utf-8") as file:
+        measured = {(one["start"], one["program"]): one for one in csv.DictReader(file) if one["people"] == "1000"}
+    rows = re.findall(r"^\| (.+) \| ([\d,]+) \| ([\d,]+) \|$", readme, re.MULTILINE)
+    assert len(rows) == 6
+    for program, *times in rows:
+        for start, time in zip(("free", "dense"), times, strict=True):
+            assert time == f"{float(measured[start, program]['ns per person-step']):,.0f}"
 
 
 def test_python_of_the_readme_is_ten_lines_and_runs(text, tmp_path):
