@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 
-from evac.building.model.building import Place
+from evac.building.model.building import Building, Place
 from evac.building.model.links import states_of
 from evac.report import figures
-from evac.report.templates import Section, fixed, section
+from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.results import Results
+from evac.trajectory.trajectory import Trajectory
 
 
 def building_section(run: Results | None) -> Section:
@@ -21,24 +22,11 @@ def building_section(run: Results | None) -> Section:
         "building",
         "Building",
         building=building,
+        mesh=run.record.table.building.mesh,
         ground=sum(level.polygon.area for level in levels),
         plans=figures.plans(building),
-        levels=[
-            (
-                level.name,
-                level.kind,
-                level.stair,
-                fixed(level.z_min, 2),
-                fixed(level.z_max, 2),
-                fixed(math.degrees(level.slope), 1) if level.kind == "flight" else None,
-                fixed(level.polygon.area, 1),
-            )
-            for level in levels
-        ],
+        stairs=[_stair(building, name) for name in building.stairs],
         exits=[(e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)]) for e in building.exits],
-        portals=[
-            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index]) for p in building.portals
-        ],
         doors=[
             (door.name, levels[door.level].name, fixed(door.width, 2), states[building.n_links + k])
             for k, door in enumerate(building.doors)
@@ -51,6 +39,46 @@ def building_section(run: Results | None) -> Section:
         closed=run.record.table.building.closed,
         changes=[(fixed(change.time, 1), str(change)) for change in run.trajectory.changes],
         lacks=() if building.doors else ("doors",),
+    )
+
+
+def levels_section(trajectory: Trajectory) -> Section:
+    """Return the appendix with all levels of the building of a run and the portals between them."""
+    building = trajectory.building
+    levels, states = building.levels, [_in_words(found) for found in states_of(building, trajectory.changes)]
+    return section(
+        "levels",
+        f"{APPENDIX}levels and portals",
+        levels=[
+            (
+                level.name,
+                level.kind,
+                level.stair,
+                fixed(level.z_min, 2),
+                fixed(level.z_max, 2),
+                fixed(math.degrees(level.slope), 1) if level.kind == "flight" else None,
+                fixed(level.polygon.area, 1),
+            )
+            for level in levels
+        ],
+        portals=[
+            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index]) for p in building.portals
+        ],
+    )
+
+
+def _stair(building: Building, name: str) -> tuple[object, ...]:
+    """Return the row of a stair: its heights, flights, steepest slope, and narrowest portal."""
+    parts = [building.levels[index] for index in building.stairs[name]]
+    flights = [level for level in parts if level.kind == "flight"]
+    widths = [portal.width for level in parts for portal in building.portals_of(level.index)]
+    return (
+        name,
+        fixed(min(level.z_min for level in parts), 2),
+        fixed(max(level.z_max for level in parts), 2),
+        len(flights),
+        fixed(math.degrees(max((level.slope for level in flights), default=0.0)), 1),
+        fixed(min(widths, default=None), 2),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from evac.report.templates import Cell, Section, section
+from evac.report.templates import APPENDIX, Cell, Section, section
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def checklist_section(numbers: dict[str, str], lacking: Collection[str] = ()) ->
         Contents that sections lack.
     """
     rows = [(str(number), point.words, *_where(point, numbers, lacking)) for number, point in enumerate(POINTS, 1)]
-    return section("checklist", "Checklist of the documentation", rows=rows)
+    return section("checklist", f"{APPENDIX}checklist of the documentation", rows=rows)
 
 
 def _where(point: Point, numbers: dict[str, str], lacking: Collection[str]) -> tuple[Cell, str]:

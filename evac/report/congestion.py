@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from evac.analysis.congestion import DENSITY, SHARE, find_congestion
 from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, level_maps
 from evac.report import figures
-from evac.report.templates import Section, fixed, section
+from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.results import Results
 
 #: The maps that a report has unless others are asked for.
@@ -69,4 +69,4 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
         for name in places.maps
         if name != "max_density"
     ]
-    return (*sections, *([section("maps", "Maps", pictures=pictures)] if pictures else []))
+    return (*sections, *([section("maps", f"{APPENDIX}maps", pictures=pictures)] if pictures else []))

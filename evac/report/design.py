@@ -1,7 +1,7 @@
 """Flows of a run beside the hydraulic calculation, and its evacuation time as a second opinion."""
 
 from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
-from evac.report.templates import Cell, Section, fixed, section
+from evac.report.templates import APPENDIX, Cell, Section, fixed, section
 from evac.results.results import Results
 
 #: Greatest number of rows; those with the longest hydraulic times.
@@ -11,12 +11,12 @@ MOST_ROWS = 25
 def design_section(run: Results) -> Section:
     """Return the section on design flows."""
     if run.building_or_none is None:
-        return section("design", "Hydraulic calculation", "design_missing.html", is_missing=True)
+        return section("design", f"{APPENDIX}hydraulic calculation", "design_missing.html", is_missing=True)
     found = design_flows(run.building, run.flows, run.crowd.exit_time)
     decisive = hydraulic_time(found)
     shown = sorted(found, key=lambda one: -one.hydraulic_time)[:MOST_ROWS]
     rows, answer = [_row(one) for one in shown], _answer(run, decisive)
-    return section("design", "Hydraulic calculation", rows=rows, answer=answer, laboratory=LABORATORY)
+    return section("design", f"{APPENDIX}hydraulic calculation", rows=rows, answer=answer, laboratory=LABORATORY)
 
 
 def _answer(run: Results, decisive: DesignFlow | None) -> str:

@@ -7,22 +7,33 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from evac.analysis.congestion import Place
 from evac.analysis.maps import LevelMaps
-from evac.base.arrays import FloatArray
+from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
 from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
+from evac.pictures.floorplan import draw_plans
 from evac.pictures.map_pictures import draw_difference, draw_map
 from evac.pictures.pictures import Curve, curves_figure, runs_figure
+from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
+from evac.results.answer import time_of_share
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
 PLANS = (6.8, 7.6)
+
+#: Shares of the people out at which the course of a run is shown [%].
+SHARES_OUT = (25, 50, 75, 95)
+
+#: Sizes of rendered pictures [pixels].
+COVER_SIZE, COURSE_SIZE = (820, 560), (640, 480)
 
 #: Of maps, which are made of cells, when they are printed [1/inch].
 DPI = 150
@@ -34,7 +45,7 @@ class Picture(NamedTuple):
     source: str  # address that contains the picture
     caption: str
     words: str  # what it shows, for those who cannot see it
-    kind: str  # "drawing", or "map", of which a printed page has two
+    kind: str  # class of the page: "drawing", "map", "cover" or "course"
 
 
 def _picture(file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing") -> Picture:
@@ -61,6 +72,49 @@ def plans(building: Building) -> Picture:
     if building.places:
         caption += " Blue areas: refuges; green areas: assembly areas; green squares: signs, with their exits."
     return drawing(figure, caption, "plans of the storeys")
+
+
+def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
+    """Return pictures of a run when `SHARES_OUT` of the people are out, as far as they come to be.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    exit_times : (n,) float [s]
+        Of the people who are to leave, NaN for those who did not.
+    """
+    draw = Renderer(trajectory, COURSE_SIZE)
+    found = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
+    return [
+        _rendered(draw, trajectory.nearest(time), f"{share} % of the people are out, at {time:.1f} s", "course")
+        for share, time in found
+        if time is not None
+    ]
+
+
+def cover(trajectory: Trajectory) -> Picture:
+    """Return the picture of the building and the people at the first recorded time."""
+    return _rendered(Renderer(trajectory, COVER_SIZE), 0, f"The building at {trajectory.time[0]:g} s.", "cover")
+
+
+def _rendered(draw: Renderer, k: int, caption: str, class_: str) -> Picture:
+    file = io.BytesIO()
+    Image.fromarray(draw.image(k)).save(file, format="png", optimize=True)
+    return _picture(file, "png", caption, caption, class_)
+
+
+def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
+    """Return plans of the storeys with marks at the people of some rows at the last recorded time."""
+    frame = trajectory[len(trajectory) - 1]
+    of_these = np.isin(frame["person"], rows)
+    place, level = frame["position"][of_these], frame["level"][of_these]
+    plans_ = draw_plans(trajectory.building_at(frame["time"]), None, side=0.1, greatest=PLANS)
+    for axes, levels in zip(plans_.axes, plans_.levels, strict=True):
+        x, y = place[np.isin(level, [one.index for one in levels])].T
+        axes.plot(x, y, "o", color=palette.CLOSED, markersize=2.5, markeredgewidth=0.0, zorder=6)
+        axes.set_title(f"{axes.get_title('left')}: {len(x)} inside", fontsize=9, loc="left", pad=3, parse_math=False)
+    caption = f"People who were still inside at {frame['time']:.1f} s, {len(place)} in all, as red marks."
+    return drawing(plans_.figure, caption, caption)
 
 
 def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Picture:

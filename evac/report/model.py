@@ -38,7 +38,7 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
     """
     return section(
         "model",
-        "Model, parameters and versions",
+        f"{APPENDIX}model, parameters and versions",
         case=case,
         seed=seed,
         parameters={key: told(value) for key, value in case.model_parameters.items()},

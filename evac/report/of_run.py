@@ -4,7 +4,8 @@ from pathlib import Path
 
 from evac.base.errors import counted
 from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
-from evac.report.building import building_section
+from evac.report import figures
+from evac.report.building import building_section, levels_section
 from evac.report.congestion import USUAL, Places, congestion_sections
 from evac.report.design import design_section
 from evac.report.fire import fire_section
@@ -12,8 +13,8 @@ from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
 from evac.report.templates import Section, section
-from evac.report.times import times_section
-from evac.report.verification import evidence_section, verification_section
+from evac.report.times import places_section, times_section
+from evac.report.verification import evidence_section, standard_section, verification_section
 from evac.results.reading import read_results
 from evac.results.results import Results
 
@@ -41,21 +42,25 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
     """
     run = read_results(folder)
     summary = run.record
-    head = Head(summary.title or folder.name, "Evacuation analysis: one run", banner(run), main_results(run))
+    picture = figures.cover(run.trajectory) if run.trajectory else None
+    head = Head(summary.title or folder.name, "Evacuation analysis: one run", banner(run), main_results(run), picture)
     sections: list[Section] = [
         building_section(run),
         occupants_section(summary.table, run),
+        times_section(run),
+        *([fire_section(run)] if run.conditions else []),
+        *congestion_sections(run, places),
+        section("warnings", "Warnings", quality=quality_of(run), before=summary.warnings, is_study=False),
+        verification_section(summary.table, summary.keeps_distance),
+        section("assessment", "Assessment"),
+        section("limits", "Limits of use", is_study=False, has_fire=run.conditions is not None),
         model_section(
             summary.table, summary.versions, summary.plugins, str(summary.seed), "evac run case.toml --out RESULT"
         ),
-        verification_section(summary.table, summary.keeps_distance),
-        times_section(run),
+        *([levels_section(run.trajectory)] if run.trajectory is not None else []),
+        places_section(run),
         design_section(run),
-        *congestion_sections(run, places),
-        *([fire_section(run)] if run.conditions else []),
-        section("warnings", "Warnings", quality=quality_of(run), before=summary.warnings, is_study=False),
-        section("assessment", "Assessment"),
-        section("limits", "Limits of use", is_study=False, has_fire=run.conditions is not None),
+        standard_section(summary.table, summary.keeps_distance),
         evidence_section(),
         case_section(run.settings),
         files_section(folder, RESULT_FILES),

@@ -10,6 +10,7 @@ from markupsafe import Markup
 from evac.folder.digests import digest_of_file
 from evac.folder.files import replacing, writing
 from evac.report.checklist import checklist_section
+from evac.report.figures import Picture
 from evac.report.templates import APPENDIX, Section, section, shown, templates
 
 
@@ -35,6 +36,7 @@ class Head:
     kind: str  # what it is the report of
     banner: str  # what makes the results incomplete; empty if nothing does
     results: Mapping[str, object]
+    picture: Picture | None = None
 
 
 def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str) -> str:
@@ -45,8 +47,8 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
     head : Head
     labels : Labels
     sections : iterable of Section
-        In order; they are numbered, after the fields to fill in, and the checklist is put behind them, before
-        appendices.
+        In order; they are numbered, after the fields to fill in. Appendices are put behind the others, and the
+        checklist is the first of them.
     generator : str
         Program and version.
     """
@@ -54,11 +56,11 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
     body = [part for part in given if not part.title.startswith(APPENDIX)]
     appendices = [part for part in given if part.title.startswith(APPENDIX)]
     numbers = {"project": "head"} | {part.id: str(number) for number, part in enumerate(body, 1)}
-    numbers |= {part.id: chr(ord("A") + index) for index, part in enumerate(appendices)}
+    numbers |= {part.id: chr(ord("B") + index) for index, part in enumerate(appendices)}
     missing = {part.id for part in given if part.is_missing}
     lacking = {content for part in given for content in part.lacks}
     checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing}, lacking)
-    numbers[checklist.id] = str(len(body) + 1)
+    numbers[checklist.id] = "A"
     return (
         templates()
         .get_template("page.html")
@@ -66,6 +68,7 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
             head=head,
             labels=labels,
             sections=[*body, checklist, *appendices],
+            first=checklist.id,
             numbers=numbers,
             appendix=APPENDIX,
             generator=generator,

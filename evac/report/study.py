@@ -19,14 +19,14 @@ from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_N
 from evac.folder.jsonfile import checked, read_json
 from evac.folder.tables import read_columns
 from evac.report import figures
-from evac.report.building import building_section
+from evac.report.building import building_section, levels_section
 from evac.report.congestion import USUAL, Places, congestion_sections
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
 from evac.report.templates import APPENDIX, Cell, Section, fixed, section, told
-from evac.report.times import place_rows
-from evac.report.verification import evidence_section, verification_section
+from evac.report.times import places_section
+from evac.report.verification import evidence_section, standard_section, verification_section
 from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.record import CaseTable, Record
@@ -96,6 +96,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     rows = list(study.rows(columns=ROW, failed=True))
     sections = [
         building_section(first),
+        *([levels_section(first.trajectory)] if first is not None and first.trajectory is not None else []),
         occupants_section(summary.table, first),
         model_section(
             summary.table,
@@ -113,6 +114,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         section("assessment", "Assessment"),
         section("limits", "Limits of use", is_study=True, has_fire=False),
         _runs(study, rows),
+        standard_section(summary.table, summary.keeps_distance),
         evidence_section(),
         case_section(data["case"]),
         files_section(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME)),
@@ -335,9 +337,11 @@ def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:
     """Yield the sections on one run: its places, congestion and maps."""
     name = f"Run with seed {run.seed}"
     suffix = "" if number == 1 else f"-{number}"
-    yield section(f"places{suffix}", f"{name}: levels and stairs", "places.html", run=run, **place_rows(run))
+    yield places_section(run, f"places{suffix}", f"{name}: ")
     for part in congestion_sections(run, places):
-        yield replace(part, id=f"{part.id}{suffix}", title=f"{name}: {part.title.lower()}")
+        appendix = APPENDIX if part.title.startswith(APPENDIX) else ""
+        title = f"{appendix}{name}: {part.title.removeprefix(appendix).lower()}"
+        yield replace(part, id=f"{part.id}{suffix}", title=title)
 
 
 def _warnings(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -1,14 +1,14 @@
 """The results of one run: who was out when, and the times of groups, exits, levels and stairs."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.report import figures
-from evac.report.templates import Section, fixed, section, told
+from evac.report.templates import APPENDIX, Section, fixed, section, told
 from evac.results.answer import time_of_share
 from evac.results.record import FlowUse, PlaceUse
 from evac.results.results import Results
@@ -24,6 +24,8 @@ MOST_ROWS = 10
 def times_section(run: Results) -> Section:
     """Return the section on the times of a run."""
     record, exit_time, leaving = run.record, run.crowd.exit_time, run.leaving
+    left = leaving[np.isnan(exit_time[leaving])]
+    motion = run.trajectory or None  # one without a recorded time shows nothing
     rows = {group.name: np.intersect1d(group.rows, leaving) for group in run.groups}
     curves = {name: run.egress(members) for name, members in rows.items()}
     sizes = {name: len(members) for name, members in rows.items()}
@@ -38,7 +40,10 @@ def times_section(run: Results) -> Section:
         exits.append((name, use.people, first, fixed(use.last_out, 1), *flows))
     return section(
         "times",
-        "Evacuation times",
+        "Course and evacuation times",
+        course=figures.course(motion, exit_time[leaving]) if motion else [],
+        inside=figures.inside(motion, left) if motion and len(left) else None,
+        stuck=[(name, number) for name, number in Counter(one.level for one in record.stuck).items()],
         curve=figures.egress(len(leaving), record.simulated_time, run.egress(), curves, sizes),
         shares=[
             (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time(time_of_share(exit_time[leaving], share)))
@@ -46,10 +51,7 @@ def times_section(run: Results) -> Section:
         ],
         groups=groups,
         exits=exits,
-        flows=_flow_rows(record.flows),
-        **place_rows(run),
         others=record.left_by_other_exits,
-        stuck=[(person.person, person.level, fixed(person.x, 2), fixed(person.y, 2)) for person in record.stuck],
         metrics=[(name, told(values)) for name, values in record.metrics.items()],
     )
 
@@ -73,8 +75,8 @@ def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:
     ]
 
 
-def place_rows(run: Results) -> dict[str, Any]:
-    """Return the rows of the tables of levels and stairs of a run."""
+def places_section(run: Results, id_: str = "places", name: str = "") -> Section:
+    """Return the appendix with the use of levels and stairs, and flows through lines, of a run with a name."""
 
     def rows(places: Mapping[str, PlaceUse]) -> list[tuple[object, ...]]:
         return [
@@ -82,7 +84,15 @@ def place_rows(run: Results) -> dict[str, Any]:
             for name, use in places.items()
         ]
 
-    return {"levels": rows(run.record.levels), "stairs": rows(run.record.stairs)}
+    return section(
+        id_,
+        f"{APPENDIX}{name}levels, stairs and flows",
+        "places.html",
+        run=run,
+        levels=rows(run.record.levels),
+        stairs=rows(run.record.stairs),
+        flows=_flow_rows(run.record.flows),
+    )
 
 
 def _time(value: float | None) -> str:

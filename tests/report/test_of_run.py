@@ -17,7 +17,7 @@ from evac.report.of_run import run_report
 from evac.report.pages import Labels
 from evac.report.templates import shown
 from evac.report.times import SHARES
-from evac.report.verification import evidence, subject_like
+from evac.report.verification import evidence, meaning, subject_like
 from evac.results.answer import time_of_share
 from evac.results.record import CaseTable
 
@@ -173,6 +173,41 @@ def test_a_preset_is_shown_as_it_was_tested(preset, subject):
     contact = {"model": "nsm2"}
     case = CaseTable(building={}, directions={}, people=[], contact=contact, behaviours=behaviours, simulation={})
     assert subject_like(case, ["walking"], list(SUBJECTS)) == subject
+
+
+def test_every_failed_test_has_a_meaning():
+    names = {row["test"] for row in evidence()["tests"] if any(str(row[one]).startswith("NO") for one in SUBJECTS)}
+    assert names
+    assert all(meaning(name) for name in names)
+
+
+def test_annexes_follow_the_body(page):
+    titles = page.text.partition("Project and purpose")[2]
+    order = [titles.index(words) for words in ("Limits of use", "Appendix A", "Appendix B")]
+    assert order == sorted(order)
+    ids = [one for one in page.of("id") if one != "project"]
+    assert ids[: ids.index("checklist")] == [
+        "purpose",
+        "building",
+        "occupants",
+        "times",
+        "congestion",
+        "warnings",
+        "verification",
+        "assessment",
+        "limits",
+    ]
+    words = [one for one in page.of("alt") if "% of the people are out" in one]
+    assert [one.split()[0] for one in words] == ["25", "50", "75", "95"]
+
+
+def test_people_left_inside_are_marked_on_the_plan(tmp_path):
+    people = [{"name": "all", "number": 9, "area": "room"}]
+    case = load_case("square_room", {"people": people, **QUIET, "simulation.duration": 1.0})
+    run = evac.run(case, tmp_path / "r", progress=False)
+    inside = len(run.leaving) - run.evacuated
+    assert inside
+    assert f"{inside} in all, as red marks" in run_report(tmp_path / "r", places=Places(maps=()))
 
 
 def test_shares_of_people_who_are_not_all_out():
