@@ -22,6 +22,7 @@ from evac.case.schema import (
     OutputSettings,
     PeopleSettings,
     PluginSettings,
+    ReportSettings,
     SimulationSettings,
 )
 
@@ -96,6 +97,7 @@ class Case(Table):
     )
     simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
     output: OutputSettings = key("what is written", "", OutputSettings())
+    report: ReportSettings = key("what a report says", "", ReportSettings())
     plugins: PluginSettings = key("plugin files", "", PluginSettings())
 
     _origin: Origin = PrivateAttr()

@@ -396,6 +396,17 @@ class OutputSettings(Table):
         return self
 
 
+class ReportSettings(Table):
+    """`[report]`: what the report of the run says that the run does not know."""
+
+    project: str = key("name of the project", "", "")
+    author: str = key("author of the analysis", "", "")
+    date: str = key("date of the report", "", "")
+    aset: dict[str, Annotated[Real, Field(ge=0.0)]] = key(
+        "available safe egress time of levels, by name; beside the times at which they were left", "s", {}
+    )
+
+
 class PluginSettings(Table):
     """`[plugins]`: plugin files in addition to the installed plugins."""
 

@@ -68,7 +68,7 @@ def with_places(case: "Case", building: Building) -> Building:
     ------
     ScenarioError
         One line for each place whose area or exit does not exist, or which is not on its level, and for each line
-        whose level does not exist.
+        and each available time whose level does not exist.
     BuildingError
         The level of a sign does not exist.
     """
@@ -85,6 +85,10 @@ def with_places(case: "Case", building: Building) -> Building:
             problems.append(f"{case.source}: line.{line.name}.level: no level is named {line.level!r}; {hint}")
         else:
             places.append(Place(line.name, "line", level.index, shapely.LineString(line.segment)))
+    for name in case.report.aset:
+        if building.level_named(name) is None:
+            hint = did_you_mean(name, [one.name for one in building.levels])
+            problems.append(f"{case.source}: report.aset: no level is named {name!r}; {hint}")
     if problems:
         raise ScenarioError("\n".join(problems))
     return replace(building, places=tuple(places))

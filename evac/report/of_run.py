@@ -8,7 +8,7 @@ from evac.report import figures
 from evac.report.building import building_section, levels_section
 from evac.report.congestion import USUAL, Places, congestion_sections
 from evac.report.design import design_section
-from evac.report.fire import fire_section
+from evac.report.fire import fire_section, margins_section
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
@@ -44,10 +44,12 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
     summary = run.record
     picture = figures.cover(run.trajectory) if run.trajectory else None
     head = Head(summary.title or folder.name, "Evacuation analysis: one run", banner(run), main_results(run), picture)
+    margins = margins_section(run)
     sections: list[Section] = [
         building_section(run),
         occupants_section(summary.table, run),
         times_section(run),
+        *([margins] if margins is not None else []),
         *([fire_section(run)] if run.conditions else []),
         *congestion_sections(run, places),
         section("warnings", "Warnings", quality=quality_of(run), before=summary.warnings, is_study=False),
@@ -65,7 +67,7 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         case_section(run.settings),
         files_section(folder, RESULT_FILES),
     ]
-    return page(head, labels, sections, f"evac {summary.versions.get('evac', '')}")
+    return page(head, labels.filled(summary.table.report), sections, f"evac {summary.versions.get('evac', '')}")
 
 
 def main_results(run: Results) -> dict[str, object]:

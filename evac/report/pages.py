@@ -1,7 +1,7 @@
 """The page of a report: its head, its numbered sections, and the file it is written to."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from evac.folder.files import replacing, writing
 from evac.report.checklist import checklist_section
 from evac.report.figures import Picture
 from evac.report.templates import APPENDIX, Section, section, shown, templates
+from evac.results.record import ReportTable
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,15 @@ class Labels:
     author: str | None = None
     reviewer: str | None = None
     date: str | None = None
+
+    def filled(self, case: ReportTable) -> "Labels":
+        """Return these labels, those that are missing from what the case says."""
+        return replace(
+            self,
+            project=self.project or case.project,
+            author=self.author or case.author,
+            date=self.date or case.date,
+        )
 
 
 #: Everything is filled in by hand.

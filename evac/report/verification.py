@@ -77,10 +77,10 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
     """Return the section on verification, with the tests that the model of a case failed; see `subject_like`."""
     rows = evidence()["tests"]
     subject = subject_like(case, keepers, _subjects())
-    failed = [] if subject is None else [row for row in rows if row[subject].startswith("NO")]
-    grouped: dict[str, list[Mapping[str, str]]] = {}
-    for row in failed:
-        grouped.setdefault(row["test"], []).append(row)
+    failed = [(row, row[subject]) for row in rows if subject and row[subject].startswith("NO")]
+    grouped: dict[str, list[str]] = {}
+    for row, found in failed:
+        grouped.setdefault(row["test"], []).append(f"{row['measured']}: {row['expected']} ({found})")
     return section(
         "verification",
         "Verification: failed tests of the model",
@@ -88,10 +88,7 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
         subject=subject,
         number=len(rows),
         failed=len(failed),
-        rows=[
-            (test, "; ".join(f"{row['measured']}: {row['expected']} ({row[subject]})" for row in found), meaning(test))
-            for test, found in grouped.items()
-        ],
+        rows=[(test, "; ".join(criteria), meaning(test)) for test, criteria in grouped.items()],
         annex=STANDARD,
         evidence=EVIDENCE,
     )

@@ -115,6 +115,15 @@ class BuildingTable(Record):
     closed: list[str] = []
 
 
+class ReportTable(Record):
+    """What a case says for its report."""
+
+    project: str = ""
+    author: str = ""
+    date: str = ""
+    aset: dict[str, Amount] = {}
+
+
 class CaseTable(Record):
     """The parts of a case that are named one by one in reports and replays."""
 
@@ -125,6 +134,7 @@ class CaseTable(Record):
     forces: Tables = {}
     behaviours: Tables = {}
     simulation: dict[str, Any]
+    report: ReportTable = ReportTable()
 
     @property
     def model(self) -> str:

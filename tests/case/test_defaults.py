@@ -41,6 +41,7 @@ TABLE = {
     "behaviours": {"response_time": {}},
     "simulation": {},
     "output": {},
+    "report": {},
     "plugins": {},
 }
 
@@ -66,6 +67,7 @@ TABLES = (
     ("contact",),
     ("simulation",),
     ("output",),
+    ("report",),
     ("plugins",),
 )
 

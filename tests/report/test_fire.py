@@ -1,6 +1,9 @@
 """The section of a report on smoke, gases and heat, and the limits that a report states."""
 
+import pytest
+
 import evac
+from evac.base.errors import ScenarioError
 from evac.report.of_run import run_report
 from tests.conditions.corridor import corridor, prescribed
 
@@ -35,6 +38,17 @@ def test_a_run_with_a_dose_has_its_numbers_and_times(tmp_path):
     assert series["mean_gas"][-1] <= series["greatest_gas"][-1] <= results.exposure["gas_dose"].max()
     assert "doses over time" in text
     assert len(results.stopped) == 2
+
+
+def test_available_times_of_the_case_are_beside_required_ones(tmp_path):
+    results = evac.run(corridor(report={"aset": {"f": 3.0}, "project": "A house", "author": "B"}), tmp_path / "r")
+    page = Page(run_report(tmp_path / "r"))
+    (row,) = [one for one in page.table("Available and required times")[1:] if one[0] == "f"]
+    left = results.levels["f"]["last_left"]
+    assert row == ["f", "3.0", "-", "-", f"{left:.1f}", f"{3.0 - left:.1f}"]
+    assert (page.fact("Project"), page.fact("Author")) == ("A house", "B")
+    with pytest.raises(ScenarioError, match=r"report\.aset: no level is named 'g'"):
+        evac.run(corridor(report={"aset": {"g": 3.0}}), tmp_path / "s")
 
 
 def test_a_run_without_a_dose_says_so_and_one_without_conditions_has_no_section(tmp_path):
