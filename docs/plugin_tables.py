@@ -21,6 +21,22 @@ END = "<!-- end of plugins -->"
 LEFT_OUT = ("Parameters", "Attributes", "Raises", "Examples", "Returns")
 
 
+#: Formulas of docstrings, which terminals show as they are, in TeX.
+FORMULAS = {
+    "a exp((l - s) / D)": r"a\, e^{(l - s) / D}",
+    "min(v, max(0, (s - l) / T))": r"\min\left(v,\ \max\left(0,\ \frac{s - l}{T}\right)\right)",
+    "k (1 + (1 - e.h_j) / 2) exp(-max(0, s - r_i - r_j - c t_s) / D)": (
+        r"k \left(1 + \frac{1 - e \cdot h_j}{2}\right) \exp\left(-\frac{\max(0,\ s - r_i - r_j - c\, t_s)}{D}\right)"
+    ),
+    "min(v, max(V, (s - g l + T_a max(0, u_j.h)) / (g T)))": (
+        r"\min\left(v,\ \max\left(V,\ \frac{s - g\, l + T_a \max(0,\ u_j \cdot h)}{g\, T}\right)\right)"
+    ),
+    "A exp(-D / B) [Lambda + (1 - Lambda) (1 + cos phi) / 2]": (
+        r"A\, e^{-D / B} \left[\Lambda + (1 - \Lambda)\, \frac{1 + \cos\varphi}{2}\right]"
+    ),
+}
+
+
 def with_plugins(text: str, registry: Registry) -> str:
     """Return the text of a page with the present descriptions of plugins."""
     blocks = re.compile(re.escape(BEGIN).replace(r"\{\}", r"(\w+)") + ".*?" + re.escape(END), re.DOTALL)
@@ -39,7 +55,12 @@ def _description(plugin: type[Any]) -> str:
     for head, content in zip(sections[::2], sections[1::2], strict=True):
         if head not in LEFT_OUT:
             text += f"\n\n{head}: {content}"
-    return text.replace("``", "`")
+    return re.sub(r"^    (.+)$", _formula, text.replace("``", "`"), flags=re.MULTILINE)
+
+
+def _formula(line: re.Match[str]) -> str:
+    """Return a line that is a formula in TeX."""
+    return f"$$\n{FORMULAS[line[1]]}\n$$"
 
 
 def _parameters(plugin: type[Any]) -> str:

@@ -31,10 +31,11 @@ class Headway(Behaviour):
 
     Without this behaviour, people walk at full speed until bodies touch, so that flows through doors are larger than
     measured ones, and flows on stairs several times larger. For each visible person at a distance s, a repulsion
+    away from that person is added to the desired direction:
 
-        a exp((l - s) / D)    away from that person
+        a exp((l - s) / D)
 
-    is added to the desired direction. The desired speed becomes
+    The desired speed becomes
 
         min(v, max(0, (s - l) / T))
 

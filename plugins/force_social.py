@@ -26,10 +26,12 @@ def social(gap, nx, ny, vx, vy, ex, ey, parameters):  # type: ignore[no-untyped-
 
 
 class SocialForce(Force):
-    """Repulsive force A exp(-D/B) [L + (1 - L)(1 + cos phi)/2].
+    """Repulsive force between two people, which decreases with the distance D of their bodies.
 
-    Table 5 of the paper gives L = 0 and phi = 90 degrees. Read literally (``isotropic``), the bracket is the
-    constant 1/2. With ``anisotropic``, phi is the angle to the desired direction.
+        A exp(-D / B) [Lambda + (1 - Lambda) (1 + cos phi) / 2]
+
+    Table 5 of the paper gives Lambda = 0 and phi = 90 degrees. Read literally (``isotropic``), the bracket is
+    the constant 1/2. With ``anisotropic``, phi is the angle to the desired direction.
     """
 
     name = "social"
