@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from evac.trajectory.recorder import Recorder
 
 #: Version of the plugin interface. A plugin's module states the one that it was written for as ``evac_interface``;
-#: docs/plugins.md, section "Interface versions", lists what changed in each.
+#: docs/plugins_versions.md lists what changed in each.
 INTERFACE = 3
 
 hookspec = pluggy.HookspecMarker("evac")

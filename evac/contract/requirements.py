@@ -79,7 +79,7 @@ def check_interface(module: ModuleType, plugin: str) -> None:
     if stated == own and isinstance(stated, int):
         return
     adapt = (
-        "see docs/plugins.md, section 'Interface versions', for what changed, adapt the plugin, and then write"
+        "see docs/plugins_versions.md for what changed, adapt the plugin, and then write"
         f" `evac_interface = {own}` in the module"
     )
     versions = f"was written for version {stated} of the plugin interface, this evac has version {own}"

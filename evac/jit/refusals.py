@@ -20,7 +20,7 @@ _REMEDIES = {
     "Untyped global name": "decorate the functions that it calls with evac.jit.inner, and use numbers as constants",
     "NameError": "correct the name",
     UNLIKE: "return the same numbers in every case",
-    "": "use only numbers, tuples, structs, arrays and math, see docs/plugins.md, section 'Kernels'",
+    "": "use only numbers, tuples, structs, arrays and math, see docs/plugins_contact.md, section 'Kernels'",
 }
 
 

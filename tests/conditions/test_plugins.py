@@ -11,7 +11,7 @@ from evac.conformance import check_plugin
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
 
-PAGE = (Path(__file__).parents[2] / "docs/plugins.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/plugins_movement.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture

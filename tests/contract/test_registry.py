@@ -209,8 +209,8 @@ def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ("", ["does not state", "Interface versions", f"evac_interface = {INTERFACE}"]),
-        ("evac_interface = 1", ["version 1", f"version {INTERFACE}", "Interface versions"]),
+        ("", ["does not state", "plugins_versions.md", f"evac_interface = {INTERFACE}"]),
+        ("evac_interface = 1", ["version 1", f"version {INTERFACE}", "plugins_versions.md"]),
         (f"evac_interface = {INTERFACE + 1}", [f"version {INTERFACE + 1}", f"version {INTERFACE}", "later evac"]),
         ("evac_interface = '2'", ["whole number", "'2'"]),
     ],
@@ -225,7 +225,7 @@ def test_a_plugin_of_another_interface_is_refused_by_name(tmp_path, stated, word
 
 def test_the_interface_is_told_before_a_hook_that_it_no_longer_has(tmp_path):
     text = "from evac import hookimpl\nevac_interface = 1\n@hookimpl\ndef evac_read_building(path):\n    return None\n"
-    with pytest.raises(PluginError, match="Interface versions"):
+    with pytest.raises(PluginError, match="plugins_versions.md"):
         bare(written(tmp_path, "old.py", text))
 
 

@@ -24,12 +24,13 @@ def python_blocks():
 
 @pytest.fixture(scope="session")
 def plugin_files(python_blocks, tmp_path_factory):
-    """The files of docs/plugins.md as written, by name: each block starts with its file name in a comment."""
+    """The files of the pages on plugins as written, by name: each block starts with its file name in a comment."""
     folder = tmp_path_factory.mktemp("plugins")
     files = {}
-    for text in python_blocks("docs/plugins.md"):
-        name = text.partition("\n")[0].removeprefix("# ")
-        assert name.endswith(".py"), f"a block of docs/plugins.md does not start with its file name: {name}"
-        files[name] = folder / name
-        files[name].write_text(text, encoding="utf-8")
+    for page in sorted((ROOT / "docs").glob("plugins*.md")):
+        for text in python_blocks(page):
+            name = text.partition("\n")[0].removeprefix("# ")
+            assert name.endswith(".py"), f"a block of {page} does not start with its file name: {name}"
+            files[name] = folder / name
+            files[name].write_text(text, encoding="utf-8")
     return files

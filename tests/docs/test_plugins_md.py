@@ -1,4 +1,4 @@
-"""The plugins of docs/plugins.md run as they are written there."""
+"""The plugins of docs/plugins*.md run as they are written there."""
 
 import math
 import os

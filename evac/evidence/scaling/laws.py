@@ -60,7 +60,7 @@ class Spring(PairContact):
 
 
 class Hertz(PairContact):
-    """Elastic spheres with a damper, as in docs/plugins.md."""
+    """Elastic spheres with a damper, as in docs/plugins_contact.md."""
 
     name = "hertz"
     pair = hertz
@@ -84,7 +84,7 @@ def run(evidence: Evidence, step: float) -> None:
         hall of {people:,} people, in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g} of a walk, tick by tick in
         turns; medians of the CPU time over ticks. The linear spring has the stiffness of DEM, whose contacts harden in
         addition. The law of Hertz has the force of DEM at an overlap of {OVERLAP:g} m, or the stiffness of the example
-        in [plugins.md](../../plugins.md#a-contact-law-in-ten-lines). The minimal kernel makes the same ticks. The
+        in [Plugins](../../plugins_contact.md#a-contact-law-in-ten-lines). The minimal kernel makes the same ticks. The
         crowds of different laws differ, and with them the numbers of contacts and of sub-steps: a steep law needs
         shorter sub-steps. The last column compares the times of a sub-step.""",
     )
