@@ -225,7 +225,7 @@ def test_a_plugin_of_another_interface_is_refused_by_name(tmp_path, stated, word
 
 def test_the_interface_is_told_before_a_hook_that_it_no_longer_has(tmp_path):
     text = "from evac import hookimpl\nevac_interface = 1\n@hookimpl\ndef evac_read_building(path):\n    return None\n"
-    with pytest.raises(PluginError, match="plugins_versions.md"):
+    with pytest.raises(PluginError, match=r"plugins_versions\.md"):
         bare(written(tmp_path, "old.py", text))
 
 
