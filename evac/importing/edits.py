@@ -6,7 +6,7 @@ from typing import Any
 from evac.base.errors import BuildingError
 from evac.building.model.findings import Finding
 from evac.building.plan.plantable import SECTIONS
-from evac.case.toml import toml_lines
+from evac.case.toml import toml_lines, toml_value
 
 #: An item of a plan, or all pieces of one stair: its list and its name.
 Key = tuple[str, str]
@@ -27,7 +27,7 @@ def plan_text(table: Table, dropped: Sequence[str] = (), head: str = HEAD) -> st
             lines += ["", f"[[{section}]]"]
             for key, value in item.items():
                 if key in ("polygon", "polygons") and len(value) > 1:
-                    lines += [f"{key} = [", *(f"{line[4:]}," for one in value for line in toml_lines({"x": one})), "]"]
+                    lines += [f"{key} = [", *(f"{toml_value(one)}," for one in value), "]"]
                 else:
                     lines += toml_lines({key: value})
     return "\n".join([*lines, *(f"# {line}" for line in dropped), ""])

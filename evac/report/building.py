@@ -43,7 +43,7 @@ def building_section(run: Results | None) -> Section:
 
 
 def levels_section(trajectory: Trajectory) -> Section:
-    """Return the appendix with all levels of the building of a run and the portals between them."""
+    """Return the appendix with the levels of the building of a run and their portals, without the inside of stairs."""
     building = trajectory.building
     levels, states = building.levels, [_in_words(found) for found in states_of(building, trajectory.changes)]
     return section(
@@ -53,16 +53,18 @@ def levels_section(trajectory: Trajectory) -> Section:
             (
                 level.name,
                 level.kind,
-                level.stair,
                 fixed(level.z_min, 2),
                 fixed(level.z_max, 2),
                 fixed(math.degrees(level.slope), 1) if level.kind == "flight" else None,
                 fixed(level.polygon.area, 1),
             )
             for level in levels
+            if level.stair is None
         ],
         portals=[
-            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index]) for p in building.portals
+            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index])
+            for p in building.portals
+            if any(levels[k].stair is None for k in p.levels)
         ],
     )
 

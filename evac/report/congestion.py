@@ -9,6 +9,9 @@ from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.results import Results
 
+#: Greatest number of places in the table, those congested longest.
+MOST_PLACES = 10
+
 #: The maps that a report has unless others are asked for.
 MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
 
@@ -37,12 +40,14 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
     found = find_congestion(trajectory, places.density, least_time)
     computed = level_maps(trajectory)
     numbers = ", with the numbers of the congested places of the table" if found.places else ""
+    shown = found.places[:MOST_PLACES]
     caption = f"Maximum density at any recorded time{numbers}."
     sections = [
         section(
             "congestion",
             "Congestion",
             found=found,
+            others=len(found.places) - MOST_PLACES,
             radius=KERNEL_RADIUS,
             trajectory=trajectory,
             places=[
@@ -57,9 +62,9 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
                     fixed(place.duration, 1),
                     fixed(place.longest_spell, 1),
                 )
-                for number, place in enumerate(found.places, 1)
+                for number, place in enumerate(shown, 1)
             ],
-            picture=figures.map_picture(trajectory, "max_density", computed, caption, found.places, places.service),
+            picture=figures.map_picture(trajectory, "max_density", computed, caption, shown, places.service),
         )
     ]
     pictures = [

@@ -36,7 +36,7 @@ SHARES_OUT = (25, 50, 75, 95)
 COVER_SIZE, COURSE_SIZE = (820, 560), (640, 480)
 
 #: Of maps, which are made of cells, when they are printed [1/inch].
-DPI = 150
+DPI = 120
 
 
 class Picture(NamedTuple):
@@ -170,7 +170,7 @@ def difference_picture(first: Trajectory, other: Trajectory, quantity: str, name
     caption = f"{what.label}: difference of {name} from the first design; where only one has a floor, nothing is drawn."
     file = io.BytesIO()
     figure = draw_difference(first, other, quantity, dpi=DPI)
-    figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)
+    figure.savefig(file, format="png", metadata={"Software": None})
     return _picture(file, "png", caption, caption, "map")
 
 
@@ -193,5 +193,5 @@ def map_picture(
                 style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold"}
                 axes.text(place.x, place.y, str(number), color=palette.CLOSED, bbox=mark, zorder=9, **style)
     file = io.BytesIO()
-    figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)
+    figure.savefig(file, format="png", metadata={"Software": None})
     return _picture(file, "png", caption, caption, "map")

@@ -64,8 +64,8 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         design_section(run),
         standard_section(summary.table, summary.keeps_distance),
         evidence_section(),
-        case_section(run.settings),
         files_section(folder, RESULT_FILES),
+        case_section(run.settings),
     ]
     return page(head, labels.filled(summary.table.report), sections, f"evac {summary.versions.get('evac', '')}")
 

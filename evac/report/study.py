@@ -116,8 +116,8 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         _runs(study, rows),
         standard_section(summary.table, summary.keeps_distance),
         evidence_section(),
-        case_section(data["case"]),
         files_section(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME)),
+        case_section(data["case"]),
     ]
     title = summary.title or folder.name
     head = Head(title, f"Evacuation analysis: {len(rows)} runs", _banner(study), _results(study, rows))

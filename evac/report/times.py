@@ -84,12 +84,13 @@ def places_section(run: Results, id_: str = "places", name: str = "") -> Section
             for name, use in places.items()
         ]
 
+    inner = {level.name for level in run.trajectory.building.levels if level.stair} if run.trajectory else set()
     return section(
         id_,
         f"{APPENDIX}{name}levels, stairs and flows",
         "places.html",
         run=run,
-        levels=rows(run.record.levels),
+        levels=[row for row in rows(run.record.levels) if row[0] not in inner],
         stairs=rows(run.record.stairs),
         flows=_flow_rows(run.record.flows),
     )

@@ -117,7 +117,7 @@ def test_occupants_as_set_and_as_drawn(page, people):
 
 
 def test_the_building_has_levels_exits_widths_and_areas(page):
-    assert page.table("Levels")[1] == ["room", "floor", "-", "0.00", "0.00", "-", "25.0"]
+    assert page.table("Levels")[1] == ["room", "floor", "0.00", "0.00", "-", "25.0"]
     assert page.table("Exits, with")[1][:2] == ["door", "room"]
     assert page.table("Areas in which")[1] == ["room", "room", "25.0"]
 
