@@ -15,6 +15,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of a run or of a study")
     parser.add_argument("--out", type=Path, metavar="FILE", help="where to write (default: RESULT/report.html)")
+    what = "also write bundle.zip beside the report, from which somebody else repeats the run"
+    parser.add_argument("--bundle", action="store_true", help=what)
     for name, what in {
         "project": "name of the project",
         "author": "author of the analysis",
@@ -39,10 +41,12 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.base.errors import ResultError
     from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result
+    from evac.report.bundle import BUNDLE_NAME, write_bundle
     from evac.report.congestion import MAPS, Places
     from evac.report.of_run import run_report
     from evac.report.pages import Labels, write_page
     from evac.report.study import is_study, study_report
+    from evac.results.reading import read_results
 
     folder = find_result(arguments.result)
     check_result(folder)
@@ -52,6 +56,8 @@ def execute(arguments: argparse.Namespace) -> int:
     density = DENSITY if arguments.congestion_density is None else arguments.congestion_density
     maps = MAPS if arguments.maps is None else () if arguments.maps == "none" else maps_of("--maps", arguments.maps)
     places = Places(density, arguments.congestion_time, maps, arguments.service)
+    if arguments.bundle and is_study(folder):
+        raise ResultError(f"{folder}: --bundle applies to the folder of a run, but this is that of a study; remove it")
     if is_study(folder):
         text = study_report(folder, arguments.runs, labels, places)
     elif arguments.runs:
@@ -61,4 +67,8 @@ def execute(arguments: argparse.Namespace) -> int:
     out = arguments.out or folder / REPORT_NAME
     write_page(text, out)
     print(out)
+    if arguments.bundle:
+        bundle = out.with_name(BUNDLE_NAME)
+        write_bundle(read_results(folder), text, bundle)
+        print(bundle)
     return 0

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import zipfile
 
 import pytest
 
@@ -61,3 +62,15 @@ def test_a_case_instead_of_a_result_is_told_from_it(evac, tmp_path, capsys, comm
         assert "Errno" not in err
     assert evac(command, "offices", *more) == 2
     assert "Errno" not in capsys.readouterr().err
+
+
+def test_a_run_is_repeated_from_its_bundle(evac, result, tmp_path):
+    folder = shutil.copytree(result, tmp_path / "result")
+    assert evac("report", folder, "--maps", "none", "--bundle") == 0
+    with zipfile.ZipFile(folder / "bundle.zip") as archive:
+        archive.extractall(tmp_path / "unpacked")
+    unpacked = tmp_path / "unpacked"
+    assert {"README.txt", "requirements.txt", "summary.json", "report.html"} <= {one.name for one in unpacked.iterdir()}
+    assert evac("run", unpacked / "case.toml", "--out", tmp_path / "again") == 0
+    for name in ("people.csv", "egress.csv"):
+        assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()
