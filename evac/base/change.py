@@ -55,7 +55,7 @@ class Change:
         Name of what changes.
     values : mapping of str to number, str, bool or tuple of these
         What the kind of change needs besides, as ``value`` (`REMEDIES`). When a link has closed, ``let_through`` lists
-        the people whose bodies were on its line, see docs/results.md.
+        the people whose bodies were on its line, see docs/summary.md.
     """
 
     time: float

@@ -61,7 +61,7 @@ class CaseAtStart(_Table):
 
 
 class Header(_Table):
-    """The header of a checkpoint, checked; docs/results.md explains it."""
+    """The header of a checkpoint, checked; docs/folder.md explains it."""
 
     title: str
     case: CaseAtStart

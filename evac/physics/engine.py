@@ -152,7 +152,7 @@ class Engine(Protocol):
         """Return how each force in use acts, by name."""
 
     def contact_report(self, model: ContactModel) -> dict[str, Any]:
-        """Return the counts and sums of the run until now for summary.json, with the names in docs/results.md.
+        """Return the counts and sums of the run until now for summary.json, with the names in docs/summary.md.
 
         Quality warnings need ``model``, ``steps``, ``greatest_overlap``, ``unconverged_steps``, ``failed_solves``,
         ``failed_position_corrections`` and ``energy``.
@@ -456,7 +456,7 @@ class CompiledEngine(Engine):
         }
 
     def contact_report(self, model: ContactModel) -> dict[str, Any]:
-        """Return the tallies of a contact model, with the names in docs/results.md."""
+        """Return the tallies of a contact model, with the names in docs/summary.md."""
         report: dict[str, Any] = self.report()
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
         report["mean_overlap"] = total / overlaps if overlaps else 0.0

@@ -17,7 +17,7 @@ MADE = 0.01
 
 
 def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[str, ...]:
-    """Return a line for each number of a contact report (docs/results.md) that is out of bounds.
+    """Return a line for each number of a contact report (docs/summary.md) that is out of bounds.
 
     `rigid` names the registered contact models without overlaps and rebounds, see `ContactModel.rigid`.
     """

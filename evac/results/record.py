@@ -23,7 +23,7 @@ class Record(BaseModel):
 
 
 class ExitUse(Record):
-    """How an exit was used, see docs/results.md."""
+    """How an exit was used, see docs/summary.md."""
 
     people: Count
     last_out: Amount | None
@@ -41,7 +41,7 @@ class PortalUse(Record):
 
 
 class FlowUse(Record):
-    """People and flow through a line in one direction, see docs/results.md."""
+    """People and flow through a line in one direction, see docs/summary.md."""
 
     kind: str
     name: str
@@ -157,7 +157,7 @@ class ContactReport(BaseModel):
 
 
 class Summary(Record):
-    """The summary of a run; docs/results.md explains its keys."""
+    """The summary of a run; docs/summary.md explains its keys."""
 
     title: str
     people: Count

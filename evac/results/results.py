@@ -120,7 +120,7 @@ class Results:
         Number of steps.
     seed : int
     exits, portals, levels, stairs : mapping of str to mapping
-        The use of each exit, portal, level and stair, by name, as in summary.json (docs/results.md).
+        The use of each exit, portal, level and stair, by name, as in summary.json (docs/summary.md).
     doors : sequence of mapping
         Name, level and width [m] of the doors between rooms that the file of the building names.
     places : sequence of PeopleAt
@@ -136,7 +136,7 @@ class Results:
     keeps_distance : sequence of str
         Behaviours in use with which people keep distances.
     report : mapping
-        Report of the contact model, with the keys described in docs/results.md.
+        Report of the contact model, with the keys described in docs/summary.md.
     phases : mapping of str to float
         Wall time of each phase [s].
     plan : sequence of (part, in or out, why)
@@ -157,9 +157,9 @@ class Results:
     resumed : sequence of mapping
         Checkpoints from which the run was resumed, in order.
     quickest : mapping of str to number, optional
-        Updates of the routes with the strategy "quickest", see docs/results.md; None without such routes.
+        Updates of the routes with the strategy "quickest", see docs/summary.md; None without such routes.
     conditions : mapping, optional
-        Smoke, gases and heat, see docs/results.md; None in a case without them.
+        Smoke, gases and heat, see docs/summary.md; None in a case without them.
     exposure : mapping of str to (n,) float64
         The `EXPOSURE_COLUMNS` by name, in a case with conditions.
     source : str

@@ -101,7 +101,7 @@ class Simulation:
     stopping : tuple of Finding
         Places that people do not fit through, although no other way leads to an exit.
     resumed : list of dict
-        The checkpoints from which the run was resumed, see docs/results.md.
+        The checkpoints from which the run was resumed, see docs/summary.md.
     """
 
     def __init__(

@@ -32,6 +32,8 @@ DOCUMENTS = (
     "docs/plugins_movement.md",
     "docs/plugins_versions.md",
     "docs/results.md",
+    "docs/summary.md",
+    "docs/folder.md",
     "docs/status.md",
     "docs/trajectory.md",
 )
@@ -231,5 +233,5 @@ def test_the_presets_of_the_guide_are_taken(text, tmp_path):
 def test_the_document_of_results_names_every_key_and_column(text):
     case = evac.load("square_room", {"simulation.duration": 0.5})
     summary = Simulation(case).run().summary()
-    named = set(re.findall(r"`(\w+)`", text("docs/results.md")))
+    named = set(re.findall(r"`(\w+)`", text("docs/results.md") + text("docs/summary.md")))
     assert {*summary, *summary["contact"], *PEOPLE_COLUMNS, *EXPOSURE_COLUMNS, *EGRESS_COLUMNS} <= named

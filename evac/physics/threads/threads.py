@@ -22,7 +22,7 @@ from evac.physics.state import Events, Lists, State, Team
 from evac.physics.threads.team import LEAVE, Member, conduct, conduct_blocks, serve
 
 #: People for each thread below which further threads take longer, since a phase waits for threads that do not run
-#: because other programs use the same cores. docs/results.md has the times.
+#: because other programs use the same cores. docs/evidence/scaling has the times.
 PEOPLE_PER_THREAD = 25_000
 
 #: More threads than this are not taken unless they are asked for.
