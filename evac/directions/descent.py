@@ -212,8 +212,9 @@ def _add_lengths_at(node: int, ways: Ways, lengths: Triples) -> None:
         up += drop * lengths[lower, 1]
         down += drop * lengths[lower, 2]
     if total == 0.0:
-        # The path may continue beside the portal, where only the grid of the other level has nodes.
-        if ways.twin[node] >= 0:
+        # The path may continue beside the portal, where only the grid of the other level has nodes. If that one has no
+        # lengths, the present ones stay: the path may begin here.
+        if ways.twin[node] >= 0 and lengths[ways.twin[node], 0] < math.inf:
             for k in range(3):
                 lengths[node, k] = lengths[ways.twin[node], k]
         return

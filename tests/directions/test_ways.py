@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.building.plan.plan import Plan
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from evac.simulation.assembly import read_building
@@ -244,3 +245,14 @@ def test_directions_beside_slanted_walls(drawing, angle):
     found = fields.directions_at(0, along.ravel()[:, None] * axis + beside.ravel()[:, None] * across, 0)
     angles = np.degrees(np.arccos(np.clip(found @ axis, -1.0, 1.0)))
     assert angles.mean() < 7.0
+
+
+def test_lengths_of_ways_without_stairs_end_in_front_of_a_stair():
+    plan = Plan()
+    for name, height in (("ground", 0.0), ("first", 3.2)):
+        plan.storey(name, shapely.box(0, 0, 12, 6), height)
+    plan.stair("stair", "ground", [(2, 4.6), (2, 5.8)], "first", length=5.5, direction=(1, 0))
+    plan.exit("back", "ground", [(12, 2), (12, 3.2)])
+    route = Route(("back",), steepest=0.0834)
+    fields = build_fields(plan.building(), (route,), clearance=0.4, narrowest=0.3, widest=0.3)
+    assert fields.lengths_at(0, np.array([[4.0, 2.6]]), 0)[0] == pytest.approx([8, 0, 0], abs=0.05)
