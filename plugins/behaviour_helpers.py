@@ -68,14 +68,14 @@ DEVICES = {
 class Helpers(Behaviour):
     """People of groups with the key `fetches` fetch those of the group that it names, and bring them out.
 
-    People of a group with the key `device` do not leave alone. They stand in one of the `areas` where they start, or
-    go to a refuge if the case has one for them and wait there. As soon as somebody waits, the nearest free helpers go
-    to the area, as many as the device needs (`handlers`), and to the person. After the time `preparation` they go
-    together, at the speeds of the device: the helpers stay with the person, who waits for a helper farther than 3 m
-    away. They leave by one of `exits`, where helpers who are still needed let the person go the last 2 s alone and
-    return, or go to the assembly area in `to`, from where the helpers fetch the next one. Helpers who are not needed
-    any more leave by the exits of their group. Nobody is fetched whom the device cannot bring all the way. The notes of
-    the results say who was fetched when, and by whom.
+    People of a group with the key `device` do not leave alone. They stand in one of the `areas` where they start, or go
+    to a refuge among these `areas` if the case has one for them, and wait there. As soon as somebody waits, the nearest
+    free helpers go to the area, as many as the device needs (`handlers`), and to the person. After the time
+    `preparation` they go together, at the speeds of the device: the helpers stay with the person, who waits for a
+    helper farther than 3 m away. They leave by one of `exits`, where helpers who are still needed let the person go the
+    last 2 s alone and return, or go to the assembly area in `to`, from where the helpers fetch the next one. Helpers
+    who are not needed any more leave by the exits of their group. Nobody is fetched whom the device cannot bring all
+    the way. The notes of the results say who was fetched when, and by whom.
 
     | device | flat | up | down | helpers | source |
     |---|---|---|---|---|---|
@@ -94,7 +94,7 @@ class Helpers(Behaviour):
         `devices`, `areas` or `exits` are not what they must be.
     ScenarioError
         From `prepare`: an area, group or device does not exist; a group has too few helpers; somebody is in none of the
-        areas, or has no speed that could be scaled.
+        areas, or goes to a refuge that is none of them, or has no speed that could be scaled.
 
     References
     ----------
@@ -189,7 +189,9 @@ class Helpers(Behaviour):
                     f"people.{group}: {device.handlers} helpers are needed for a person, {self._may[:, k].sum()} fetch "
                     "the group; give a group of more people the key behaviours.helpers.fetches"
                 )
-            if not self._is_on_the_way(person) and crowd.level[person] >= 0 and self._area_of(crowd, person) is None:
+            if self._is_on_the_way(person):
+                self._check_refuges(group)
+            elif crowd.level[person] >= 0 and self._area_of(crowd, person) is None:
                 x, y = crowd.position[person]
                 raise ScenarioError(
                     f"people.{group}: person {person} at ({x:.2f}, {y:.2f}) is in none of behaviours.helpers.areas; "
@@ -197,6 +199,15 @@ class Helpers(Behaviour):
                 )
             if (crowd.speed[person] <= 0.0).any():
                 raise ScenarioError(f"people.{group}.speed: 0 cannot be scaled to that of the device; give another")
+
+    def _check_refuges(self, group: str) -> None:
+        """Check that people are fetched from all places in which people of a group may wait."""
+        for place in self._scene.building.places:
+            if place.kind == "refuge" and place.area not in self.areas:
+                raise ScenarioError(
+                    f"behaviours.helpers.areas: people.{group} may wait in refuge {place.name!r}, from which nobody "
+                    f"fetches them; add its area {place.area!r}"
+                )
 
     def _is_on_the_way(self, person: int) -> bool:
         """Return whether a person walks to a refuge."""

@@ -121,6 +121,12 @@ def test_nobody_is_fetched_whom_the_device_cannot_bring_all_the_way():
     assert simulation.results().notes == ("helpers: person 0 was not fetched",)
 
 
+def test_a_refuge_from_which_nobody_fetches_is_refused():
+    refuge = {"name": "lobby", "kind": "refuge", "area": "lobby"}
+    with pytest.raises(evac.ScenarioError, match=r"behaviours\.helpers\.areas: people\.patients .*'lobby'"):
+        Simulation(ward(refuge, patients={"preset": "wheelchair"}))
+
+
 def test_people_in_wheelchairs_are_fetched_from_their_refuge():
     refuge = {"name": "lobby", "kind": "refuge", "area": "lobby"}
     case = ward(refuge, patients={"preset": "wheelchair", "number": 2}, areas=["lobby"])
