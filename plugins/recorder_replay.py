@@ -29,9 +29,11 @@ class ReplayRecorder(Recorder):
     def start(self, simulation: "Simulation") -> None:
         """Prepare the page for the building and the people."""
         if simulation.folder is not None and simulation.case.output.replay:
+            from evac.pictures.palette import SMOKE
             from evac.replay.motion import MotionPacker
 
-            self.motion = MotionPacker(len(simulation.population.crowd.radius), simulation.scene.ground.building)
+            people, building = len(simulation.population.crowd.radius), simulation.scene.ground.building
+            self.motion = MotionPacker(people, building, simulation.scene.fields_of_behaviours.get(SMOKE))
         self._recorded = -1.0
 
     def record(self, simulation: "Simulation") -> None:
@@ -42,7 +44,10 @@ class ReplayRecorder(Recorder):
             level, time = crowd.level[rows], simulation.time
             velocity = in_space(self.motion.building, level, simulation.displacement_velocity[rows])
             started = crowd.start_time[rows] <= time
-            self.motion.add(time, rows, level, crowd.position[rows], velocity, started, crowd.contact_force[rows])
+            found = rows, level, crowd.position[rows], velocity, started, crowd.contact_force[rows]
+            dose = None if simulation.dose is None else simulation.dose[rows]
+            smoke = None if self.motion.field is None else self.motion.field.values
+            self.motion.add(time, *found, dose=dose, smoke=smoke)
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:

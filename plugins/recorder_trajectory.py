@@ -36,14 +36,15 @@ class TrajectoryRecorder(Recorder):
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
             path, fields = simulation.folder / TRAJECTORY_NAME, simulation.scene.fields_of_behaviours.values()
-            self._writer = TrajectoryWriter(path, _header(simulation), origin, [*fields])
+            self._writer = TrajectoryWriter(path, _header(simulation), origin, [*fields], simulation.dose is not None)
 
     def record(self, simulation: "Simulation") -> None:
         """Append one frame."""
         if self._writer is not None:
             crowd, scene = simulation.population.crowd, simulation.scene
             changes, fields = scene.changes[self._writer.changes :], [*scene.fields_of_behaviours.values()]
-            self._writer.append(simulation.time, crowd, simulation.displacement_velocity, changes, fields)
+            velocity = simulation.displacement_velocity
+            self._writer.append(simulation.time, crowd, velocity, changes, fields, simulation.dose)
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
@@ -78,6 +79,8 @@ class TrajectoryRecorder(Recorder):
             if list(before.changes) != simulation.scene.changes[: len(before.changes)]:
                 raise SavedError(f"length: {TRAJECTORY_NAME} has other changes")
             sizes = [(field.name, field.size) for field in before.level_fields]
+            if before.has_dose != (simulation.dose is not None):
+                raise SavedError(f"length: {TRAJECTORY_NAME} has doses, or lacks them")
             if sizes != [(field.name, field.size) for field in simulation.scene.fields_of_behaviours.values()]:
                 raise SavedError(f"length: {TRAJECTORY_NAME} has other fields")
 

@@ -24,7 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
     parser.add_argument(
         "--colour-by",
-        choices=("group", "speed", "density", "contact_force", "waiting", "extinction"),
+        choices=("group", "speed", "density", "contact_force", "waiting", "dose", "extinction", "visibility"),
         default="group",
         help="quantity shown by the colours of people (group)",
     )

@@ -223,6 +223,10 @@ class Exposure:
         np.isfinite(self.stopped_at, out=self.stopped)
         self.share[self.stopped] = 0.0
 
+    def dose(self, time: float) -> FloatArray | None:
+        """Return the greater one of the doses of each person at a time [s], (n,); None in a case without `[dose]`."""
+        return None if self._dose is None else np.maximum(*np.stack([self.gas, self.heat]) + self._owed(time))
+
     def _owed(self, time: float) -> FloatArray:
         """Return the doses (2, n) since the air was last read, at constant rates; of people who are out, up to then."""
         if np.isnan(self._time):

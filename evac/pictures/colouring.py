@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ from evac.trajectory.trajectory import Frame, Trajectory
 #: What people can be coloured by.
 COLOURINGS = ("group", *PEOPLE)
 
-#: The field of smoke that a trajectory may have, and the colouring by it.
-SMOKE = "extinction"
+#: Extinction coefficient of air that is as good as clear [1/m].
+CLEAR = 1e-6
 
 #: Maximum number of groups in a legend.
 LEGEND_GROUPS = 24
@@ -70,10 +71,8 @@ def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colo
         names = trajectory.groups if is_told else ()
         return Colouring(lambda frame: table[trajectory.group[frame["person"]]], names, tuple(shades[: len(names)]))
     scale = PEOPLE[colour_by].with_service(service)
-    if colour_by == SMOKE:
-        quantity, most = _smoke(trajectory)
-    else:
-        quantity, most = _density(trajectory) if colour_by == "density" else _measured(trajectory, colour_by)
+    quantities = {"density": _density, palette.SMOKE: _smoke, "visibility": _visibility, "dose": _dose}
+    quantity, most = quantities.get(colour_by, partial(_measured, name=colour_by))(trajectory)
     colours, top = (255.0 * scale.ramp()).round().astype(np.uint8), scale.end(most)
 
     def of(frame: Frame) -> NDArray[np.uint8]:
@@ -99,9 +98,9 @@ def _density(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], flo
 
 def _smoke(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
     """Return a function that gives the recorded extinction coefficient where people are; 0 if none was recorded."""
-    if SMOKE not in [field.name for field in trajectory.level_fields]:
+    if palette.SMOKE not in [field.name for field in trajectory.level_fields]:
         return lambda frame: np.zeros(len(frame["person"])), 0.0
-    field = trajectory.field(SMOKE)
+    field = trajectory.field(palette.SMOKE)
 
     def of(frame: Frame) -> FloatArray:
         now = copy(field)
@@ -109,6 +108,16 @@ def _smoke(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float
         return now.at(frame["level"], frame["position"])
 
     return of, float(field.values.max(initial=0.0))
+
+
+def _visibility(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
+    """Return a function that gives the visibility of things that reflect light where people are [m]."""
+    smoke, _ = _smoke(trajectory)
+    return lambda frame: palette.VISIBLE / np.maximum(smoke(frame), CLEAR), 0.0
+
+
+def _dose(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
+    return lambda frame: frame["dose"], 0.0
 
 
 def _measured(trajectory: Trajectory, name: str) -> tuple[Callable[[Frame], FloatArray], float]:

@@ -25,12 +25,18 @@ PLACES = {"refuge": "#1f5fa8", "assembly": EXIT, "sign": EXIT, "line": "#7a3b9c"
 
 
 #: Colour map of each quantity. All are perceptually uniform and suitable for colour-blind people.
-MAPS = {"speed": "viridis", "density": "plasma", "contact force": "plasma", "waiting time": "cividis"}
+MAPS = {"speed": "viridis", "density": "plasma", "contact force": "plasma", "waiting time": "cividis", "smoke": "greys"}
+
+
+#: Name of the field of smoke that a trajectory may have; depth of smoke through which a floor is seen [m]: the veil
+#: hides 1 - exp(-K depth) of it; and the visibility of things that reflect light, times K.
+SMOKE, DEPTH, VISIBLE = "extinction", 0.5, 3.0
 
 #: Colours at equal distances along each map, to be interpolated (from matplotlib).
 STOPS = {
     "viridis": ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"],
     "cividis": ["#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838"],
+    "greys": ["#d9d4cd", "#24211e"],
     "plasma": ["#0d0887", "#4c02a1", "#7e03a8", "#aa2395", "#cc4778", "#e66c5c", "#f89540", "#fdc527", "#f0f921"],
 }
 

@@ -15,7 +15,8 @@ from evac.building.model.building import Building
 from evac.building.model.storeys import level_of
 from evac.folder.files import replacing
 from evac.pictures.camera import Camera
-from evac.pictures.colouring import SMOKE, colouring
+from evac.pictures.colouring import colouring
+from evac.pictures.palette import SMOKE
 from evac.pictures.pawns import draw_people
 from evac.pictures.smoke import Smoke
 from evac.pictures.view import View

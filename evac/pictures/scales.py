@@ -110,7 +110,9 @@ PEOPLE = {
     "density": Scale("density", "1/m²", "density", DENSITY_TOP),
     "contact_force": Scale("contact force", "N", "contact force", 10_000.0, is_logarithmic=True),
     "waiting": Scale("waited so far", "s", "waiting time"),
-    "extinction": Scale("smoke at heads", "1/m", "waiting time"),
+    "dose": Scale("dose", "", "contact force", 1.0),
+    "extinction": Scale("smoke at heads", "1/m", "smoke"),
+    "visibility": Scale("visibility", "m", "speed", 30.0),
 }
 
 

@@ -5,12 +5,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from evac.building.model.elevation import elevation
-from evac.pictures.colouring import SMOKE
+from evac.pictures.palette import DEPTH, SMOKE
 from evac.pictures.view import View
 from evac.trajectory.trajectory import Trajectory
-
-#: Depth of smoke through which a floor is seen [m]: the veil hides 1 - exp(-K depth) of it.
-DEPTH = 0.5
 
 #: Extinction coefficients that are not drawn [1/m], and the colour of smoke.
 THIN, GREY = 0.02, (70, 66, 62)

@@ -96,7 +96,7 @@ class Pen:
             if y <= lowest - self.unit:  # of levels of service that are close together, some have no room
                 self.draw.text((left + 1.8 * self.unit, y), text, palette.TEXT, letters, "lm")
                 lowest = y
-        for k, line in enumerate([f"[{scale.unit}]", scale.label]):
+        for k, line in enumerate([*([f"[{scale.unit}]"] if scale.unit else []), scale.label]):
             self.draw.text((left, high - (0.8 + 1.3 * k) * self.unit), line, palette.TEXT, letters, "ls")
 
     def scale_bar(self, scale: float) -> None:

@@ -15,8 +15,12 @@ The page decodes the streams (page/run/motion.js). All numbers are little-endian
   frame of the speed [cm/s], of the time that the person has waited [0.01 s], and of the code of the contact force,
   which has two significant digits: 0 below `LEAST_FORCE`, 1 to 90 for 10 to 99 N, 91 to 180 for 100 to 990 N, and so
   on. `evac.analysis.measures` defines all three.
+- ``doses``: the same of the dose [0.001], at most 10; empty in a case without doses.
 - ``headings``: bytes, as they are. For each frame, of everybody inside whose speed is not 0, the change of the
   direction in plan since the person's last one, in parts of a circle of 256, modulo 256.
+- ``smoke``: bytes, as they are. For each frame 0 if smoke is as in the previous one, otherwise 1, and the changes of
+  the codes of all cells of the field, modulo 256. The code of an extinction coefficient K [1/m] is
+  255 (1 - exp(-K `DEPTH`)), at most 254. Empty without a field of smoke.
 - ``wide``: int32. Numbers that do not fit in a byte.
 
 A byte b of the others encodes the number b / 2 if b is even and -(b + 1) / 2 if it is odd; 255 encodes the next number
@@ -34,13 +38,18 @@ from evac.analysis.measures import Measuring
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.saved import SavedError, part_of, taken
 from evac.building.model.building import Building, Level
+from evac.building.model.cells import LevelField
 from evac.building.model.elevation import PLANE, elevation
+from evac.pictures.palette import DEPTH
 
 #: Resolution of positions [m].
 GRAIN = 0.01
 
 #: Resolution of times that people have waited [s], and of speeds [m/s].
 MOMENT, PACE = 0.01, 0.01
+
+#: Resolution of doses, and the greatest one that is stored.
+PART, MOST_DOSE = 0.001, 10.0
 
 #: Contact forces below this are stored as 0 [N].
 LEAST_FORCE = 10.0
@@ -49,11 +58,11 @@ ESCAPE = 255
 MOST_FRAMES = 2**31 - 1
 MOST_CODE = 2**40
 #: Greatest number of bytes of a stream for a frame, and in addition for each person.
-LARGEST_FRAME, LARGEST_RECORD = 20, 28
+LARGEST_FRAME, LARGEST_RECORD = 21, 33
 #: Arrays that encoding of the next frame depends on.
-_STATE = ("level", "started", "seen", "last", "before", "speeds", "waited", "forces", "headings")
+_STATE = ("level", "started", "seen", "last", "before", "speeds", "waited", "forces", "doses", "headings", "smoke")
 
-STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "headings", "wide")
+STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide")
 
 
 class _Stream:
@@ -81,6 +90,8 @@ class MotionPacker:
     people : int
     building : Building
         Building as it is before all changes.
+    smoke : LevelField, optional
+        The field of smoke, if there is one.
 
     Attributes
     ----------
@@ -90,9 +101,10 @@ class MotionPacker:
         Origin of positions in plan.
     """
 
-    def __init__(self, people: int, building: Building) -> None:
+    def __init__(self, people: int, building: Building, smoke: LevelField | None = None) -> None:
         corners = building.vertices[:, :2]
-        self.frames, self.building = 0, building
+        self.frames, self.building, self.field = 0, building, smoke
+        self._smoke = np.zeros(0 if smoke is None else smoke.size, np.uint8)  # in the previous frame
         self.origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         self._planes = [level_plane(building, level) for level in building.levels]
         self._uneven = np.array([not is_even(building, level) for level in building.levels])
@@ -102,7 +114,7 @@ class MotionPacker:
         self._before = np.zeros((people, 2), np.int64)
         self._started = np.zeros(people, np.int32)  # 1 of those whose response time was over
         # In each person's last frame.
-        self._speeds, self._waited, self._forces, self._headings = np.zeros((4, people), np.int64)
+        self._speeds, self._waited, self._forces, self._doses, self._headings = np.zeros((5, people), np.int64)
         self._measuring = Measuring(people)
         self._streams = {name: _Stream() for name in STREAMS}
 
@@ -116,6 +128,8 @@ class MotionPacker:
         started: NDArray[np.bool_],
         contact_force: FloatArray,
         is_shown: bool = True,
+        dose: FloatArray | None = None,
+        smoke: FloatArray | None = None,
     ) -> None:
         """Add a frame with all people who are inside at one time.
 
@@ -133,6 +147,10 @@ class MotionPacker:
         contact_force : (c,) float64 [N]
         is_shown : bool
             Otherwise, people are only measured.
+        dose : (c,) float64, optional
+            Greater ones of the doses of gases and heat, in every frame or in none.
+        smoke : (m,) float64, optional
+            Values of the field of smoke [1/m].
         """
         speed = np.linalg.norm(velocity, axis=1)
         found = self._measuring.add(time, person, speed, started, contact_force)
@@ -155,6 +173,10 @@ class MotionPacker:
             "waited": np.rint(found.waited / MOMENT).astype(np.int64),
             "forces": force_codes(found.contact_force),
         }
+        if dose is not None:
+            codes["doses"] = np.rint(np.minimum(dose, MOST_DOSE) / PART).astype(np.int64)
+        if smoke is not None:
+            self._write("smoke", self._change_of_smoke(smoke))
         for name, values in codes.items():
             last = getattr(self, f"_{name}")
             self._numbers(name, values - last[person])
@@ -189,7 +211,7 @@ class MotionPacker:
             An array is not what `state` returns.
         """
         self.frames = int(taken(state, "frames", np.int64, (1,), 0, MOST_FRAMES)[0])
-        bounds = {"level": (-1, len(self._planes) - 1), "seen": (0, self.frames), "started": (0, 1)}
+        bounds = {"level": (-1, len(self._planes) - 1), "seen": (0, self.frames), "started": (0, 1), "smoke": (0, 255)}
         for name in _STATE:
             array = getattr(self, f"_{name}")
             array[:] = taken(state, name, array.dtype, array.shape, *bounds.get(name, (-MOST_CODE, MOST_CODE)))
@@ -200,7 +222,7 @@ class MotionPacker:
     def _restored(self, state: Mapping[str, NDArray[Any]], name: str) -> _Stream:
         """Return a stream with its saved bytes, which are bounded by the number of frames."""
         key = f"stream.{name}"
-        most = self.frames * (LARGEST_FRAME + LARGEST_RECORD * len(self._level))
+        most = self.frames * (LARGEST_FRAME + LARGEST_RECORD * len(self._level) + len(self._smoke))
         decompressor = zlib.decompressobj()
         try:
             data = decompressor.decompress(taken(state, key, np.uint8, (None,), 0, 255).tobytes(), most + 1)
@@ -222,6 +244,13 @@ class MotionPacker:
         self._started[person] = started
         moved = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
         return np.concatenate([*moved, [begun.size], begun]).astype("<i4")
+
+    def _change_of_smoke(self, smoke: FloatArray) -> NDArray[np.uint8]:
+        """Return the bytes of a frame, for which uint8 is modulo 256."""
+        codes = np.rint(-255.0 * np.expm1(-DEPTH * smoke))
+        before, self._smoke = self._smoke, np.minimum(codes, 254.0).astype(np.uint8)
+        change = self._smoke - before
+        return np.concatenate([np.ones(1, np.uint8), change]) if change.any() else np.zeros(1, np.uint8)
 
     def _off_plane(self, level: IntArray, position: FloatArray) -> NDArray[np.int64]:
         """Return heights above the planes of the levels [cm]."""

@@ -21,7 +21,7 @@ from evac.pictures import palette
 from evac.pictures.scales import LEAST, MAPS, PEOPLE, SERVICES, Scale
 from evac.replay.account import Account, account_of_folder
 from evac.replay.geometry import building_for_page, marks_for_page
-from evac.replay.motion import GRAIN, LEAST_FORCE, MOMENT, PACE, MotionPacker
+from evac.replay.motion import GRAIN, LEAST_FORCE, MOMENT, PACE, PART, MotionPacker
 from evac.replay.poster import poster, texts
 from evac.trajectory.trajectory import Trajectory
 
@@ -44,6 +44,7 @@ SCRIPTS = (
     "layout.js",
     "run/density.js",
     "run/maps.js",
+    "run/smoke.js",
     "shaders.js",
     "meshes.js",
     "stage.js",
@@ -96,6 +97,8 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         "pace": PACE,
         "least_force": LEAST_FORCE,
         "longest_wait": motion.longest_wait,
+        "part": PART,
+        "smoke": _smoke(motion),
     }
     text = json.dumps(about, separators=(",", ":"), allow_nan=False)
     scripts = "\n".join(_read(name) for name in SCRIPTS)
@@ -137,7 +140,9 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
         raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")
     if every is not None and not 0.0 < every < np.inf:
         raise ResultError(f"every: the time between two states must be greater than 0, got {every:g}")
-    motion = MotionPacker(trajectory.number_of_people, trajectory.building)
+    has_smoke = palette.SMOKE in [field.name for field in trajectory.level_fields]
+    smoke = trajectory.field(palette.SMOKE) if has_smoke else None
+    motion = MotionPacker(trajectory.number_of_people, trajectory.building, smoke)
     chosen = _chosen(trajectory.time, every)
     for k in range(len(trajectory)):
         frame = trajectory[k]
@@ -150,6 +155,8 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
             frame["started"],
             frame["contact_force"],
             is_shown=k in chosen,
+            dose=frame["dose"] if trajectory.has_dose else None,
+            smoke=None if smoke is None else smoke.values[k],
         )
     write_page(path, motion, account_of_folder(trajectory), trajectory.changes)
     return motion.frames
@@ -207,6 +214,14 @@ def _about(account: Account) -> dict[str, Any]:
             "time": whole(account.moves.time, 100.0),
         },
     }
+
+
+def _smoke(motion: MotionPacker) -> dict[str, Any] | None:
+    """Return the cells of the field of smoke: left and lower edge [m] and numbers along x and y of each level."""
+    if motion.field is None:
+        return None
+    grids = [[*(cells.origin - motion.origin).tolist(), *cells.shape[::-1]] for cells in motion.field.cells]
+    return {"size": motion.field.spacing, "grids": grids, "depth": palette.DEPTH, "visible": palette.VISIBLE}
 
 
 def _scale(scale: Scale) -> dict[str, Any]:

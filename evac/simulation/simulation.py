@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.base.arrays import FloatArray
 from evac.base.errors import naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
 from evac.building.model.building import Building
@@ -184,6 +185,11 @@ class Simulation:
         from evac.conditions.exposure import exposure_of
 
         return exposure_of(self.case, self.scene, self.population.crowd, self.population.groups)
+
+    @property
+    def dose(self) -> FloatArray | None:
+        """The greater one of the doses of gases and heat of each person, (n,); None in a case without doses."""
+        return None if self.exposure is None else self.exposure.dose(self.time)
 
     def _watch_people(self) -> None:
         """Keep the initial state of people, and begin to watch how they get on."""

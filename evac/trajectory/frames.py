@@ -15,7 +15,7 @@ from evac.base.errors import BuildingError, ResultError
 from evac.building.model.building import Building
 from evac.building.model.links import building_at
 from evac.folder.records import MARK, read_sealed
-from evac.trajectory.layout import FIELDS, HEADER_BYTES_MAX, damaged
+from evac.trajectory.layout import FIELDS_WITH_DOSE, HEADER_BYTES_MAX, damaged
 
 #: Positions farther than this outside the bounding rectangle of the building are treated as damage [m].
 FAR_OUTSIDE = 1000.0
@@ -28,7 +28,7 @@ class Rows(NamedTuple):
     person: NDArray[Any]  # (c,) unsigned or int32: those who are inside, in ascending order
     level: NDArray[Any]  # (c,) unsigned or int32
     started: NDArray[np.bool_]  # (c,): whether the response time is over
-    motion: NDArray[np.float32]  # (c, 5) float32: the numbers `FIELDS` from x on
+    motion: NDArray[np.float32]  # (c, 5 or 6) float32: the numbers of the header's fields from x on
     changes: tuple[Change, ...]  # changes of the scene since the frame before
     fields: tuple[NDArray[np.float32], ...]  # tuple of (m,) float32: values of the fields of behaviours
 
@@ -115,7 +115,7 @@ class FrameReader:
             _numbers(person),
             _numbers(level),
             _bits(started),
-            _numbers(motion.flatten()).reshape(-1, len(FIELDS) - 2),
+            _numbers(motion.flatten()).reshape(-1, motion.type.list_size),
             (),
             tuple(_numbers(values) for values in fields),
         )
@@ -137,7 +137,7 @@ class FrameReader:
         least, greatest = columns.min(axis=1), columns.max(axis=1)
         if not (np.isfinite(least) & np.isfinite(greatest)).all():
             row, column = np.argwhere(~np.isfinite(motion))[0]
-            raise FrameError(f"{FIELDS[2 + column]} of record {row} is {motion[row, column]}")
+            raise FrameError(f"{FIELDS_WITH_DOSE[2 + column]} of record {row} is {motion[row, column]}")
         if person[0] < 0 or person[-1] >= self._people or (person[1:] <= person[:-1]).any():
             raise FrameError(f"persons are not in ascending order from 0 to {self._people - 1}")
         if rows.level.min() < 0 or rows.level.max() >= len(self._building.levels):

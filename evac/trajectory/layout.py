@@ -20,13 +20,16 @@ FORMAT = 4
 #: header's origin.
 FIELDS = ("person", "level", "x", "y", "velocity_x", "velocity_y", "contact_force")
 
+#: The same in a case with `[dose]`: the greater one of the doses of gases and heat.
+FIELDS_WITH_DOSE = (*FIELDS, "dose")
+
 #: Greatest length of a header [bytes], much more than any building needs.
 HEADER_BYTES_MAX = 2**28
 
 
-def columns(people: int, levels: int, fields: Sequence[LevelField] = ()) -> pa.Schema:
+def columns(people: int, levels: int, fields: Sequence[LevelField] = (), has_dose: bool = False) -> pa.Schema:
     """Return the columns of the trajectory of so many people on so many levels, with fields of behaviours."""
-    motion = pa.list_(_required("item", pa.float32()), len(FIELDS) - 2)
+    motion = pa.list_(_required("item", pa.float32()), len(FIELDS) - 2 + has_dose)
     person = pa.struct(
         [
             _required("person", _row(people)),

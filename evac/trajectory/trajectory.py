@@ -30,7 +30,7 @@ from evac.trajectory.header import (
     origin_from_json,
     people_from_json,
 )
-from evac.trajectory.layout import FIELDS, columns, damaged, read_start
+from evac.trajectory.layout import FIELDS, FIELDS_WITH_DOSE, columns, damaged, read_start
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -62,6 +62,8 @@ class Frame(TypedDict):
         Sum of the contact forces.
     crowd_pressure : (c,) float64 [N/m]
         Contact force over the circumference of the body, 2 pi r, as in Helbing, Farkas and Vicsek (2000).
+    dose : (c,) float64
+        The greater one of the doses of gases and heat; 0 in a case without doses.
     """
 
     time: float
@@ -74,6 +76,7 @@ class Frame(TypedDict):
     started: NDArray[np.bool_]
     contact_force: FloatArray
     crowd_pressure: FloatArray
+    dose: FloatArray
 
 
 @dataclass(frozen=True)
@@ -150,8 +153,13 @@ class Trajectory:
 
     @cached_property
     def records(self) -> tuple[NDArray[np.float32], ...]:
-        """What is recorded of the people inside, (c, 7) float32 for each time with the columns `FIELDS`."""
+        """What is recorded of the people inside, (c, 7 or 8) float32 for each time: the header's fields."""
         return tuple(np.column_stack([r.person, r.level, r.motion]).astype(np.float32) for r in self.rows)
+
+    @property
+    def has_dose(self) -> bool:
+        """Whether the doses of people are recorded."""
+        return len(self.header["fields"]) == len(FIELDS_WITH_DOSE)
 
     @cached_property
     def _first_seen(self) -> NDArray[np.int64]:
@@ -229,6 +237,7 @@ class Trajectory:
             started=rows.started,
             contact_force=motion[:, 4],
             crowd_pressure=motion[:, 4] / (2.0 * np.pi * self.radius[person]),
+            dose=motion[:, 5] if self.has_dose else np.zeros(len(person)),
         )
 
     def maps(self, levels: "Iterable[str | int] | None" = None, **options: Any) -> "Mapping[str, LevelMaps]":
@@ -278,6 +287,11 @@ class Trajectory:
         return self._padded("crowd_pressure", ())
 
     @cached_property
+    def dose(self) -> FloatArray:
+        """Greater doses, of gases or heat, (f, n); 0 in a case without doses, NaN for people who are out."""
+        return self._padded("dose", ())
+
+    @cached_property
     def level(self) -> IntArray:
         """Levels, (f, n) int32; -1 for people who are out."""
         level = np.nan_to_num(self._padded("level", ()), nan=-1.0).astype(np.int32)
@@ -315,8 +329,8 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     """Read the first `length` bytes of a trajectory file, or all of them."""
     data = _mapped(path, length)
     header, schema, start = read_start(path, data)
-    if header.get("fields") != list(FIELDS):
-        raise damaged(path, f"the header's fields are {header.get('fields')!r:.200}; they must be {list(FIELDS)}")
+    if (names := header.get("fields")) not in (list(FIELDS), list(FIELDS_WITH_DOSE)):
+        raise damaged(path, f"the header's fields are {names!r:.200}; they must be {list(FIELDS)}, or those and dose")
     if not isinstance(header.get("arriving", []), list):
         raise damaged(path, f"the header's arriving is {header['arriving']!r:.200}; it must be a list of groups")
     try:
@@ -325,7 +339,7 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
         fields = fields_from_json(header, building)
     except HeaderError as error:
         raise damaged(path, f"the header is damaged: {error}") from error
-    if not schema.equals(columns(len(people.radius), len(building.levels), fields)):
+    if not schema.equals(columns(len(people.radius), len(building.levels), fields, len(names) > len(FIELDS))):
         what = "the columns of the file are not those of its people, levels and fields"
         raise damaged(path, f"the header is damaged: {what}")
     reader = FrameReader(path, data, schema, len(people.radius), building, origin)

@@ -18,7 +18,7 @@ from evac.folder.manifest import note_written
 from evac.folder.records import sealed
 from evac.physics.state import Crowd
 from evac.trajectory.header import fields_to_json
-from evac.trajectory.layout import FIELDS, FORMAT, columns, damaged, pack_start
+from evac.trajectory.layout import FIELDS, FIELDS_WITH_DOSE, FORMAT, columns, damaged, pack_start
 from evac.trajectory.trajectory import Trajectory, read_up_to
 
 
@@ -54,6 +54,8 @@ class TrajectoryWriter:
         Origin of the recorded positions in plan, so that float32 is precise enough for all coordinate systems.
     fields : sequence of LevelField
         The fields of behaviours, whose values are recorded in each frame.
+    has_dose : bool
+        Whether the doses of people are recorded.
 
     Attributes
     ----------
@@ -70,11 +72,17 @@ class TrajectoryWriter:
     """
 
     def __init__(
-        self, path: Path, header: Mapping[str, Any], origin: FloatArray, fields: Sequence[LevelField] = ()
+        self,
+        path: Path,
+        header: Mapping[str, Any],
+        origin: FloatArray,
+        fields: Sequence[LevelField] = (),
+        has_dose: bool = False,
     ) -> None:
         origin = np.asarray(origin, np.float64)
-        schema = columns(len(header["radius"]), len(header["building"]["levels"]), fields)
-        given = {**header, "format": FORMAT, "fields": FIELDS, "origin": origin.tolist()}
+        schema = columns(len(header["radius"]), len(header["building"]["levels"]), fields, has_dose)
+        names = FIELDS_WITH_DOSE if has_dose else FIELDS
+        given = {**header, "format": FORMAT, "fields": names, "origin": origin.tolist()}
         given["level_fields"] = fields_to_json(fields)
         start = pack_start(path, given, schema)
         self._set_up(path, origin, schema, 0, 0, 0)
@@ -102,7 +110,7 @@ class TrajectoryWriter:
         """
         before = read_to_continue(path, length)
         writer = cls.__new__(cls)
-        schema = columns(before.number_of_people, len(before.building.levels), before.level_fields)
+        schema = columns(before.number_of_people, len(before.building.levels), before.level_fields, before.has_dose)
         writer._set_up(path, before.origin, schema, before.end, len(before), len(before.changes))
         del before  # some systems cannot truncate a mapped file
         with writing("the trajectory", path):
@@ -131,6 +139,7 @@ class TrajectoryWriter:
         velocity: FloatArray,
         changes: Sequence[Change] = (),
         fields: Sequence[LevelField] = (),
+        dose: FloatArray | None = None,
     ) -> None:
         """Write one frame with all people who are inside at `time`.
 
@@ -144,6 +153,8 @@ class TrajectoryWriter:
             Changes of the scene since the frame before.
         fields : sequence of LevelField
             Those given at first, with their present values.
+        dose : (n,) float64, optional
+            Doses of all people, if they are recorded.
 
         Raises
         ------
@@ -153,17 +164,19 @@ class TrajectoryWriter:
             A number is NaN, or infinite as float32.
         """
         rows = np.flatnonzero(crowd.level >= 0)
-        motion = np.empty((rows.size, len(FIELDS) - 2), "<f4")
+        motion = np.empty((rows.size, self._motion.list_size), "<f4")
         with np.errstate(over="ignore"):  # reported below
             motion[:, :2] = crowd.position[rows] - self._origin
             motion[:, 2:4] = velocity[rows]
             motion[:, 4] = crowd.contact_force[rows]
+            if dose is not None:
+                motion[:, 5] = dose[rows]
             values = [field.values.astype("<f4") for field in fields]
         if not np.isfinite(motion).all():
             row, column = np.argwhere(~np.isfinite(motion))[0]
             raise SimulationError(
-                f"t = {time:.3f} s: {FIELDS[2 + column]} of person {rows[row]} is {motion[row, column]} and cannot be "
-                "recorded; correct the plugin that sets it, or choose a smaller step"
+                f"t = {time:.3f} s: {FIELDS_WITH_DOSE[2 + column]} of person {rows[row]} is {motion[row, column]} and "
+                "cannot be recorded; correct the plugin that sets it, or choose a smaller step"
             )
         for field, numbers in zip(fields, values, strict=True):
             if not np.isfinite(numbers).all():

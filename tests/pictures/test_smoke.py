@@ -13,7 +13,8 @@ from tests.conditions.corridor import corridor, prescribed
 def trajectory(tmp_path_factory):
     area = {"name": "west", "level": "f", "polygon": [[0, 0], [50, 0], [50, 2], [0, 2]]}
     smoke = prescribed(area="west", times=[0, 4], values={"extinction": [0, 4]}, hold=True)
-    case = corridor(smoke, positions=((0.5, 1.0), (80.0, 1.0)))
+    smoke["values"] |= {"co": [0, 30000], "co2": [0, 5], "o2": [21, 15]}
+    case = corridor(smoke, positions=((0.5, 1.0), (80.0, 1.0)), dose={"heat": "none"})
     case = case.change({"building.areas": [area], "simulation.duration": 6.0})
     return evac.run(case, tmp_path_factory.mktemp("smoke") / "result").trajectory
 
@@ -29,9 +30,10 @@ def test_smoke_darkens_the_floor_where_it_is(trajectory, view):
     np.testing.assert_array_equal(after[y2, x2], before[y2, x2])
 
 
-def test_people_are_coloured_by_the_smoke_at_their_heads(trajectory):
-    found = colouring(trajectory, "extinction")
-    assert found.top >= 4.0
+@pytest.mark.parametrize(("quantity", "top"), [("extinction", 4.0), ("visibility", 30.0), ("dose", 1.0)])
+def test_people_are_coloured_by_the_air_at_their_heads(trajectory, quantity, top):
+    found = colouring(trajectory, quantity)
+    assert found.top >= top
     first, last = found.of(trajectory[0]), found.of(trajectory[len(trajectory) - 1])
     np.testing.assert_array_equal(first[0], first[1])
     assert (last[0] != last[1]).any()

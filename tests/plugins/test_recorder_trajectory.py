@@ -56,6 +56,7 @@ def simulation(tmp_path):
         scene=SimpleNamespace(ground=SimpleNamespace(building=building), changes=[], fields_of_behaviours={}),
         population=SimpleNamespace(crowd=crowd, groups=groups),
         displacement_velocity=np.array([[0.5, 0.0], [0.0, 0.25], [0.0, 0.0]]),
+        dose=None,
         time=0.0,
         seed=11,
         folder=tmp_path / "result",

@@ -9,6 +9,7 @@ import pytest
 
 import evac
 from evac.base.errors import ResultError
+from evac.building.model.cells import LevelField
 from evac.pictures.palette import group_colours
 from evac.replay.account import account_of_folder, account_of_run
 from evac.replay.motion import STREAMS, MotionPacker
@@ -29,16 +30,19 @@ def states(count):
         yield 0.5 * k, rows, np.zeros(len(rows), np.int32), position[rows], *motion, random.uniform(0.0, 3e3, len(rows))
 
 
-def test_packing_goes_on_from_its_state_to_the_same_bytes(building):
-    whole, first, second = (MotionPacker(PEOPLE, building) for _ in range(3))
+@pytest.mark.parametrize("has_smoke", [False, True])
+def test_packing_goes_on_from_its_state_to_the_same_bytes(building, has_smoke):
+    field = LevelField(building, "extinction", "1/m", 1.0) if has_smoke else None
+    whole, first, second = (MotionPacker(PEOPLE, building, field) for _ in range(3))
     for k, state in enumerate(states(9)):
-        whole.add(*state)
+        air = {"dose": 0.1 * k * state[1], "smoke": np.full(field.size, 0.3 * (k // 2))} if has_smoke else {}
+        whole.add(*state, **air)
         if k < 4:
-            first.add(*state)
+            first.add(*state, **air)
             continue
         if k == 4:
             second.restore(first.state())
-        second.add(*state)
+        second.add(*state, **air)
     assert second.streams() == whole.streams()
     assert (second.frames, whole.frames) == (9, 9)
     assert set(whole.streams()) == set(STREAMS)

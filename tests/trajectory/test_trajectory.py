@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.ipc
 import pytest
 
+import evac
 from evac.base.change import Change
 from evac.base.errors import ResultError, SimulationError
 from evac.building.model.cells import LevelField
@@ -19,6 +20,7 @@ from evac.trajectory.header import building_from_json, building_to_json
 from evac.trajectory.layout import FIELDS, columns
 from evac.trajectory.trajectory import read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
+from tests.conditions.corridor import standing
 from tests.trajectory.parts import SCHEMA, places_of, with_header
 
 
@@ -344,3 +346,17 @@ def test_fields_come_back_and_a_writer_that_continues_goes_on_with_them(descent,
     writer.append(1.0, run.crowds[2], run.crowds[2].velocity, (), fields)
     writer.close()
     assert path.read_bytes() == whole
+
+
+def test_doses_are_recorded_only_in_a_case_with_doses(tmp_path):
+    case = standing(people=2, co=20000.0, co2=5.0, o2=21.0).change({"simulation.duration": 4.0})
+    trajectories = [
+        evac.run(case, tmp_path / "with").trajectory,
+        evac.run(evac.load("square_room", {"simulation.duration": 1.0}), tmp_path / "without").trajectory,
+    ]
+    results = evac.read_results(tmp_path / "with")
+    assert [one.has_dose for one in trajectories] == [True, False]
+    assert [one.records[0].shape[1] for one in trajectories] == [8, 7]
+    assert trajectories[0].dose[-1] == pytest.approx(results.exposure["gas_dose"], rel=1e-6)
+    assert trajectories[0].dose[-1].min() > 0.0
+    assert not np.nan_to_num(trajectories[1].dose).any()

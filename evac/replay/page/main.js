@@ -19,10 +19,12 @@ async function start() {
   const storeys = findStoreys(about.building.levels);
   const layout = new Layout(about.building, about.grain, storeys);
   const density = new Density(about.building, new Uint8Array(await inflate("floors")), about.people_scales.density.top);
-  const maps = new Maps(record, density), layers = ["plain", "density now", ...Object.keys(about.map_scales)];
-  const quantities = ["group", ...Object.keys(about.people_scales)];
+  const smoke = about.smoke && new Smoke(streams.smoke, about, record.frames, density), airs = smoke ? AIR : [];
+  const lacking = [...(smoke ? [] : AIR), ...(motion.dose.length ? [] : ["dose"])];
+  const maps = new Maps(record, density), layers = ["plain", ...airs, "density now", ...Object.keys(about.map_scales)];
+  const quantities = ["group", ...Object.keys(about.people_scales)].filter((name) => !lacking.includes(name));
   const series = new Series(record, storeys);
-  const people = new People(record, density);
+  const people = new People(record, density, smoke);
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
   const labels = new Labels(by("labels"), record, layout);
   const panel = new Panel(record, series, layout, people);
@@ -80,17 +82,18 @@ async function start() {
   // Shows a map on the floors; those of the whole run are computed when the first of them is chosen.
   function showLayer() {
     const { layer } = state, isNow = layer === "density now";
-    const map = served(isNow ? { ...about.people_scales.density, isVeiled: true } : about.map_scales[layer], state.service, about.services);
+    const isAir = airs.includes(layer), ofNow = isNow ? "density" : isAir ? layer : null;
+    const map = served(ofNow ? { ...people.scaleOf(ofNow, ""), isVeiled: layer !== AIR[1] } : about.map_scales[layer], state.service, about.services);
     by("layer").value = layer;
     by("layer-legend").hidden = !map;
     by("service").value = state.service;
     by("service-tool").hidden = !map?.isDensity && state.quantity !== "density";
-    state.isLayered = Boolean(map) && (isNow || maps.share === 1);
-    if (map && !isNow) maps.find(showLayer);
+    state.isLayered = Boolean(map) && (ofNow !== null || maps.share === 1);
+    if (map && !ofNow) maps.find(showLayer);
     if (state.isLayered) {
       const top = map.top ?? maps.ends[layer];
       stage.setScale(layered(ramp(map), map.isVeiled));
-      stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
+      if (!isAir) stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
       const name = isNow ? "Density" : layer[0].toUpperCase() + layer.slice(1);
       by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors[0]), map, top)}`;
     } else by("layer-legend").innerHTML = `<div class="ends"><span>Computing maps: ${Math.round(100 * maps.share)} %</span></div>`;
@@ -221,6 +224,7 @@ async function start() {
       density.update(now);
       if (isNow) stage.setLayer(density, density.bytes, true);
     }
+    if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), false);
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
     stage.draw(camera, people, { ...look, layer: state.isLayered, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
@@ -380,7 +384,7 @@ async function start() {
   addEventListener("beforeprint", preparePrint);
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
-  return { record, layout, density, maps, series, people, camera, state, act, stage, chart, drawn, get measured() { return measured; } };
+  return { record, layout, density, smoke, maps, series, people, camera, state, act, stage, chart, drawn, get measured() { return measured; } };
 
   function fillChoices() {
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);

@@ -98,6 +98,8 @@ class Panel {
       facts.push(["Level", record.building.levels[now.level[i]].name]);
       facts.push(["Speed", `${record.motion.speed[row].toFixed(2)} m/s`]);
       facts.push(["Contact force", force ? `${short(force)} N` : `below ${record.least_force} N`]);
+      if (record.motion.dose.length) facts.push(["Dose", record.motion.dose[row].toFixed(3)]);
+      if (this.people.smoke) facts.push(["Smoke at the head", `${this.people.valueOf(AIR[0], now, i).toFixed(2)} 1/m`]);
       facts.push(["Waited so far", seconds(record.motion.waited[row])]);
     } else {
       facts.push(["Level", time < record.outTime[p] ? "not inside yet" : "out"]);

@@ -1,14 +1,14 @@
 // People: the colour of each, and the bytes that are handed to WebGL; who is where the pointer is.
 
 // The measures of people, and the columns of the motion that have them.
-const COLUMNS = { speed: "speed", "contact force": "force", "waited so far": "waited" };
+const COLUMNS = { speed: "speed", "contact force": "force", "waited so far": "waited", dose: "dose" };
 
 const HEAD_STEP = 10;  // The fourth number of a body is its radius, and this for each step of its head.
 
 class People {
-  constructor(record, density) {
+  constructor(record, density, smoke) {
     this.record = record;
-    this.density = density;
+    Object.assign(this, { density, smoke });
     this.width = 1024;  // of the textures that have everybody
     const room = this.width * Math.ceil(record.people / this.width);
     this.bodies = new Float32Array(4 * room);
@@ -24,16 +24,19 @@ class People {
     this.faded = [...colours.groups, colours.none].map(() => packed([176, 184, 193]));
   }
 
-  // The scale of a quantity; the longest time that anybody waited ends that of waiting.
+  // The scale of a quantity; the longest time that anybody waited, or the densest smoke, ends its own.
   scaleOf(quantity, service) {
     const { people_scales: scales, services, longest_wait } = this.record;
     const scale = served(scales[quantity], service, services);
-    return { ...scale, top: scale.top ?? roundUp(longest_wait) };
+    if (quantity !== AIR[0]) return { ...scale, top: scale.top ?? roundUp(longest_wait) };
+    const isDark = document.documentElement.dataset.theme === "dark";  // There, the densest smoke is the lightest.
+    return { ...scale, top: roundUp(this.smoke.greatest), stops: isDark ? [...scale.stops].reverse() : scale.stops };
   }
 
   // Value of a quantity of the i-th person of `now`.
   valueOf(quantity, now, i) {
     if (quantity === "density") return this.density.sums[this.density.node(now.level[i], now.x[i], now.y[i])];
+    if (AIR.includes(quantity)) return this.smoke.at(quantity, now.frame, now.level[i], now.x[i], now.y[i]);
     return this.record.motion[COLUMNS[quantity]][now.row[i]];
   }
 

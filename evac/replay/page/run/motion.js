@@ -1,8 +1,8 @@
 // Where everybody was: takes apart what evac/replay/motion.py has packed.
 
 async function inflateMotion() {
-  const names = ["times", "events", "steps", "heights", "speeds", "waited", "forces", "headings", "wide"];
-  const [times, events, steps, heights, speeds, waited, forces, headings, wide] = await Promise.all(names.map(inflate));
+  const names = ["times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide"];
+  const [times, events, steps, heights, speeds, waited, forces, doses, headings, smoke, wide] = await Promise.all(names.map(inflate));
   return {
     times: new Float64Array(times),
     events: new Int32Array(events),
@@ -11,7 +11,9 @@ async function inflateMotion() {
     speeds: new Uint8Array(speeds),
     waited: new Uint8Array(waited),
     forces: new Uint8Array(forces),
+    doses: new Uint8Array(doses),
     headings: new Uint8Array(headings),
+    smoke: new Uint8Array(smoke),
     wide: new Int32Array(wide),
   };
 }
@@ -34,8 +36,8 @@ function firstRows(streams) {
 }
 
 // Rows of everybody inside, frame after frame: person, level, position [m], speed [m/s], direction in plan, time waited so
-// far [s], contact force [N], and whether the response time is over.
-function unpackMotion(streams, { building: { levels }, group, grain, pace, moment }) {
+// far [s], contact force [N], dose if there is one, and whether the response time is over.
+function unpackMotion(streams, { building: { levels }, group, grain, pace, moment, part }) {
   const people = group.length;
   const first = firstRows(streams);
   const rows = first[first.length - 1];
@@ -44,12 +46,13 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
     person: new Uint32Array(rows), level: new Uint16Array(rows),
     x: new Float32Array(rows), y: new Float32Array(rows), z: new Float32Array(rows),
     speed: new Float32Array(rows), waited: new Float32Array(rows), force: new Float32Array(rows),
+    dose: new Float32Array(streams.doses.length),
   };
   const { events, steps, heights, headings, wide } = streams;
   const levelOf = new Int32Array(people).fill(-1);
   const seen = new Uint8Array(people);
   const begun = new Uint8Array(people), turned = new Uint8Array(people);
-  const codes = ["speeds", "waited", "forces"].map((name) => [streams[name], new Int32Array(people)]);
+  const codes = ["speeds", "waited", "forces", "doses"].map((name) => [streams[name], new Int32Array(people)]);
   const last = [new Int32Array(people), new Int32Array(people)];
   const before = [new Int32Array(people), new Int32Array(people)];
   let event = 0, step = 0, lift = 0, wider = 0, turn = 0;
@@ -93,8 +96,8 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
       motion.z[row] = c + a * motion.x[row] + b * motion.y[row];
       if (level.uneven) motion.z[row] += grain * number(heights[lift++]);
     }
-    const [speeds, waited, forces] = codes.map(([bytes, last]) => {
-      for (row = first[k]; row < first[k + 1]; row++) last[motion.person[row]] += number(bytes[row]);
+    const [speeds, waited, forces, doses] = codes.map(([bytes, last]) => {
+      for (row = first[k]; row < first[k + 1]; row++) last[motion.person[row]] += number(bytes[row] ?? 0);
       return last;
     });
     for (row = first[k]; row < first[k + 1]; row++) {
@@ -102,6 +105,7 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
       motion.speed[row] = pace * speeds[p];
       motion.waited[row] = moment * waited[p];
       motion.force[row] = forceOf(forces[p]);
+      motion.dose[row] = part * doses[p];  // Nothing is kept where there are no doses.
       if (speeds[p]) turned[p] += headings[turn++];
       motion.heading[row] = turned[p];
     }

@@ -1,0 +1,74 @@
+"""Smoke and doses in the page."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.replay.writer import replay_trajectory
+from tests.conditions.corridor import corridor, prescribed
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """Three people in a corridor: one in smoke and gases that get denser, one behind them, one in clear air."""
+    area = {"name": "west", "level": "f", "polygon": [[0, 0], [50, 0], [50, 2], [0, 2]]}
+    values = {"extinction": [0, 4], "co": [0, 30000], "co2": [0, 5], "o2": [21, 15]}
+    smoke = prescribed(area="west", times=[0, 10], values=values, hold=True)
+    positions = ((0.5, 1.0), (45.0, 1.0), (80.0, 1.0))
+    case = corridor(smoke, positions=positions, dose={"heat": "none"})
+    case = case.change({"building.areas": [area], "simulation.duration": 15.0})
+    return evac.run(case, tmp_path_factory.mktemp("smoke") / "result")
+
+
+def test_the_page_has_the_smoke_and_the_doses_of_the_trajectory(browser, result):
+    trajectory = result.trajectory
+    browser.open(trajectory.path.with_name("replay.html"))
+    for name in ("dose", "visibility", "smoke at heads"):
+        browser.run(f"replay.act.colour('{name}')")
+        browser.run(f"replay.act.layer('{name}')") if name != "dose" else None
+    smoke = trajectory.field("extinction")
+    assert np.nanmax(trajectory.dose) > 0.1
+    for k in range(0, len(trajectory), 5):
+        frame = trajectory[k]
+        browser.run(f"replay.act.seek({frame['time']})")
+        browser.settle()
+        found = browser.run(
+            """(() => {
+              const { record, people, state } = replay, { now } = record, rows = [...Array(now.count).keys()];
+              const of = (name) => rows.map((i) => people.valueOf(name, now, i));
+              return { dose: of("dose"), smoke: of("smoke at heads"), seen: of("visibility") };
+            })()"""
+        )
+        expected = [smoke.at([0], at[None])[k, 0] for at in frame["position"]]
+        assert found["dose"] == pytest.approx(frame["dose"], abs=0.00051)
+        assert found["smoke"] == pytest.approx(expected, abs=0.03)
+        assert found["seen"] == pytest.approx(3.0 / np.maximum(found["smoke"], 1e-6))
+
+
+def test_the_layer_is_seen_where_smoke_is(browser, result):
+    browser.open(result.trajectory.path.with_name("replay.html"))
+    for name, is_shown in (("smoke at heads", [True, False]), ("visibility", [True, False])):
+        browser.run(f"replay.act.layer('{name}')")
+        browser.run("replay.act.seek(12)")
+        browser.settle()
+        found = browser.run(
+            f"""(() => {{
+              const {{ density, people, smoke, record }} = replay, [ox, oy] = record.origin;
+              const bytes = smoke.layer("{name}", record.now.frame, people.scaleOf("{name}", ""));
+              return [20, 90].map((x) => bytes[density.node(0, x - ox, 1 - oy)]);
+            }})()"""
+        )
+        assert [value > 0 for value in found] == is_shown
+
+
+def test_a_run_without_conditions_has_neither(browser, storeys):
+    browser.open(storeys[0])
+    options = "[...document.querySelectorAll('#colour option, #layer option')]"
+    choices = browser.run(f"{options}.map((one) => one.value)")
+    assert not {"dose", "visibility", "smoke at heads"} & {*choices}
+
+
+def test_the_page_of_the_folder_is_that_of_the_run(result):
+    page = result.trajectory.path.with_name("again.html")
+    replay_trajectory(result.trajectory, page)
+    assert page.read_bytes() == page.with_name("replay.html").read_bytes()
