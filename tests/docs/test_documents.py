@@ -80,7 +80,7 @@ def test_commands_of_the_readme_exist(text):
     ).stdout
     assert len(words) >= 5
     for word in words:
-        assert re.search(rf"^ +{word} ", help_text, re.MULTILINE), word
+        assert re.search(rf"^ +{word}( |$)", help_text, re.MULTILINE), word
 
 
 def words_of(screen):
