@@ -68,7 +68,7 @@ def with_places(case: "Case", building: Building) -> Building:
     ------
     ScenarioError
         One line for each place whose area or exit does not exist, or which is not on its level, and for each line
-        and each available time whose level does not exist.
+        whose level does not exist, or which is not on it.
     BuildingError
         The level of a sign does not exist.
     """
@@ -83,8 +83,10 @@ def with_places(case: "Case", building: Building) -> Building:
         if level is None:
             hint = did_you_mean(line.level, [one.name for one in building.levels])
             problems.append(f"{case.source}: line.{line.name}.level: no level is named {line.level!r}; {hint}")
+        elif not (drawn := shapely.LineString(line.segment)).intersects(level.polygon):
+            problems.append(f"{case.source}: line.{line.name}.segment: it is not on level {level.name!r}; move it")
         else:
-            places.append(Place(line.name, "line", level.index, shapely.LineString(line.segment)))
+            places.append(Place(line.name, "line", level.index, drawn))
     for name in case.report.aset:
         if building.level_named(name) is None:
             hint = did_you_mean(name, [one.name for one in building.levels])

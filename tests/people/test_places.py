@@ -128,6 +128,9 @@ def test_lines_have_a_level_of_the_building_and_a_name_of_their_own():
     line = {"name": "across", "level": "nowhere", "segment": [[0, 0], [1, 0]]}
     with pytest.raises(ScenarioError, match=r"line\.across\.level: .*'nowhere'"):
         evac.run(evac.load("square_room", {"line": [line]}))
+    beside = line | {"level": "room", "segment": [[50, 0], [60, 0]]}
+    with pytest.raises(ScenarioError, match=r"line\.across\.segment: .*'room'"):
+        evac.run(evac.load("square_room", {"line": [beside]}))
     with pytest.raises(ScenarioError, match="two lines"):
         evac.load("square_room", {"line": [line, line]})
     with pytest.raises(ScenarioError, match="same point"):
