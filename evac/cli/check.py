@@ -183,16 +183,13 @@ def show_people(simulation: "Simulation") -> None:
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
     names = [level.name for level in simulation.building.levels]
-    rows = [
-        (
-            group.name,
-            len(group.rows),
-            ", ".join(sorted({names[index] for index in crowd.level[group.rows]})),
-            f"{time[group.rows].min():.1f} to {time[group.rows].max():.1f}",
-            _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()),
-        )
-        for group in population.groups
-    ]
+    rows = []
+    for group in population.groups:
+        inside = group.rows[crowd.level[group.rows] >= 0]
+        levels = ", ".join(sorted({names[index] for index in crowd.level[inside]})) or "they arrive"
+        unimpeded = f"{time[inside].min():.1f} to {time[inside].max():.1f}" if len(inside) else ""
+        radius = _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()) if len(group.rows) else ""
+        rows.append((group.name, len(group.rows), levels, unimpeded, radius))
     columns = ("group", "people", "levels", "unimpeded time to an exit [s]", "radius [m]")
     reach = "Not all fit through the ways to an exit" if simulation.stopping else "All can reach an exit"
     title = f"People: {len(crowd.level)}. {reach}; see warnings for narrow places."

@@ -189,12 +189,12 @@ def walked_lengths(fields: Fields, world: World, crowd: Crowd) -> FloatArray:
     """Return the flat, up and down lengths (n, 3) of the way that each body walks alone, along the slope [m].
 
     They are longer than those of `Fields.lengths_at`, because directions keep a clearance from walls, and inf for
-    people who do not arrive.
+    people who do not arrive, 0 for those who are not inside.
     """
     column = columns_of(fields.packed, crowd.route, crowd.contact_radius)
     lengths = np.zeros((len(crowd.level), 3))
     for one in np.unique(column):
-        rows = np.flatnonzero(column == one)
+        rows = np.flatnonzero((column == one) & (crowd.level >= 0))
         rows = rows[np.argsort(-crowd.contact_radius[rows], kind="stable")]
         walked = np.zeros((len(rows), 3))
         ends = _walked(fields, world, crowd, rows, int(one), crowd.contact_radius[rows], walked)

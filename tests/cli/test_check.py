@@ -24,6 +24,20 @@ def test_shows_the_building_and_the_people(evac, capsys):
     assert err == ""
 
 
+def test_people_who_arrive_have_no_level_and_no_time_at_the_start(evac, tmp_path, capsys):
+    case = tmp_path / "case.toml"
+    mesh = Path(evac_buildings.__file__).parent / "square_room" / "square_room.msh"
+    case.write_text(
+        f'[building]\nmesh = "{mesh}"\n[contact]\nmodel = "dem"\n'
+        '[[people]]\nname = "late"\nlevel = "room"\narrive = { times = [3, 4] }\n'
+        '[[people]]\nname = "early"\nlevel = "room"\nnumber = 2\n'
+    )
+    evac("check", str(case))
+    shown = capsys.readouterr().out
+    assert re.search(r"late +2 +they arrive +- +0\.2", shown)
+    assert re.search(r"early +2 +room +\d+\.\d to", shown)
+
+
 def test_shows_what_is_closed(evac, capsys):
     assert evac("check", "primary_school", "--set", 'building.closed=["upper"]') == 2
     assert "'second'" in capsys.readouterr().err
