@@ -144,6 +144,8 @@ class Renderer:
         elif colours.has_legend:
             pen.legend(view.side, colours.names, colours.colours)
         pen.scale_bar(view.scale)
+        if self._smoke is not None:
+            pen.swatches("smoke [1/m]", self._smoke.scale())
         return np.array(picture)
 
 

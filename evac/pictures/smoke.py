@@ -5,9 +5,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from evac.building.model.elevation import elevation
-from evac.pictures.palette import DEPTH, SMOKE
+from evac.pictures.palette import DEPTH, LEVELS, SMOKE, rgb
 from evac.pictures.view import View
 from evac.trajectory.trajectory import Trajectory
+
+#: Extinction coefficients of the scale [1/m].
+TOLD = (0.1, 0.3, 1.0, 3.0, 10.0)
 
 #: Extinction coefficients that are not drawn [1/m], and the colour of smoke.
 THIN, GREY = 0.02, (70, 66, 62)
@@ -38,6 +41,12 @@ class Smoke:
     def greatest(self, frame: int) -> float:
         """Return the greatest extinction coefficient of a frame [1/m]."""
         return float(self._field.values[frame].max(initial=0.0))
+
+    def scale(self) -> list[tuple[str, tuple[int, ...]]]:
+        """Return extinction coefficients [1/m] and the colours of a floor in such smoke."""
+        floor, hidden = np.array(rgb([LEVELS["floor"]])[0]), 1.0 - np.exp(-DEPTH * np.array(TOLD)[:, None])
+        colours = np.rint(floor + hidden * (np.array(GREY) - floor)).astype(int)
+        return [(f"{value:g}", tuple(colour)) for value, colour in zip(TOLD, colours.tolist(), strict=True)]
 
     def draw(self, image: NDArray[np.uint8], view: View, frame: int) -> NDArray[np.uint8]:
         """Return a picture (h, w, 3) of the building with the smoke of a frame."""

@@ -110,6 +110,16 @@ class Pen:
             self.draw.line([(tip, y - up), (tip, y + up)], palette.TEXT, wide)
         self.draw.text((end + 0.6 * self.unit, y), f"{length:g} m", palette.TEXT, font(round(0.95 * self.unit)), "lm")
 
+    def swatches(self, words: str, steps: Sequence[tuple[str, tuple[int, ...]]]) -> None:
+        """Draw fields of colours, each with its text, at the lower right, and words before them."""
+        wide, letters = 2.6 * self.unit, font(round(0.95 * self.unit))
+        left, y = self.width - self.unit - wide * len(steps), self.height - 2.6 * self.unit
+        self.draw.text((left - 0.6 * self.unit, y + 0.5 * self.unit), words, palette.TEXT, letters, "rm")
+        for k, (text, colour) in enumerate(steps):
+            x = left + k * wide
+            self.draw.rectangle((x, y, x + wide, y + self.unit), colour)
+            self.draw.text((x + 0.5 * wide, y + 1.2 * self.unit), text, palette.TEXT, letters, "ma")
+
 
 def round_length(value: float) -> float:
     """Return 1, 2 or 5 times a power of ten, the one nearest to a value on a logarithmic scale.

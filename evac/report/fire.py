@@ -1,8 +1,9 @@
 """Smoke, gases and heat of a run: where they come from, the doses that people took, and the time that was left."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from evac.building.model.storeys import storeys
 from evac.report import figures
 from evac.report.templates import Cell, Section, fixed, section
 from evac.results.results import Results
@@ -42,23 +43,37 @@ def margins_section(run: Results) -> Section | None:
     return section(
         "margins",
         "Available and required safe egress times",
-        rows=[_level(name, given.get(name), smoky.get(name), use) for name, use in run.levels.items()],
+        rows=[_storey(name, levels, given, smoky, run) for name, levels in _storeys(run)],
         tenable=TENABLE,
         smoke=settings["smoke"] if smoky else None,
     )
 
 
-def _level(
-    name: str, given: float | None, smoky: Mapping[str, Any] | None, use: Mapping[str, Any]
+def _storeys(run: Results) -> list[tuple[str, list[str]]]:
+    """Return the names of storeys and of their levels; of a run without a trajectory, of the levels alone."""
+    if run.building_or_none is None:
+        return [(name, [name]) for name in run.levels]
+    return [(name, [level.name for level in levels]) for name, levels in storeys(run.building)]
+
+
+def _storey(
+    name: str, levels: Sequence[str], given: Mapping[str, float], smoky: Mapping[str, Any], run: Results
 ) -> tuple[object, ...]:
-    """Return the row of a level: when it is untenable, when it was left, and the time between both."""
-    smoke = (None,) * 2 if smoky is None else (smoky["untenable"], smoky["turns_back"])
-    available = min((time for time in (given, smoke[0]) if time is not None), default=None)
-    left, used = use["last_left"], use["people"]
-    cleared = "not cleared" if used and left is None else fixed(left, 1)
+    """Return the row of a storey with its stairs: when it is untenable, when it was left, and the time between both."""
+    stated = _extreme(min, [given.get(level) for level in levels])
+    smoke = [_extreme(min, [smoky[level][key] for level in levels if smoky]) for key in ("untenable", "turns_back")]
+    available = _extreme(min, [stated, smoke[0]])
+    used = [use for use in map(run.levels.__getitem__, levels) if use["people"]]
+    is_cleared = all(use["last_left"] is not None for use in used)
+    left = _extreme(max, [use["last_left"] for use in used]) if is_cleared else None
     margin = None if available is None or left is None else available - left
-    words = fixed(margin, 1)
-    if available is not None and used and left is None:
-        words = "none"
+    words = "none" if available is not None and not is_cleared else fixed(margin, 1)
     shown = Cell(words, "bad") if words == "none" or (margin is not None and margin < 0.0) else words
-    return name, fixed(given, 1), *(fixed(time, 1) for time in smoke), cleared, shown
+    cleared = fixed(left, 1) if is_cleared else "not cleared"
+    return name, fixed(stated, 1), *(fixed(time, 1) for time in smoke), cleared, shown
+
+
+def _extreme(of: Callable[[list[float]], float], times: Sequence[float | None]) -> float | None:
+    """Return the least or greatest of the times that are known."""
+    known = [time for time in times if time is not None]
+    return of(known) if known else None

@@ -6,6 +6,7 @@ import pytest
 import evac
 from evac.pictures.colouring import colouring
 from evac.pictures.render import Renderer
+from evac.pictures.smoke import Smoke
 from tests.conditions.corridor import corridor, prescribed
 
 
@@ -27,6 +28,9 @@ def test_smoke_darkens_the_floor_where_it_is(trajectory, view):
     ends = renderer.view_at(0.0).project(np.zeros(2, np.int32), np.array([[20.0, 0.4, 0.0], [90.0, 0.4, 0.0]]))
     (x1, y1), (x2, y2) = ends[:, :2].round().astype(int)
     assert after[y1, x1].mean() < 0.7 * before[y1, x1].mean()
+    corner = after[-60:, 400:].reshape(-1, 3)
+    assert [text for text, _ in Smoke(trajectory).scale()] == ["0.1", "0.3", "1", "3", "10"]
+    assert all((corner == colour).all(axis=1).any() for _, colour in Smoke(trajectory).scale())
     np.testing.assert_array_equal(after[y2, x2], before[y2, x2])
 
 

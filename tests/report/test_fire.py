@@ -59,3 +59,25 @@ def test_a_run_without_a_dose_says_so_and_one_without_conditions_has_no_section(
     text = run_report(tmp_path / "clear")
     assert "Smoke, gases and heat" not in text
     assert "Fire, smoke, heat, toxic gas" in text
+
+
+def test_without_a_trajectory_the_times_are_those_of_levels(tmp_path):
+    _, text = reported(tmp_path / "result", output={"trajectory": False, "picture": False, "replay": False})
+    rows = next(table["rows"] for table in Page(text).tables if "by storey" in table["caption"])
+    assert [row[0] for row in rows[1:]] == ["f"]
+
+
+def test_available_and_required_times_are_those_of_storeys_with_their_stairs(tmp_path):
+    quiet = {"output.picture": False, "output.replay": False}
+    results = evac.run(evac.load("office_fire", {"simulation.duration": 40.0, **quiet}), tmp_path / "result")
+    tables = Page(run_report(tmp_path / "result")).tables
+    rows = next(table["rows"] for table in tables if "by storey" in table["caption"])
+    levels = results.conditions["levels"]
+    assert {"hall", "offices"} < set(levels)  # which has the stairs, too
+    first = min(
+        time for time in (levels[name]["untenable"] for name in levels if name != "offices") if time is not None
+    )
+    assert [row[0] for row in rows[1:]] == ["hall", "offices"]
+    assert float(rows[1][2]) == first
+    assert rows[1][4:] == ["not cleared", "none"]
+    assert rows[2][1:3] == ["-", "-"]
