@@ -92,6 +92,8 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac resume --help": [],
         "evac repeat square_room --runs 2 --jobs 1": ["--out", str(folder / "runs")],
         "evac sweep --help": [],
+        "evac compare --help": [],
+        "evac conditions deck office_fire": [],
         "evac replay": [result, "--out", str(folder / "replay.html")],
         "evac map": [result, "--of", "density"],
         "evac export": [result],
