@@ -109,10 +109,12 @@ class Case(Table):
         return tuple(sorted(people, key=lambda group: group.name))
 
     @model_validator(mode="after")
-    def _can_be_held(self) -> Self:
+    def _fits_together(self) -> Self:
         people = sum(group.count for group in self.people)
         if people > MOST_PEOPLE:
             raise wrong("people", f"{people:,} people in all groups; at most {MOST_PEOPLE:,} are allowed")
+        if self.dose is not None and not self.conditions:
+            raise wrong("dose", "the case has no gases or heat; add a table [[conditions]], or remove [dose]")
         return self
 
     @property

@@ -402,7 +402,7 @@ class ReportSettings(Table):
     project: str = key("name of the project", "", "")
     author: str = key("author of the analysis", "", "")
     date: str = key("date of the report", "", "")
-    aset: dict[str, Annotated[Real, Field(ge=0.0)]] = key(
+    aset: dict[str, Annotated[Real, Field(ge=0.0, le=1e6)]] = key(
         "available safe egress time of levels, by name; beside the times at which they were left", "s", {}
     )
 

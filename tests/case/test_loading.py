@@ -351,3 +351,8 @@ def test_a_level_alone_is_where_people_start():
     assert (case.people[0].level, case.people[0].count) == ("room", 20)
     with pytest.raises(ScenarioError, match=r"people\.people\.number"):
         case.change({"people": [{"name": "people", "level": "room"}]})
+
+
+def test_a_dose_without_conditions_is_refused(case_file):
+    with pytest.raises(ScenarioError, match=r"dose: .*\[\[conditions\]\]"):
+        load_case(case_file, {"dose": {"heat": "none"}})

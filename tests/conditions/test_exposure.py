@@ -146,7 +146,7 @@ def test_without_conditions_nothing_of_the_room_is_used():
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
     used = {"evac.conditions.law", "evac.conditions.source", "evac.conditions.quantities"}
     assert set(ast.literal_eval(done.stdout.splitlines()[-1])) <= used
-    case = evac.load("square_room", {"conditions": [], "dose": {"threshold": 0.3}})
+    case = evac.load("square_room", {"conditions": []})
     assert Simulation(case, will_run=False).exposure is None
 
 
