@@ -8,7 +8,7 @@ from evac.conditions.law import SmokeLaw
 
 
 class FdsEvac(SmokeLaw):
-    """A share of the desired speed, 1 - 0.057 K / 0.706, at least 0.1: FDS+Evac, eq. 11.
+    """A share of the desired speed, 1 - 0.057 K / 0.706, at least 0.1: FDS+Evac, equation 11.
 
     The coefficients are those of Frantzich and Nilsson (2003), Lund report 3126: 46 people at K from 1.9 to 7.4 1/m.
     """
@@ -21,7 +21,7 @@ class FdsEvac(SmokeLaw):
 
 
 class Fridolf(SmokeLaw):
-    """The desired speed less 0.34 m/s for each metre of visibility below 3 m, at least 0.2 m/s: Fridolf et al., eq. 7.
+    """Desired speed less 0.34 m/s for each metre of visibility below 3 m, at least 0.2 m/s: Fridolf et al., equation 7.
 
     Tunnelling and Underground Space Technology 90 (2019) 28-41, data at visibilities of 0.3 to 3 m.
     """
@@ -67,7 +67,7 @@ class JinIrritant(SmokeLaw):
 
 
 class Sfpe(SmokeLaw):
-    """At most 0.6423 - 0.1364 ln K m/s, and at least `floor`: SFPE Handbook (2016), eq. 63.10, of pooled data."""
+    """At most 0.6423 - 0.1364 ln K m/s, and at least `floor`: SFPE Handbook (2016), equation 63.10, of pooled data."""
 
     name = "sfpe"
     floor = Parameter(0.1, "least speed", "m/s", minimum=0.0, maximum=1.0)
