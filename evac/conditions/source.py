@@ -1,6 +1,7 @@
 """Sources of the conditions of the air: the base class of such plugins."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,7 +82,7 @@ class SourceScene:
         return found
 
 
-class ConditionSource(Configurable):
+class ConditionSource(Configurable, ABC):
     """Provides quantities of the air at places and times: the base class of such plugins.
 
     Attributes
@@ -95,6 +96,7 @@ class ConditionSource(Configurable):
 
     last: float = math.inf
 
+    @abstractmethod
     def open(self, scene: SourceScene) -> Sequence[str]:
         """Read what is needed before the run, and return the names of the quantities that it provides.
 
@@ -102,8 +104,8 @@ class ConditionSource(Configurable):
         ----------
         scene : SourceScene
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def at(
         self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
     ) -> FloatArray:
@@ -122,7 +124,6 @@ class ConditionSource(Configurable):
         height : (n,) float64 [m]
             Height z of each place, that of a head.
         """
-        raise NotImplementedError
 
     def findings(self) -> Sequence[str]:
         """Return what should be known about the data before a run, such as what they cover, one line each."""
