@@ -89,7 +89,11 @@ def test_evac_behaviours(plugin):
 
 
 def test_evac_condition_sources(plugin):
-    registry = Registry([plugin(CLASS.format(base="ConditionSource", hook="evac_condition_sources"))])
+    text = CLASS.replace(
+        "def cutoff(self)",
+        "def open(self, scene): ...\n        def at(self, quantities, time, level, position, height)",
+    )
+    registry = Registry([plugin(text.format(base="ConditionSource", hook="evac_condition_sources"))])
     assert issubclass(registry.get("condition_source", "mine"), evac.ConditionSource)
 
 
