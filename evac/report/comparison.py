@@ -4,17 +4,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from markupsafe import Markup
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, counted
 from evac.report import figures
-from evac.report.templates import fixed, templates
+from evac.report.templates import fixed, rendered
 from evac.results.answer import MOST, time_of_share
 from evac.results.reading import read_results
 from evac.results.results import Results
@@ -159,29 +157,26 @@ class Comparison:
     def page(self) -> str:
         """Return the comparison as a page of HTML, which needs no other file."""
         caption = "People out over time; of several runs, the mean over runs."
-        return (
-            templates()
-            .get_template("comparison.html")
-            .render(
-                designs=[(one.label, len(one.seeds), sum(one.is_complete), _seeds(one.seeds)) for one in self.designs],
-                first=self.designs[0].label,
-                differences=[
-                    (
-                        one.design,
-                        one.measure,
-                        fixed(one.before, 2),
-                        fixed(one.after, 2),
-                        fixed(one.change.value, 2),
-                        interval(one.change),
-                        one.change.runs,
-                        f"{one.verdict} ({one.change.note})" if one.change.note else one.verdict,
-                    )
-                    for one in self.differences
-                ],
-                curve=figures.drawing(self.plot(), caption, "egress curves of the designs"),
-                maps=list(self._maps()),
-                style=Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8")),
-            )
+        return rendered(
+            "comparison.html",
+            title="Designs compared",
+            kind=f"Differences from {self.designs[0].label}",
+            designs=[(one.label, len(one.seeds), sum(one.is_complete), _seeds(one.seeds)) for one in self.designs],
+            differences=[
+                (
+                    one.design,
+                    one.measure,
+                    fixed(one.before, 2),
+                    fixed(one.after, 2),
+                    fixed(one.change.value, 2),
+                    interval(one.change),
+                    one.change.runs,
+                    f"{one.verdict} ({one.change.note})" if one.change.note else one.verdict,
+                )
+                for one in self.differences
+            ],
+            curve=figures.drawing(self.plot(), caption, "egress curves of the designs"),
+            maps=list(self._maps()),
         )
 
     def _repr_html_(self) -> str:

@@ -67,7 +67,7 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         files_section(folder, RESULT_FILES),
         case_section(run.settings),
     ]
-    return page(head, labels.filled(summary.table.report), sections, f"evac {summary.versions.get('evac', '')}")
+    return page(head, labels.filled(summary.table.report), sections)
 
 
 def main_results(run: Results) -> dict[str, object]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from pathlib import Path
 
 from markupsafe import Markup
@@ -11,7 +10,7 @@ from evac.folder.digests import digest_of_file
 from evac.folder.files import replacing, writing
 from evac.report.checklist import checklist_section
 from evac.report.figures import Picture
-from evac.report.templates import APPENDIX, Section, section, shown, templates
+from evac.report.templates import APPENDIX, Section, rendered, section, shown
 from evac.results.record import ReportTable
 
 
@@ -49,7 +48,7 @@ class Head:
     picture: Picture | None = None
 
 
-def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str) -> str:
+def page(head: Head, labels: Labels, sections: Iterable[Section]) -> str:
     """Return the whole page.
 
     Parameters
@@ -59,8 +58,6 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
     sections : iterable of Section
         In order; they are numbered, after the fields to fill in. Appendices are put behind the others, and the
         checklist is the first of them.
-    generator : str
-        Program and version.
     """
     given = [section("purpose", "Project and purpose"), *sections]
     body = [part for part in given if not part.title.startswith(APPENDIX)]
@@ -71,19 +68,16 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
     lacking = {content for part in given for content in part.lacks}
     checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing}, lacking)
     numbers[checklist.id] = "A"
-    return (
-        templates()
-        .get_template("page.html")
-        .render(
-            head=head,
-            labels=labels,
-            sections=[*body, checklist, *appendices],
-            first=checklist.id,
-            numbers=numbers,
-            appendix=APPENDIX,
-            generator=generator,
-            style=Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8")),
-        )
+    return rendered(
+        "page.html",
+        title=head.title,
+        kind=head.kind,
+        head=head,
+        labels=labels,
+        sections=[*body, checklist, *appendices],
+        first=checklist.id,
+        numbers=numbers,
+        appendix=APPENDIX,
     )
 
 

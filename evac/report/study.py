@@ -121,7 +121,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     ]
     title = summary.title or folder.name
     head = Head(title, f"Evacuation analysis: {len(rows)} runs", _banner(study), _results(study, rows))
-    return page(head, labels.filled(summary.table.report), sections, f"evac {summary.versions.get('evac', '')}")
+    return page(head, labels.filled(summary.table.report), sections)
 
 
 def check_member(study: Study, case: Mapping[str, Any], run: Results) -> None:

@@ -4,6 +4,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
+from importlib.resources import files
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -82,6 +84,12 @@ def _told_pair(key: str, value: Any) -> str:
     if key == "uniform" and isinstance(value, list) and len(value) == 2:
         return f"uniform from {told(value[0])} to {told(value[1])}"
     return f"{key}: {told(value)}"
+
+
+def rendered(template: str, **data: Any) -> str:
+    """Return a page, rendered from a template that extends `frame.html`, whose ``title`` and ``kind`` are in `data`."""
+    style = Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8"))
+    return templates().get_template(template).render(style=style, generator=f"evac {version('evac')}", **data)
 
 
 @cache

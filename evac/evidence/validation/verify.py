@@ -5,10 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
-
-from markupsafe import Markup
 
 from evac.base.errors import ResultError, usable_path
 from evac.base.processes import cores
@@ -28,7 +25,7 @@ from evac.evidence.validation.trial import Trial
 from evac.folder.files import replacing, writing
 from evac.folder.manifest import COMPLETE, mark, read_manifest
 from evac.report.pages import write_page
-from evac.report.templates import Cell, templates
+from evac.report.templates import Cell, rendered
 
 #: Files of the folder of `evac verify`, beside those of the tests.
 PAGE_NAME, TABLE_NAME = "verification.html", "verification.csv"
@@ -94,26 +91,24 @@ def page_of(results: Sequence[Result], trial: Trial, seed: int) -> str:
         for name in result.test.names:
             of_each[name.partition("-")[0]][result.verdict] += 1
     verdicts = Counter(result.verdict for result in results)
-    return (
-        templates()
-        .get_template("standard_tests.html")
-        .render(
-            style=Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8")),
-            passed=verdicts[PASSED],
-            failed=[result.test for result in results if result.verdict == FAILED],
-            words=VERDICTS,
-            standards=[(name, *(own[word] for word in VERDICTS)) for name, own in of_each.items() if own],
-            facts_of_run={
-                "Movement": "as in the paper" if trial.is_paper else "as in new cases",
-                "Settings (--set)": " ".join(trial.settings) or "none",
-                "Plugin files": ", ".join(map(str, trial.plugin_files)) or "none",
-                "First seed": str(seed),
-                "Program": f"evac {version('evac')} {commit()}".strip(),
-            },
-            tests=[(" ".join(one.test.names), one.test.title, _cell(one), _reason(one)) for one in results],
-            checks=[[_check_cell(key, row[key]) for key in SHOWN] for result in results for row in check_rows(result)],
-            columns=SHOWN,
-        )
+    return rendered(
+        "standard_tests.html",
+        title="Standard tests",
+        kind="RiMEA 4.1.1, IMO MSC.1/Circ.1533, NIST TN 1822, ISO 20414",
+        passed=verdicts[PASSED],
+        failed=[result.test for result in results if result.verdict == FAILED],
+        words=VERDICTS,
+        standards=[(name, *(own[word] for word in VERDICTS)) for name, own in of_each.items() if own],
+        facts_of_run={
+            "Movement": "as in the paper" if trial.is_paper else "as in new cases",
+            "Settings (--set)": " ".join(trial.settings) or "none",
+            "Plugin files": ", ".join(map(str, trial.plugin_files)) or "none",
+            "First seed": str(seed),
+            "Program": f"evac {version('evac')} {commit()}".strip(),
+        },
+        tests=[(" ".join(one.test.names), one.test.title, _cell(one), _reason(one)) for one in results],
+        checks=[[_check_cell(key, row[key]) for key in SHOWN] for result in results for row in check_rows(result)],
+        columns=SHOWN,
     )
 
 
