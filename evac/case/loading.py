@@ -17,7 +17,7 @@ from evac.case.events import event_faults
 from evac.case.fire import SmokeSettings
 from evac.case.overrides import apply, dotted
 from evac.case.places import place_faults
-from evac.case.presets import shipped_presets, with_preset
+from evac.case.presets import with_presets
 from evac.case.schema import MOST_STATES
 from evac.case.trust import named_files
 
@@ -110,7 +110,7 @@ def case_from(
     named, missing = named_files(content, source.parent)
     unloaded = tuple(path for path in named if path not in loaded)
     faults += missing
-    filled, unknown = _with_presets(content)
+    filled, unknown = with_presets(content)
     faults += unknown
     case: Case | None = None
     try:
@@ -150,22 +150,6 @@ def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
     if isinstance(plan, Plan):
         content["building"] = {**(building if isinstance(building, dict) else {}), "plan": table_of(plan)}
     return content
-
-
-def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Fault]]:
-    """Return the content with the keys of presets inserted into the groups, and faults for unknown presets."""
-    presets, groups = content.get("presets", {}), content.get("people")
-    if not isinstance(presets, dict) or not isinstance(groups, list):
-        return content, []
-    faults: list[Fault] = []
-    for index, group in enumerate(groups):
-        name = group.get("preset") if isinstance(group, dict) else None
-        known = [*presets, *shipped_presets()]
-        if isinstance(name, str) and name not in known:
-            hint = did_you_mean(name, known)
-            faults.append(Fault(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
-    filled = [with_preset(group, presets) if isinstance(group, dict) else group for group in groups]
-    return {**content, "people": filled}, faults
 
 
 def _without_repeats(faults: list[Fault], content: dict[str, Any]) -> list[Fault]:
