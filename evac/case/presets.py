@@ -37,7 +37,7 @@ def with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Fault]]:
         if not isinstance(name, str):
             continue
         if name not in known:
-            hint = did_you_mean(name, known)
+            hint = did_you_mean(name, list(known))
             faults.append(Fault(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
         elif isinstance(known[name], dict):
             filled[index] = known[name] | group
