@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.saved import taken
+from evac.base.saved import part_of, taken
 from evac.building.model.building import Exit
 from evac.directions.descent import descend
 from evac.directions.fields import Fields
@@ -386,6 +386,26 @@ class Column:
             own = (nodes >= packed.start) & (nodes < packed.stop)
             there = place.start + nodes[own] - packed.start
             self._travel_time[there], self._all_directions[there] = time[own], direction[own]
+
+
+class Columns(dict[int, Column]):
+    """Columns by number."""
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays that are needed to continue with the same bits."""
+        return {f"{number}.{name}": values for number, one in self.items() for name, values in one.state().items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        for number, column in self.items():
+            with part_of(state, f"{number}.") as own:
+                column.restore(own)
 
 
 def _strips_and_starts(

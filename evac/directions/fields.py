@@ -1,6 +1,6 @@
 """Travel times and directions of a building for each level and route."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -145,6 +145,12 @@ class Fields:
         if self.marched is None:
             return np.zeros((3, 0)).T
         return find_lengths(self.marched, self.routes, self.packed.field_of, self.packed.travel_time)
+
+    def with_own_directions(self) -> "Fields":
+        """Return fields with copies of travel times and directions, which routes that are solved again may change."""
+        packed = self.packed
+        own = packed.replace(direction=packed.direction.copy(), travel_time=packed.travel_time.copy())
+        return replace(self, packed=own, uncongested=self)
 
     def __repr__(self) -> str:
         return f"<Fields: {len(self.routes)} routes, nodes {self.packed.spacing:g} m apart>"

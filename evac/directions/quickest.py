@@ -16,15 +16,14 @@ no way leads through while nobody is in them (`pockets.py`).
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
-from evac.base.saved import part_of, taken
-from evac.directions.column import Column
+from evac.base.saved import taken
+from evac.directions.column import Column, Columns
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
@@ -62,21 +61,20 @@ class Quickest:
         With travel times and directions of their own, which `update` changes in place.
     clear : Fields
         Those of the empty building.
-    columns : dict of int to Column
-        The columns that follow the crowd, by number.
+    columns : Columns
+        Those that follow the crowd.
     """
 
     def __init__(self, fields: Fields, settings: Settings, before: "Quickest | None" = None) -> None:
-        packed = fields.packed
-        own = packed.replace(direction=packed.direction.copy(), travel_time=packed.travel_time.copy())
-        self.fields, self.clear = replace(fields, packed=own, uncongested=fields), fields
+        self.fields, self.clear = fields.with_own_directions(), fields
+        own = self.fields.packed
         self._settings = settings
         grids = fields.grids[0].grids
         self._first = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
         self._grids, self._weight = grids, _weights_on_floor(grids, settings.width)
         self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
         self._gates = Gates(grids)
-        self.columns: dict[int, Column] = {}
+        self.columns = Columns()
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if fields.routes[number % routes].strategy == QUICKEST:
@@ -143,7 +141,7 @@ class Quickest:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
-        state: dict[str, NDArray[Any]] = {
+        return {
             "density": self._density.copy(),
             "people": self._gates.people.copy(),
             "exit_of": self._exit_of.copy(),
@@ -151,10 +149,8 @@ class Quickest:
             "counts": self._counts.copy(),
             "seconds": np.array(self._seconds),
             "is_solved": np.array(self._is_solved, np.uint8),
+            **self.columns.state(),
         }
-        for number, column in self.columns.items():
-            state |= {f"{number}.{name}": values for name, values in column.state().items()}
-        return state
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned.
@@ -173,9 +169,7 @@ class Quickest:
         self._counts[:] = taken(state, "counts", np.int64, self._counts.shape, 0, np.iinfo(np.int64).max)
         self._seconds = float(taken(state, "seconds", np.float64, (), 0.0, np.inf))
         self._is_solved = bool(taken(state, "is_solved", np.uint8, (), 0, 1))
-        for number, column in self.columns.items():
-            with part_of(state, f"{number}.") as own:
-                column.restore(own)
+        self.columns.restore(state)
 
     def _nodes_at(self, level: IntArray, position: FloatArray) -> IndexArray:
         """Return the nodes nearest to people, of level 0 for those who have left."""

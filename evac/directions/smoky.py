@@ -6,15 +6,14 @@ has changed on it, or if its ways lead through a level that is.
 """
 
 from collections.abc import Mapping, Set
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.saved import part_of, taken
-from evac.directions.column import Column
+from evac.base.saved import taken
+from evac.directions.column import Column, Columns
 from evac.directions.fields import Fields
 from evac.directions.gates import Gates
 from evac.directions.quickest import Quickest
@@ -44,13 +43,11 @@ class Smoky:
     def __init__(self, fields: Fields, quickest: Quickest | None = None) -> None:
         clear = fields if quickest is None else quickest.clear
         if quickest is None:
-            packed = fields.packed
-            own = packed.replace(direction=packed.direction.copy(), travel_time=packed.travel_time.copy())
-            fields = replace(fields, packed=own, uncongested=fields)
+            fields = fields.with_own_directions()
         self.fields, grids = fields, fields.grids[0].grids
         self._grids, self.share = grids, np.ones(grids.size)
-        self._followers = {} if quickest is None else quickest.columns
-        self._columns: dict[int, Column] = {}
+        self._followers = Columns() if quickest is None else quickest.columns
+        self._columns = Columns()
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if number not in self._followers:
@@ -83,10 +80,7 @@ class Smoky:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
-        state: dict[str, NDArray[Any]] = {"share": self.share.copy()}
-        for number, column in self._columns.items():
-            state |= {f"{number}.{name}": values for name, values in column.state().items()}
-        return state
+        return {"share": self.share.copy(), **self._columns.state()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned; the routes that follow the crowd have been restored.
@@ -100,6 +94,4 @@ class Smoky:
         for level in range(len(self._grids.levels)):
             for column in (*self._columns.values(), *self._followers.values()):
                 column.take_smoke(level, self.share)
-        for number, column in self._columns.items():
-            with part_of(state, f"{number}.") as own:
-                column.restore(own)
+        self._columns.restore(state)
