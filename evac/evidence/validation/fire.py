@@ -16,17 +16,18 @@ SMOKE = {0.5: 0.9596, 1.0: 0.9193, 3.0: 0.7578, 7.5: 0.3945, 10.0: 0.1926}
 SPEED, TAU, TICK = 1.25, 0.2, 0.1
 
 #: Mixtures of ISO 19 and NIST 2.6: CO2 [%], CO [ppm], O2 [%], and the time to the dose 1 with the form of FDS [s], as
-#: the guide of FDS+Evac (figure 8) and a port of NIST 2.6 have them.
+#: the guide of FDS+Evac (figure 8), computed with FDS, and a port of NIST 2.6 have them. Oxygen at 12 % is 0.134774 of
+#: the mass in the deck of FDS.
 GASES = (
     (2.0, 1000.0, 15.0, 981.7),
-    (0.0, 0.0, 12.0, 1666.5),
+    (0.0, 0.0, 12.000246, 1666.5),
     (0.0, 1000.0, 21.0, 1692.8),
     (3.43, 1000.0, 21.0, 846.5),
     (2.0, 5000.0, 18.0, 208.7),
 )
 
-#: Relative deviation of these times that is tolerated: one of them is given 0.014 % beside its equation.
-GIVEN = 2e-4
+#: Deviation of these times that is tolerated [s].
+GIVEN = 0.1
 
 
 def corridor_in_smoke(trial: Trial) -> Iterator[Check]:
@@ -69,5 +70,5 @@ def stopped_by_gases(trial: Trial) -> Iterator[Check]:
         tables |= {"simulation": {"duration": 2000.0}, "output": {"every": 100.0}}
         runs = trial.runs(plan, [person], f"gases {number}", **tables)
         found = [float(run.results.exposure["stopped_at"][0]) for run in runs]
-        words = f"time to the dose 1 in {co2:g} % CO2, {co:g} ppm CO, {o2:g} % O2 [s]"
-        yield check(words, "FDS+Evac guide; NIST TN 1822", found, (1.0 - GIVEN) * time, (1.0 + GIVEN) * time)
+        words = f"time to the dose 1 in {co2:g} % CO2, {co:g} ppm CO, {o2:.8g} % O2 [s]"
+        yield check(words, "FDS+Evac guide; NIST TN 1822", found, time - GIVEN, time + GIVEN)
