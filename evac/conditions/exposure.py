@@ -168,11 +168,11 @@ class Exposure:
         self.threshold = np.full(n, np.inf if self._dose is None else self._dose.threshold)
         if self._dose is not None and self._dose.susceptibility == "log-normal":
             own = case.simulation.population_seed
+            seed = case.simulation.seed if own is None else own
             for group in groups:
-                generator = generator_for(
-                    case.simulation.seed if own is None else own, "people", group.name, "susceptibility"
-                )
-                self.threshold[group.rows] *= np.exp(self._dose.sigma * generator.standard_normal(len(group.rows)))
+                names = ("people", group.name, "susceptibility")
+                drawn = [generator_for(seed, *names, str(k)).standard_normal() for k in range(len(group.rows))]
+                self.threshold[group.rows] *= np.exp(self._dose.sigma * np.array(drawn))
 
     def begin(self, time: float, fields: Fields) -> None:
         """Find the conditions at the start, unless this run is resumed."""

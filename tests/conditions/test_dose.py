@@ -18,7 +18,7 @@ def rate(form="fds", **air):
     return float(gas_rate(form, "light", {name: np.array([float(value)]) for name, value in air.items()})[0])
 
 
-#: Irritants of FDS's verification case FED_FIC: each takes 0.0005994 of its lethal dose per minute. Its deck prints them
+#: Irritants of FDS's verification case FED_FIC: each gives 0.0005994 of its lethal dose per minute. Its deck has them
 #: with two decimals, 1.14 ppm NO2 for 1.13886 ppm, with which doses have three digits only.
 IRRITATING = {name: 0.0005994 * lethal for name, lethal in LETHAL.items()}
 
@@ -99,13 +99,14 @@ def test_people_who_stand_in_gases_are_stopped_when_iso_19_says(co2, co, o2, tim
     assert exposure.stopped_at[0] == pytest.approx(time, abs=0.1)
 
 
-def exposed(people, dose=None, seed=1, **air):
+def exposed(people, dose=None, seed=1, groups=None, **air):
     """Return the exposure of people who stand in gases, without a loop in which nobody moves."""
     case = standing(dose, **air).change({"simulation.seed": seed})
     simulation = Simulation(case, will_run=False)
     crowd = make_crowd(np.full((people, 2), 1.0))
-    groups = [Group("p", np.arange(people, dtype=np.int32), {})]
-    return exposure_of(case, Scene(simulation.scene.ground), crowd, groups), simulation.fields
+    groups = {"p": np.arange(people)} if groups is None else groups
+    own = [Group(name, np.array(rows, np.int32), {}) for name, rows in groups.items()]
+    return exposure_of(case, Scene(simulation.scene.ground), crowd, own), simulation.fields
 
 
 def test_the_share_of_people_who_are_stopped_is_that_of_the_distribution():
@@ -121,9 +122,19 @@ def test_the_share_of_people_who_are_stopped_is_that_of_the_distribution():
     assert logarithms.std() == pytest.approx(0.94, rel=0.03)
 
 
-def test_thresholds_are_drawn_from_the_generator_of_the_group():
-    air = {"co": 1999.86, "co2": 0.049992, "o2": 20.9}
-    first, again, other = (exposed(5, {"susceptibility": "log-normal"}, seed, **air)[0].threshold for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert (first != other).all()
-    assert (exposed(5, {"threshold": 0.3}, **air)[0].threshold == 0.3).all()
+def thresholds(seed=1, **groups):
+    """Return the thresholds of the people of groups, by their rows."""
+    air, own = {"co": 1.0, "co2": 0.04, "o2": 20.9}, {"susceptibility": "log-normal"}
+    return exposed(sum(map(len, groups.values())), own, seed, groups, **air)[0].threshold
+
+
+def test_each_person_has_a_threshold_of_its_own_whoever_else_is_there():
+    alone = thresholds(p=range(5))
+    assert len(set(alone)) == 5
+    np.testing.assert_array_equal(thresholds(p=range(5)), alone)
+    np.testing.assert_array_equal(thresholds(p=range(8))[:5], alone)
+    np.testing.assert_array_equal(thresholds(q=range(3), p=range(3, 8))[3:], alone)
+    np.testing.assert_array_equal(thresholds(p=[4, 2, 0, 3, 1])[[4, 2, 0, 3, 1]], alone)
+    assert (thresholds(seed=2, p=range(5)) != alone).all()
+    assert (thresholds(q=range(5)) != alone).all()
+    assert (exposed(5, {"threshold": 0.3}, co=1.0, co2=0.04, o2=20.9)[0].threshold == 0.3).all()
