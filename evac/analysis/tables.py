@@ -10,7 +10,7 @@ from evac.base.arrays import IntArray
 from evac.base.errors import ResultError
 from evac.trajectory.trajectory import Trajectory
 
-#: Columns of the table of motion, and their units.
+#: Columns of the table of motion, and their units; the last two only of runs in which they are recorded.
 MOTION_COLUMNS = {
     "time": "s",
     "person": "",
@@ -25,6 +25,8 @@ MOTION_COLUMNS = {
     "speed": "m/s",
     "contact_force": "N",
     "crowd_pressure": "N/m",
+    "dose": "",
+    "extinction": "1/m",
 }
 
 
@@ -39,7 +41,8 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     -------
     mapping of str to (r,) array
         The columns `MOTION_COLUMNS`, sorted by time and then by person. Group and level are names; the group of
-        people without group is empty. See `evac.trajectory.trajectory.Frame` for the others.
+        people without group is empty. ``dose`` is there with ``[dose]``, and ``extinction``, that of the cell in which
+        each person is, with smoke. See `evac.trajectory.trajectory.Frame` for the others.
 
     Examples
     --------
@@ -57,7 +60,7 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     position = np.concatenate([np.zeros((0, 2)), *(frame["position"] for frame in frames)])
     velocity = np.concatenate([np.zeros((0, 3)), *(frame["velocity"] for frame in frames)])
     counts = [len(frame["person"]) for frame in frames]
-    return {
+    table = {
         "time": np.repeat(trajectory.time, counts),
         "person": person,
         "group": groups[trajectory.group[person]],
@@ -72,6 +75,12 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
         "contact_force": column("contact_force"),
         "crowd_pressure": column("crowd_pressure"),
     }
+    if trajectory.has_dose:
+        table["dose"] = column("dose")
+    if "extinction" in [field.name for field in trajectory.level_fields]:
+        met = [trajectory.field_at_people("extinction", frame) for frame in frames]
+        table["extinction"] = np.concatenate([np.zeros(0), *met])
+    return table
 
 
 def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:

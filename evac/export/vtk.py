@@ -37,8 +37,9 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
 
     Each frame has one point per person inside, at the height of the floor, with the point arrays person, group
     (index in the field array ``group_names``, -1 for none), level (index in ``level_names``), speed and velocity
-    [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m] and radius [m]. In the .pvd, people
-    are part 0 and the building part 1 of every time [s]. The building is a tree of blocks, see `building_blocks`.
+    [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m], radius [m] and, if recorded, dose. In
+    the .pvd, people are part 0 and the building part 1 of every time [s]. The building is a tree of blocks, see
+    `building_blocks`.
 
     Returns
     -------
@@ -96,6 +97,7 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
             "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
             "radius": trajectory.radius[person].astype(np.float32),
             "height": trajectory.height[person].astype(np.float32),
+            **({"dose": frame["dose"].astype(np.float32)} if trajectory.has_dose else {}),
         },
         texts={"group_names": trajectory.groups},
         shown="speed",

@@ -1,7 +1,6 @@
 """Colours of people in pictures: by group, or by a quantity on a colour scale."""
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass
 from functools import partial
 
@@ -100,14 +99,8 @@ def _smoke(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float
     """Return a function that gives the recorded extinction coefficient where people are; 0 if none was recorded."""
     if palette.SMOKE not in [field.name for field in trajectory.level_fields]:
         return lambda frame: np.zeros(len(frame["person"])), 0.0
-    field = trajectory.field(palette.SMOKE)
-
-    def of(frame: Frame) -> FloatArray:
-        now = copy(field)
-        now.values = field.values[trajectory.nearest(frame["time"])]
-        return now.at(frame["level"], frame["position"])
-
-    return of, float(field.values.max(initial=0.0))
+    greatest = float(trajectory.field(palette.SMOKE).values.max(initial=0.0))
+    return partial(trajectory.field_at_people, palette.SMOKE), greatest
 
 
 def _visibility(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:

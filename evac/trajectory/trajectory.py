@@ -199,6 +199,20 @@ class Trajectory:
         field.values = np.array([rows.fields[names.index(name)] for rows in self.rows], np.float64)
         return field
 
+    def field_at_people(self, name: str, frame: Frame) -> FloatArray:
+        """Return the values (c,) of a field in the cells in which the people of a frame are.
+
+        Parameters
+        ----------
+        name : str
+            Of one of `level_fields`.
+        frame : Frame
+        """
+        number = [level_field.name for level_field in self.level_fields].index(name)
+        field = copy(self.level_fields[number])
+        field.values = self.rows[self.nearest(frame["time"])].fields[number].astype(np.float64)
+        return field.at(frame["level"], frame["position"])
+
     def building_at(self, time: float) -> Building:
         """Return the building as it is at `time` [s], with what changes of the scene have closed, opened or slowed."""
         return self._buildings[bisect_right(self.changes, time, key=lambda change: change.time)]

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import evac
+from evac.cli.main import main
+from evac.export.vtk import people_polydata
 from evac.simulation.simulation import Simulation
 from tests.conditions.corridor import corridor, prescribed, standing
 from tests.runs import assert_same_bits, run_ticks
@@ -162,3 +164,25 @@ def test_smoke_on_the_levels_is_recorded_and_read_by_behaviours(tmp_path):
     assert field.at([0, 0], np.array([[10.5, 1.0], [80.5, 1.0]]))[times == 4.0].tolist() == [[8.0, 0.0]]
     assert field.at([0], np.array([[10.5, 1.0]]))[times == 2.0].tolist() == [[0.0]]
     assert 4.0 <= results.crowd.start_time[0] <= 4.2
+
+
+def test_doses_and_smoke_are_in_the_tables_of_motion_and_in_exports(tmp_path):
+    area = {"name": "west", "level": "f", "polygon": [[0, 0], [50, 0], [50, 2], [0, 2]]}
+    values = {"extinction": [0, 4], "co": [0, 30000], "co2": [0, 5], "o2": [21, 15]}
+    table = prescribed(area="west", times=[0, 10], values=values, hold=True)
+    case = corridor(table, positions=((0.5, 1.0), (80.0, 1.0)), dose={"heat": "none"})
+    folder = tmp_path / "result"
+    evac.run(case.change({"building.areas": [area], "simulation.duration": 12.0}), folder)
+    trajectory = evac.read_trajectory(folder)
+    frame = trajectory.frame.set_index(["time", "person"]).sort_index()
+    assert frame["extinction"].loc[10.0].tolist() == [4.0, 0.0]
+    assert frame["extinction"].loc[5.0].tolist() == pytest.approx([1.6, 0.0])  # of the last update, at 4 s
+    doses = trajectory.dose[:, 0]
+    np.testing.assert_array_equal(frame["dose"].loc[:, 0], doses)
+    assert (np.diff(doses) >= 0.0).all()
+    assert doses[-1] > 0.1
+    assert main(["export", str(folder), "--to", "csv"]) == 0
+    (table,) = (folder / "export").glob("*.csv")
+    assert table.read_text().splitlines()[0].split(",")[-2:] == ["dose", "extinction"]
+    points = people_polydata(trajectory, trajectory[-1]).point_arrays
+    np.testing.assert_array_equal(points["dose"], trajectory[-1]["dose"].astype(np.float32))
