@@ -1,5 +1,6 @@
 """The plan that an import writes, and the edits that users have made in it since an earlier import."""
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -10,6 +11,8 @@ from evac.case.toml import toml_lines, toml_value
 
 #: An item of a plan, or all pieces of one stair: its list and its name.
 Key = tuple[str, str]
+#: Lists whose items nothing in a plan refers to by name.
+RENAMED = ("doors", "exits", "areas", "obstacles")
 #: A plan as a table, see `evac.building.plan.plantable`.
 Table = Mapping[str, Any]
 
@@ -19,18 +22,47 @@ HEAD = """# Written by evac import: the building of case.toml, in metres. Import
 """
 
 
-def plan_text(table: Table, dropped: Sequence[str] = (), head: str = HEAD) -> str:
-    """Return a plan as TOML; lines that were dropped follow as comments."""
+def plan_text(table: Table, comments: Sequence[str] = (), head: str = HEAD) -> str:
+    """Return a plan as TOML, followed by comments."""
     lines = [head, *toml_lines({key: value for key, value in table.items() if key not in SECTIONS})]
     for section in SECTIONS:
         for item in table.get(section, ()):
             lines += ["", f"[[{section}]]"]
             for key, value in item.items():
-                if key in ("polygon", "polygons") and len(value) > 1:
+                if key in ("polygon", "polygons") and isinstance(value, list) and len(value) > 1:
                     lines += [f"{key} = [", *(f"{toml_value(one)}," for one in value), "]"]
                 else:
                     lines += toml_lines({key: value})
-    return "\n".join([*lines, *(f"# {line}" for line in dropped), ""])
+    return "\n".join([*lines, *(f"# {line}" for line in comments), ""])
+
+
+def comments_of(text: str) -> list[str]:
+    """Return the comments of a plan that users or earlier imports have written, without their marks."""
+    lines = [line for line in text.splitlines() if line.startswith("#") and line not in HEAD.splitlines()]
+    return [line.removeprefix("#").removeprefix(" ") for line in lines]
+
+
+def with_former_names(imported: Table, former: Table) -> dict[str, Any]:
+    """Return an imported plan in which what has not moved keeps its name, although importers number what they find.
+
+    Parameters
+    ----------
+    imported, former : table
+        The plan as it is imported now, and as it was imported before.
+    """
+    table = dict(imported)
+    for section in RENAMED:
+        names = {_shape(item): item["name"] for item in former.get(section, ())}
+        items = [(item, names.get(_shape(item))) for item in imported.get(section, ())]
+        taken = {name for _, name in items}
+        for number, (item, name) in enumerate(items):
+            free = (f"{item['name']} ({k})" for k in itertools.count(2))
+            own = name or next(one for one in itertools.chain([item["name"]], free) if one not in taken)
+            taken.add(own)
+            items[number] = item | {"name": own}, name
+        if items:
+            table[section] = [item for item, _ in items]
+    return table
 
 
 def with_edits(
@@ -57,30 +89,61 @@ def with_edits(
     """
     new, old, own = (_items(table) for table in (imported, former, edited))
     changed = [key for key in {**old, **own} if own.get(key) != old.get(key) and own.get(key) != new.get(key)]
-    told = [_told(key, own, old, new) for key in changed]
-    whole = _edited(new, own, changed)
-    try:
-        check(_table(whole))
-        return _table(whole), [], told
-    except BuildingError:
-        pass
-    kept, lines, told = new, list[str](), list[Finding]()
+    merged = own | {
+        key: _merged(own[key], old[key], new[key]) for key in changed if key in own and key in old & new.keys()
+    }
+    whole, failed = _fitting(new, merged, changed, check)
+    while failed:  # what does not fit before others, such as a storey that goes before its stairs, is tried after them
+        tried = len(failed)
+        whole, failed = _fitting(whole, merged, [*failed], check)
+        if len(failed) == tried:
+            break
+    lines, told = list[str](), list[Finding]()
     for key in changed:
-        trial = _edited(kept, own, [key])
-        try:
-            check(_table(trial))
-        except BuildingError as error:
-            text = f"{_verb(key, own, old)}, which no longer fits and is left out: {error}"
+        verb = _verb(key, own, old)
+        if key in failed:
+            text = f"{verb}, which no longer fits and is left out: {failed[key]}"
             told.append(Finding("warning", text))
-            lines += [
-                "",
-                text,
-                *plan_text(_table({key: own[key]} if key in own else {})).splitlines()[HEAD.count("\n") :],
-            ]
-            continue
-        kept = trial
-        told.append(_told(key, own, old, new))
-    return _table(kept), lines, told
+            written = plan_text(_table({key: own[key]} if key in own else {}), head="").splitlines()
+            lines += ["", text, *written[1:]]
+        else:
+            told.append(Finding("assumed", f"{verb}, and this is kept{_beside(key, merged, own, old, new)}"))
+    return _table(whole), lines, told
+
+
+def _fitting(
+    items: dict[Key, list[Any]], own: Mapping[Key, list[Any]], keys: Sequence[Key], check: Callable[[Table], None]
+) -> tuple[dict[Key, list[Any]], dict[Key, BuildingError]]:
+    """Return items with those edits with which they can be built, and why the others do not fit."""
+    rest = {key: value for key, value in items.items() if key not in keys or key in own}
+    trial = rest | {key: own[key] for key in keys if key in own}
+    try:
+        check(_table(trial))
+        return trial, {}
+    except BuildingError as error:
+        if len(keys) < 2:
+            return items, {key: error for key in keys}
+    items, failed = _fitting(items, own, keys[: len(keys) // 2], check)
+    items, others = _fitting(items, own, keys[len(keys) // 2 :], check)
+    return items, failed | others
+
+
+def _merged(own: list[Any], old: list[Any], new: list[Any]) -> list[Any]:
+    """Return an item as the user has changed it; of a storey, polygons and keys that only the file has changed too."""
+    if not all(isinstance(one, Mapping) and "polygons" in one for one in (own[0], old[0], new[0])):
+        return own
+    mine, before, now = own[0], old[0], new[0]
+    storey = {key: now.get(key) if mine.get(key) == before.get(key) else mine.get(key) for key in {**now, **mine}}
+    polygons, gone = mine["polygons"], [one for one in before["polygons"] if one not in mine["polygons"]]
+    if all(one in now["polygons"] for one in gone):
+        polygons = [one for one in now["polygons"] if one not in gone]
+        polygons += [one for one in mine["polygons"] if one not in (*before["polygons"], *polygons)]
+    return [{key: value for key, value in (storey | {"polygons": polygons}).items() if value is not None}]
+
+
+def _shape(item: Mapping[str, Any]) -> str:
+    """Return what an item is apart from its name."""
+    return repr(sorted((key, value) for key, value in item.items() if key != "name"))
 
 
 def _items(table: Table) -> dict[Key, list[Any]]:
@@ -100,19 +163,26 @@ def _table(items: Mapping[Key, list[Any]]) -> dict[str, Any]:
     return table
 
 
-def _edited(items: Mapping[Key, list[Any]], own: Mapping[Key, list[Any]], keys: Sequence[Key]) -> dict[Key, list[Any]]:
-    """Return items with some of them replaced, added or deleted."""
-    rest = {key: value for key, value in items.items() if key not in keys or key in own}
-    return rest | {key: own[key] for key in keys if key in own}
-
-
 def _verb(key: Key, own: Mapping[Key, Any], old: Mapping[Key, Any]) -> str:
     what = f"{key[0].removesuffix('s')} {key[1]!r}" if key[1] else key[0]
     done = "added" if key not in old else "deleted" if key not in own else "changed"
     return f"{what} was {done} in the plan"
 
 
-def _told(key: Key, own: Mapping[Key, Any], old: Mapping[Key, Any], new: Mapping[Key, Any]) -> Finding:
-    """Return the finding of an edit that is kept."""
-    also = "" if new.get(key) == old.get(key) else ", although the file has another one now"
-    return Finding("assumed", f"{_verb(key, own, old)}, and this is kept{also}")
+def _beside(
+    key: Key,
+    merged: Mapping[Key, Any],
+    own: Mapping[Key, Any],
+    old: Mapping[Key, Any],
+    new: Mapping[Key, Any],
+) -> str:
+    """Return what an edit that is kept has replaced in the file, if it has changed as well."""
+    if new.get(key) == old.get(key):
+        return ""
+    if key not in new:
+        return ", although the file no longer has it"
+    return (
+        ", with what else the file has changed"
+        if merged.get(key) != own.get(key)
+        else (", although the file has another one now")
+    )

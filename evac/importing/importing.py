@@ -25,7 +25,7 @@ from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
 from evac.importing.casefile import case_text, check_folder
 from evac.importing.completeness import missing_parts
-from evac.importing.edits import plan_text, with_edits
+from evac.importing.edits import comments_of, plan_text, with_edits, with_former_names
 from evac.importing.openings import Opening, find_openings
 from evac.importing.report import report_text
 from evac.importing.rooms import Room, fill, find_rooms
@@ -235,24 +235,32 @@ class _Draft:
             level = way["level"] if way["level"] in storeys else way["level"].rpartition(" (")[0]
             more = {"name": way["name"], "storey": level, "segment": way["segment"]}
             self.table["exits"] = [*self.table.get("exits", []), more]
+        if (folder / ORIGIN).exists():
+            self.table = with_former_names(self.table, _table_in(folder / ORIGIN))
         (self._folder / ORIGIN).write_text(plan_text(self.table), encoding="utf-8", errors="replace")
-        dropped: list[str] = []
+        comments: list[str] = []
         if is_edited:
             places = (self._folder / ORIGIN, folder / ORIGIN, folder / PLAN)
             imported, former, edited = (_table_in(place) for place in places)
+            for file in plan_of(edited, folder / PLAN, Path()).files:
+                if not file.is_absolute() and (folder / file).exists():
+                    (self._folder / file).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(folder / file, self._folder / file)
             self.table, dropped, told = with_edits(imported, former, edited, self._check)
+            comments = [*comments_of((folder / PLAN).read_text(encoding="utf-8-sig")), *dropped]
             self._told += told
-        if exits or self._told != self.findings[: len(self._told)]:
-            self._build(dropped=dropped)
+        if exits or comments or self._told != self.findings[: len(self._told)]:
+            self._build(comments=comments)
 
     def _check(self, table: Mapping[str, Any]) -> None:
-        plan_of(table, self._folder / PLAN, self._folder).building(need_exit=False, **self.kept)
+        plan = read_storeys(plan_of(table, self._folder / PLAN, self._folder), self._registry)
+        plan.building(need_exit=False, **self.kept)
 
-    def _build(self, more: Mapping[str, Any] | None = None, dropped: Sequence[str] = ()) -> None:
+    def _build(self, more: Mapping[str, Any] | None = None, comments: Sequence[str] = ()) -> None:
         """Write the plan if there is one, and read the building as a case does."""
         file = self._folder / self.name
         if self.table is not None:
-            file.write_text(plan_text(self.table, dropped), encoding="utf-8", errors="replace")
+            file.write_text(plan_text(self.table, comments), encoding="utf-8", errors="replace")
         (importer,), _, _ = _options([file], {}, self._registry)
         mesh = read_surface(importer, file, self._registry)
         surface = clean(mesh, file, SurfaceOptions(**self.kept))
@@ -281,7 +289,10 @@ def _drafted(folder: Path) -> Iterator[Path]:
 def _is_edited(folder: Path) -> bool:
     """Return whether the plan of an earlier import has been changed."""
     plan, origin = folder / PLAN, folder / ORIGIN
-    return plan.exists() and origin.exists() and plan.read_bytes() != origin.read_bytes()
+    if plan.exists() and not origin.exists():
+        text = f"is missing, without which the edits of {PLAN} are not known"
+        raise ScenarioError(f"{origin}: {text}; restore it, or remove {PLAN} to import without its edits")
+    return plan.exists() and plan.read_bytes() != origin.read_bytes()
 
 
 def _table_in(file: Path) -> dict[str, Any]:

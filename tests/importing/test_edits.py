@@ -86,6 +86,87 @@ def test_edits_that_no_longer_fit_are_listed_and_the_others_kept(tmp_path):
     assert "stairs" not in tomllib.loads(text)
 
 
+def test_comments_and_edits_that_did_not_fit_stay_in_the_plan(tmp_path):
+    path = write(tmp_path / "a.plan.toml")
+    file = import_building([path], tmp_path / "case", people=4).folder / "building.plan.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("[[doors]]", "# seen on site\n[[doors]]") + STAIR, encoding="utf-8")
+    write(path, upper=False)
+    for _ in range(2):
+        import_building([path], tmp_path / "case", people=4)
+        lines = file.read_text(encoding="utf-8").splitlines()
+        assert [lines.count(one) for one in ("# seen on site", '# name = "new"')] == [1, 1]
+
+
+def test_a_storey_goes_with_what_is_on_it_where_another_edit_no_longer_fits(tmp_path):
+    path = write(tmp_path / "a.plan.toml")
+    with_stair = path.read_text(encoding="utf-8") + STAIR
+    path.write_text(with_stair, encoding="utf-8")
+    made = import_building([path], tmp_path / "case", people=4)
+    edit(made.folder, "[[8.1, 3.0], [8.1, 4.0]]", "[[8.1, 7.0], [8.1, 8.0]]")
+    file = made.folder / "building.plan.toml"
+    ground = re.sub(r'(?s)\[\[storeys\]\]\nname = "first".*?\n\n', "", file.read_text(encoding="utf-8"))
+    file.write_text(re.sub(r"(?s)\[\[stairs\]\].*?\n\n", "", ground), encoding="utf-8")
+    again = import_building([path], tmp_path / "case", people=4)
+    assert [level.name for level in again.building.levels] == ["ground"]
+    assert [one.text.split(" was ")[0] for one in again.findings if "no longer fits" in one.text] == ["door 'door'"]
+
+
+def test_edits_stay_with_their_doors_if_the_file_has_one_more(tmp_path):
+    def drawn(*doors):
+        plan = Plan()
+        plan.storey("ground", [ROOM, OTHER])
+        for number, y in enumerate(doors, start=1):
+            plan.door(f"door {number}", "ground", [(8.1, y), (8.1, y + 1.0)])
+        plan.exit("main", "ground", [(0, 3), (0, 4.2)])
+        path.write_text(plan_text(table_of(plan)), encoding="utf-8")
+
+    path = tmp_path / "a.plan.toml"
+    drawn(2.0, 4.0)
+    made = import_building([path], tmp_path / "case")
+    edit(made.folder, "[[8.1, 4.0], [8.1, 5.0]]", "[[8.1, 4.0], [8.1, 4.8]]")
+    drawn(0.5, 2.0, 4.0)
+    for _ in range(2):
+        again = import_building([path], tmp_path / "case")
+        doors = {door.name: (float(door.segment[1]), door.width) for door in again.building.doors}
+        assert doors == {"door 1": (2.0, 1.0), "door 2": (4.0, pytest.approx(0.8)), "door 1 (2)": (0.5, 1.0)}
+
+
+def test_a_wall_that_was_taken_away_stays_away_where_the_file_changes_other_rooms(tmp_path):
+    path = write(tmp_path / "a.plan.toml", upper=False)
+    made = import_building([path], tmp_path / "case")
+    edit(made.folder, "polygons = [\n", 'polygons = [\n"POLYGON ((8 0, 8.2 0, 8.2 2, 8 2, 8 0))",\n')
+    path.write_text(path.read_text(encoding="utf-8").replace("14 ", "16 "), encoding="utf-8")
+    again = import_building([path], tmp_path / "case")
+    assert again.building.levels[0].polygon.area == pytest.approx(8 * 6 + 7.8 * 6 + 0.2 * 2 + 0.2 * 1)
+    assert [one for one in again.findings if "with what else the file has changed" in one.text]
+
+
+def test_a_storey_is_added_as_a_file_or_as_text(tmp_path):
+    path = write(tmp_path / "a.plan.toml", upper=False)
+    made = import_building([path], tmp_path / "case")
+    (made.folder / "roof").mkdir()
+    (made.folder / "roof" / "deck.wkt").write_text("POLYGON ((0 0, 8 0, 8 6, 0 6, 0 0))", encoding="utf-8")
+    text = '\n[[storeys]]\nname = "deck"\nz = 6.0\nfile = "roof/deck.wkt"\n'
+    text += '\n[[storeys]]\nname = "first"\nz = 3.0\npolygons = "POLYGON ((0 0, 8 0, 8 6, 0 6, 0 0))"\n'
+    with (made.folder / "building.plan.toml").open("a", encoding="utf-8") as file:
+        file.write(text + STAIR)
+    for _ in range(2):
+        again = import_building([path], tmp_path / "case", partial=True)
+        assert [(level.name, level.kind) for level in again.building.levels if level.kind == "floor"] == [
+            ("ground", "floor"), ("first", "floor"), ("deck", "floor")
+        ]  # fmt: skip
+        assert not [one for one in again.findings if "no longer fits" in one.text]
+
+
+def test_edits_are_not_taken_without_the_plan_that_they_changed(tmp_path):
+    path = write(tmp_path / "a.plan.toml", upper=False)
+    made = import_building([path], tmp_path / "case")
+    (made.folder / "imported.plan.toml").unlink()
+    with pytest.raises(ScenarioError, match=r"imported\.plan\.toml: is missing"):
+        import_building([path], tmp_path / "case")
+
+
 def test_openings_of_a_storey_that_was_deleted_are_still_listed(tmp_path):
     path = write(tmp_path / "a.plan.toml")
     made = import_building([path], tmp_path / "case", partial=True)
