@@ -58,7 +58,7 @@ def _surfaces(building: Building) -> Iterable[dict[str, Any]]:
 
 
 def _lines(building: Building, states: list[list[tuple[float, bool]]]) -> Iterable[dict[str, Any]]:
-    """Return the walls of each level, the portals and the exits."""
+    """Return the walls of each level, the portals, the exits and the doors."""
     for level in building.levels:
         walls = building.walls[building.wall_level == level.index]
         if len(walls):
@@ -70,6 +70,9 @@ def _lines(building: Building, states: list[list[tuple[float, bool]]]) -> Iterab
     for exit_ in building.exits:
         more = {"width": exit_.width, **_state(states[building.link_of(exit_)])}
         yield _feature(_drawn(exit_.segments), "exit", exit_.name, [building.levels[exit_.level].name], **more)
+    for door, own in zip(building.doors, states[building.n_links :], strict=True):
+        more = {"width": door.width, **_state(own)}
+        yield _feature(_drawn(door.segment), "door", door.name, [building.levels[door.level].name], **more)
 
 
 def _state(states: list[tuple[float, bool]]) -> dict[str, Any]:

@@ -132,6 +132,9 @@ def import_building(
             findings.append(Finding("assumed", text))
         if edited:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
+            if chosen and building.name == MESH:
+                names = ", ".join(repr(one["name"]) for one in chosen)
+                findings.append(Finding("warning", f"{names}: not among the exits in {CASE}, which is kept; add them"))
         rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
         findings = sorted([*findings, *assumed], key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)
@@ -249,7 +252,8 @@ class _Draft:
             self.table, dropped, told = with_edits(imported, former, edited, self._check)
             comments = [*comments_of((folder / PLAN).read_text(encoding="utf-8-sig")), *dropped]
             self._told += told
-        if exits or comments or self._told != self.findings[: len(self._told)]:
+        is_new = plan_text(self.table, comments) != (self._folder / PLAN).read_text(encoding="utf-8")
+        if is_new or self._told != self.findings[: len(self._told)]:
             self._build(comments=comments)
 
     def _check(self, table: Mapping[str, Any]) -> None:

@@ -218,6 +218,10 @@ def test_a_floor_that_slopes_has_no_plan_and_takes_no_edits_away(tmp_path):
     corners = "v 0 0 0\nv 8 0 0.1\nv 8 6 0.1\nv 0 6 0\nf 1 2 3 4\n"
     (tmp_path / "slope.obj").write_text(corners, encoding="utf-8")
     made = import_building([tmp_path / "slope.obj"], tmp_path / "case", exits=[1])
+    (tmp_path / "case" / "case.toml").write_text((made.folder / "case.toml").read_text().replace("1200", "900"))
+    again = import_building([tmp_path / "slope.obj"], tmp_path / "case", exits=[2])
+    assert [one.kind for one in again.findings if "'exit 2'" in one.text] == ["warning"]
+    (tmp_path / "case" / "case.toml").unlink()
     assert (made.fault, (made.folder / "building.msh").exists()) == ("", True)
     import_building([path], tmp_path / "case")
     assert not (made.folder / "building.msh").exists()

@@ -3,12 +3,13 @@
 import csv
 import json
 import sqlite3
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from shapely.geometry import shape
 
-from evac import read_building
+from evac import Plan, read_building
 from evac.analysis.tables import MOTION_COLUMNS, motion_table
 from evac.base.errors import ResultError
 from evac.contract.builtin import BUILTIN_EXPORTERS
@@ -143,6 +144,24 @@ def test_geojson_of_a_building_is_imported_as_the_same_building(trajectory, tmp_
     for of in ("exits", "portals"):
         widths = [[(item.name, item.width) for item in getattr(building, of)] for building in (one, other)]
         assert widths[1] == [(name, pytest.approx(width, abs=1e-6)) for name, width in widths[0]]
+
+
+def test_geojson_keeps_doors_and_tells_what_was_closed(tmp_path):
+    plan = Plan()
+    plan.storey("ground", [[[0, 0], [8, 0], [8, 6], [0, 6]], [[8.2, 0], [14, 0], [14, 6], [8.2, 6]]])
+    plan.door("door", "ground", [(8.1, 2), (8.1, 3)])
+    plan.exit("main", "ground", [(0, 3), (0, 4.2)])
+    plan.exit("back", "ground", [(14, 3), (14, 4.2)])
+    plan.obstacle("table", "ground", [[2, 2], [3, 2], [3, 3], [2, 3]])
+    one = plan.building(closed=["back", "door"])
+    path = tmp_path / "building.geojson"
+    assert [*EXPORTERS["geojson"]().write(SimpleNamespace(building=one, changes=()), path)] == [path]
+    other = read_building(path)
+    assert [(door.name, door.width) for door in other.doors] == [("door", pytest.approx(1.0))]
+    assert np.allclose(other.doors[0].segment, one.doors[0].segment)
+    assert len(other.walls) == len(one.walls)
+    told = [text.text for text in other.findings if "closed at the start" in text.text]
+    assert [text.split(" was ")[0] for text in told] == ["exit 'back'", "door 'door'"]
 
 
 def test_a_place_that_cannot_be_written_is_named(trajectory, tmp_path):

@@ -13,7 +13,7 @@ from evac.building.plan.shapes import geometries
 #: Kinds of features that follow from the others.
 DERIVED = ("wall", "portal")
 #: Kinds of features of an exported building.
-KINDS = ("floor", "flight", "landing", "exit", "area", *DERIVED)
+KINDS = ("floor", "flight", "landing", "exit", "door", "area", *DERIVED)
 
 
 def are_exported(data: Any) -> bool:
@@ -45,6 +45,8 @@ def plan_of_features(features: Sequence[Any], source: Path) -> Plan:
         kind = own.get("kind")
         if kind not in KINDS:
             raise ValueError(f"feature {number}: unknown kind {kind!r}; {did_you_mean(str(kind), KINDS)}")
+        if own.get("open") is False:
+            plan.note("warning", f"{kind} {own.get('name')!r} was closed at the start; building.closed keeps it so")
         if kind in DERIVED:
             continue
         try:
@@ -59,6 +61,8 @@ def plan_of_features(features: Sequence[Any], source: Path) -> Plan:
             elif kind == "exit":
                 lines = [shapely.get_coordinates(line).tolist() for line in shapes]
                 plan.exit(name, level, lines[0] if len(lines) == 1 else lines)
+            elif kind == "door":
+                plan.door(name, level, shapely.get_coordinates(shapes))
             else:
                 plan.area(name, level, shapes)
         except (KeyError, IndexError, TypeError) as error:

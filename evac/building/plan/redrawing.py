@@ -14,7 +14,7 @@ DIGITS = 5
 
 
 def plan_of_building(building: Building) -> Plan:
-    """Return the plan from which a building is made again; its doors are ground.
+    """Return the plan from which a building is made again.
 
     Raises
     ------
@@ -36,6 +36,8 @@ def plan_of_building(building: Building) -> Plan:
         if level.kind != "floor":
             raise ValueError(f"exit {way.name!r} is on a stair")
         plan.exit(way.name, level.name, way.segments.reshape(-1, 2, 2).tolist())
+    for door in building.doors:
+        plan.door(door.name, building.levels[door.level].name, door.segment.reshape(2, 2))
     for area in building.areas:
         plan.area(area.name, building.levels[area.level].name, area.polygon)
     return plan
