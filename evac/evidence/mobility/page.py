@@ -12,7 +12,9 @@ from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
 from evac.contract.builtin import DEFAULT_MOVEMENT
 from evac.evidence.evidence import Evidence
-from evac.evidence.validation.plans import across, one_storey
+from evac.evidence.people.measures import Line, passing_times
+from evac.evidence.people.runs import follow
+from evac.evidence.validation.plans import across, one_storey, straight_stair
 from evac.evidence.validation.trial import CONTACT_MODEL
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.simulation.simulation import Simulation
@@ -84,31 +86,22 @@ def _simulation(plan: Plan, people: list[dict[str, Any]], seed: int) -> Simulati
 
 def walking_speeds(walk: Walk) -> FloatArray:
     """Return the speed of each person of a run along the slope, (people,) [m/s]."""
-    width, plan = APART * PEOPLE, Plan()
-    sign, rise = (1.0, 0.0) if walk.place == "flat" else ((1.0, RISE) if walk.place == "up" else (-1.0, RISE))
-    if rise:
-        plan.storey("lower", box(-3, 0, 0, width), 0.0)
-        plan.storey("upper", box(RUN, 0, RUN + 3, width), rise)
-        plan.stair("ramp", "lower", across(0, 0, width), "upper", across(RUN, 0, width))
+    width, is_down = APART * PEOPLE, walk.place == "down"
+    if walk.place == "flat":
+        plan, rise = one_storey(box(-3, 0, RUN + 3, width), exits={"up": across(RUN + 3, 0, width)}), 0.0
     else:
-        plan.storey("lower", box(-3, 0, RUN + 3, width))
-    start, end = (-2.0, RUN + 3) if sign > 0 else (RUN + 2.0, -3.0)
-    plan.exit("end", "upper" if rise and sign > 0 else "lower", across(end, 0, width))
-    places = [[start, APART * (k + 0.5)] for k in range(PEOPLE)]
-    z = rise if rise and sign < 0 else 0.0
-    simulation = _simulation(plan, [{"preset": walk.preset, "positions": places, "z": z}], walk.seed)
-    first, last = (x if sign > 0 else RUN - x for x in LINES)
-    times, crowd = np.full((2, PEOPLE), np.nan), simulation.population.crowd
-    while not simulation.ended and np.isnan(times).any():
-        before, time = crowd.position[:, 0].copy(), simulation.time
-        simulation.advance_tick()
-        step = crowd.position[:, 0] - before
-        for row, line in enumerate((first, last)):
-            passes = np.isnan(times[row]) & (sign * (crowd.position[:, 0] - line) >= 0.0) & (step != 0.0)
-            times[row, passes] = time + (line - before[passes]) / step[passes] * (simulation.time - time)
-    length = (LINES[1] - LINES[0]) * math.hypot(1.0, rise / RUN)
-    speeds: FloatArray = length / (times[1] - times[0])
-    return speeds
+        plan, rise = straight_stair(RUN, RISE, 3.0, width), RISE
+    start = RUN + 2.0 if is_down else -2.0
+    people = {
+        "preset": walk.preset,
+        "positions": [[start, APART * (k + 0.5)] for k in range(PEOPLE)],
+        "z": RISE if is_down else 0.0,
+        "exits": ["down" if is_down else "up"],
+    }
+    lines = [Line(0, RUN - x, -1) if is_down else Line(0, x, 1) for x in LINES]
+    track, _ = follow(_simulation(plan, [people], walk.seed), lines[1])
+    first, last = (passing_times(track, line) for line in lines)
+    return (LINES[1] - LINES[0]) * math.hypot(1.0, rise / RUN) / (last - first)
 
 
 def flow_through(door: Door) -> dict[str, Any]:
@@ -122,20 +115,14 @@ def flow_through(door: Door) -> dict[str, Any]:
     number = round(door.share * QUEUE)
     people = [{"area": "start", "number": QUEUE - number}] if number < QUEUE else []
     people += [{"area": "start", "number": number, "preset": "wheelchair", "mass": 95.0}] if number else []
-    simulation, passed = _simulation(plan, people, door.seed), np.full(QUEUE, np.nan)
-    crowd = simulation.population.crowd
-    while not simulation.ended:
-        simulation.advance_tick()
-        passed[np.isnan(passed) & (crowd.position[:, 0] >= 8.3)] = simulation.time
-    times = np.sort(passed)
-    is_through = bool(np.isfinite(times).all())
-    flow = (QUEUE - 1) / float(times[-1] - times[0]) if is_through else None
+    track, left = follow(_simulation(plan, people, door.seed), Line(0, 8.3, 1))
+    times = track.time[(track.position[:, :, 0] >= 8.3).argmax(axis=0)]
     return {
         "door [m]": door.width,
         "in wheelchairs [%]": round(100 * door.share),
         "seed": door.seed,
-        "flow [1/s]": flow,
-        "left": int(np.isnan(passed).sum()),
+        "flow [1/s]": None if left else (QUEUE - 1) / float(np.ptp(times)),
+        "left": left,
     }
 
 

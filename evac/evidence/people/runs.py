@@ -17,8 +17,8 @@ from evac.case.loading import load_case
 from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import model_overrides
-from evac.evidence.people.measures import MEASURES, Track
-from evac.evidence.people.scenes import NARROW_DOOR, SCENES, TWO_WAY_2, Scene, imo_8_name
+from evac.evidence.people.measures import MEASURES, Line, Track
+from evac.evidence.people.scenes import NARROW_DOOR, SCENES, TWO_WAY_2, imo_8_name
 from evac.folder.digests import digest_of_data, digest_of_file
 from evac.folder.files import replacing
 from evac.simulation.simulation import Simulation
@@ -88,15 +88,15 @@ def run_job(job: Job) -> Row:
         "people": [{"name": f"group {k}", "speed": scene.speed, **group} for k, group in enumerate(scene.people)],
         "behaviours": SETTINGS[job.setting],
     }
-    track, left = follow(scene, Simulation(load_case(content, model_overrides(job.model))))
+    track, left = follow(Simulation(load_case(content, model_overrides(job.model))), scene.line)
     values = {} if left else scene.measure(track)
     told = {name: None if math.isnan(value) else value for name, value in values.items()}
     row = dict(zip(KEY, job.key, strict=True)) | {LEFT: left, "CPU time [s]": round(process_time() - start, 2)}
     return row | told | {CODE: code()}
 
 
-def follow(scene: Scene, simulation: Simulation) -> tuple[Track, int]:
-    """Return how people move until everybody is through, and how many are left."""
+def follow(simulation: Simulation, line: Line | None) -> tuple[Track, int]:
+    """Return how people move until everybody is beyond a line, or has left, and how many are not."""
     crowd = simulation.population.crowd  # the same one in all ticks
     times, places, inside = [simulation.time], [crowd.position.copy()], [crowd.level >= 0]
     is_through = np.zeros(len(crowd.level), bool)
@@ -105,7 +105,7 @@ def follow(scene: Scene, simulation: Simulation) -> tuple[Track, int]:
         times.append(simulation.time)
         places.append(crowd.position.copy())
         inside.append(crowd.level >= 0)
-        is_through = ~inside[-1] if scene.line is None else scene.line.beyond(places[-1]) >= 0.0
+        is_through = ~inside[-1] if line is None else line.beyond(places[-1]) >= 0.0
     simulation.engine.close()
     exit_time = np.where(np.isfinite(crowd.exit_time), crowd.exit_time, np.nan)
     return Track(np.array(times), np.array(places), np.array(inside), exit_time), int((~is_through).sum())

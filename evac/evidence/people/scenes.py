@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 from shapely import Polygon, box, union_all
-from shapely.geometry.base import BaseGeometry
 
 from evac.building.plan.plan import Plan
 from evac.evidence.people import measures
 from evac.evidence.people.measures import Line, Track, Values
+from evac.evidence.validation.plans import one_storey
 
 #: Walking speeds of the participants: corridor, two-way corridor, all others [m/s].
 CORRIDOR_SPEED = {"normal": [1.40, 0.15], "minimum": 1.0, "maximum": 1.8}
@@ -56,16 +56,10 @@ class Scene:
     line: Line | None = None
 
 
-def _one_storey(*parts: BaseGeometry) -> Plan:
-    plan = Plan()
-    plan.storey("floor", union_all(parts))
-    return plan
-
-
 def narrow_door_scene() -> Scene:
     """Return the bottleneck 040_c_56_h-: a hall 5.6 m wide, and a neck of 0.5 m with a chamfered mouth."""
     neck = Polygon([(-0.25, -1.1), (0.25, -1.1), (0.25, -0.15), (0.4, 0), (-0.4, 0), (-0.25, -0.15)])
-    plan = _one_storey(box(-2.8, 0, 2.8, 6.7), neck, box(-3.5, -4, 3.5, -1.1))
+    plan = one_storey(box(-2.8, 0, 2.8, 6.7), neck, box(-3.5, -4, 3.5, -1.1))
     plan.exit("end", "floor", [(-3.5, -4), (3.5, -4)])
     plan.area("start", "floor", box(-2.8, 0.6, 2.8, 5.6))
     line = Line(1, 0.0, -1)
@@ -75,7 +69,7 @@ def narrow_door_scene() -> Scene:
 def door_scene(width: float) -> Scene:
     """Return a hall with people at 3.3 per m2, and a door of 0.4 m depth with ground behind it."""
     number, half = (100, 2.5) if width < 1.8 else (180, 3.5)
-    plan = _one_storey(box(-half, 0, half, 8), box(-0.5 * width, -0.4, 0.5 * width, 0), box(-half, -3, half, -0.4))
+    plan = one_storey(box(-half, 0, half, 8), box(-0.5 * width, -0.4, 0.5 * width, 0), box(-half, -3, half, -0.4))
     plan.exit("end", "floor", [(-half, -3), (half, -3)])
     plan.area("start", "floor", box(-half, 0.5, half, 0.5 + number / 3.3 / (2.0 * half)))
     line = Line(1, -0.2, -1)
@@ -86,7 +80,7 @@ def door_scene(width: float) -> Scene:
 def corridor_scene(entrance: float, way_out: float) -> Scene:
     """Return the corridor of 1.8 m behind a hall, with an entrance and an exit of given widths."""
     mouth, end = 0.5 * entrance, 0.5 * way_out
-    plan = _one_storey(
+    plan = one_storey(
         box(-3, 4, 3, 10),
         box(-mouth, 3.8, mouth, 4),
         box(-0.9, -4, 0.9, 3.8),
@@ -126,7 +120,7 @@ def stair_scene(way: str) -> Scene:
 def two_way_scene(width: float, each: float) -> Scene:
     """Return a corridor in which two crowds of `each` people per m2 walk towards each other."""
     end, half = 39.0, 0.5 * width
-    plan = _one_storey(box(-end, -half, end, half))
+    plan = one_storey(box(-end, -half, end, half))
     people = []
     for side, name, other in ((-1, "left", "right"), (1, "right", "left")):
         plan.exit(name, "floor", [(side * end, -half), (side * end, half)])
@@ -141,7 +135,7 @@ def two_way_scene(width: float, each: float) -> Scene:
 
 def imo_8_scene(counter: int) -> Scene:
     """Return IMO 8: a hundred people cross from room to room through a corridor, and `counter` come towards them."""
-    plan = _one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10))
+    plan = one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10))
     plan.exit("right", "floor", [(30, 0), (30, 10)])
     plan.exit("left", "floor", [(0, 0), (0, 10)])
     plan.area("start left", "floor", box(0, 0, 4, 10))
@@ -154,7 +148,7 @@ def imo_8_scene(counter: int) -> Scene:
 
 def bend_scene() -> Scene:
     """Return a bend to the left of a corridor of 4 m, with its inner corner at (0, 0), and 90 people before it."""
-    plan = _one_storey(box(-15, -4, 4, 0), box(0, -4, 4, 18))
+    plan = one_storey(box(-15, -4, 4, 0), box(0, -4, 4, 18))
     plan.exit("end", "floor", [(0, 18), (4, 18)])
     plan.area("start", "floor", box(-14.5, -4, -3, 0))
     return Scene(plan, [{"area": "start", "number": 90, "strategy": "quickest"}], SPEED, measures.bend)
@@ -164,7 +158,7 @@ def two_exits_scene() -> Scene:
     """Return a hall with 200 people near a door of 1 m, and a door of 2 m that is 12 m farther from them."""
     halls = [box(-3, 0, -0.2, 10), box(0, 0, 22, 10), box(22.2, 0, 25, 10)]
     doors = [box(-0.2, 4.5, 0, 5.5), box(22, 4, 22.2, 6)]
-    plan = _one_storey(*halls, *doors)
+    plan = one_storey(*halls, *doors)
     plan.door("near door", "floor", [(-0.1, 4.5), (-0.1, 5.5)])
     plan.door("far door", "floor", [(22.1, 4), (22.1, 6)])
     plan.exit("near", "floor", [(-3, 0), (-3, 10)])

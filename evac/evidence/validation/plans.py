@@ -18,12 +18,12 @@ CROWD_SPEED = {"uniform": [0.97, 1.62]}
 
 
 def one_storey(
-    *parts: BaseGeometry, exits: Mapping[str, Shape], areas: Mapping[str, BaseGeometry] | None = None
+    *parts: BaseGeometry, exits: Mapping[str, Shape] | None = None, areas: Mapping[str, BaseGeometry] | None = None
 ) -> Plan:
     """Return a building with one storey at height 0."""
     plan = Plan()
     plan.storey(FLOOR, union_all(parts))
-    for name, segment in exits.items():
+    for name, segment in (exits or {}).items():
         plan.exit(name, FLOOR, segment)
     for name, area in (areas or {}).items():
         plan.area(name, FLOOR, area)
