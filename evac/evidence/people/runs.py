@@ -17,8 +17,10 @@ from evac.case.loading import load_case
 from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import model_overrides
+from evac.evidence.people import measures, scenes
 from evac.evidence.people.measures import MEASURES, Line, Track
 from evac.evidence.people.scenes import NARROW_DOOR, SCENES, TWO_WAY_2, imo_8_name
+from evac.evidence.validation import plans
 from evac.folder.digests import digest_of_data, digest_of_file
 from evac.folder.files import replacing
 from evac.simulation.simulation import Simulation
@@ -152,6 +154,6 @@ def code() -> str:
     files = {
         **{str(path.relative_to(root)): path for path in core},
         **{plugin.name: Path(plugin.origin) for plugin in plugins if plugin and plugin.origin},
-        **{module: Path(__file__).parent / module for module in ("scenes.py", "measures.py")},
+        **{module.__name__: Path(str(module.__file__)) for module in (measures, scenes, plans)},
     }
     return digest_of_data({name: digest_of_file(path) for name, path in files.items()})[:12]
