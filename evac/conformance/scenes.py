@@ -1,26 +1,21 @@
 """Scenes for contact models: a flat level, with or without the walls of a room, and one direction for all people."""
 
 from collections.abc import Mapping
-from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from shapely.geometry import box
 
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building, Level
-from evac.contract.registry import Registry
-from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
-from evac.directions.routes import Route
+from evac.evidence import scenes
+from evac.evidence.models import make_engine, plugins
 from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
 from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
 
-#: Step [s], of which a tick has ten; half the sides of the square room and of the level [m].
-STEP, ROOM, EXTENT = 0.01, 2.5, 20.0
+#: Step [s], of which a tick has ten; half the side of the square room, and the ends of the level around it [m].
+STEP, ROOM, LEVEL = 0.01, 2.5, (-20.0, -20.0, 20.0, 20.0)
 
 EAST, NORTH, NOWHERE = np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.zeros((0, 4))
 
@@ -48,12 +43,6 @@ class Pace(NamedTuple):
 PLAIN = Pace()
 
 
-@cache
-def registered() -> Registry:
-    """Return the registered plugins, read once; the plugin that is checked is not among them."""
-    return Registry()
-
-
 def walk(
     model: ContactModel,
     pace: Pace,
@@ -68,8 +57,7 @@ def walk(
     Returns copies of the crowd after each tick, with the velocities of the plain pace, and the engine with its report.
     The engine goes on from the snapshot of another one, if it is given.
     """
-    world = make_world(_flat(walls), _fields(ahead))
-    engine = CompiledEngine(world, len(crowd.level), [], solvers=registered().solvers)
+    engine = make_engine(make_world(scenes.room(LEVEL, walls), scenes.one_direction(LEVEL, ahead)), len(crowd.level))
     crowd = crowd.replace(velocity=crowd.velocity / pace.slow, speed=crowd.speed / pace.slow, tau=crowd.tau * pace.slow)
     model.check_scene(border_scene(crowd, pace.step, True))
     if saved is not None:
@@ -113,28 +101,4 @@ def greatest_overlap(crowd: Crowd) -> float:
 
 def solved_model() -> type[ContactModel]:
     """Return a registered contact model that solves contact problems."""
-    return next(model for model in registered().contact_models.values() if issubclass(model, SolvedContactModel))
-
-
-def _flat(walls: FloatArray) -> Building:
-    """Return a building with one flat level and walls on it."""
-    ground, none = box(-EXTENT, -EXTENT, EXTENT, EXTENT), np.zeros((0, 3))
-    level = Level(0, "floor", "floor", None, none.astype(np.int32), ground, np.zeros(2), 0.0, 0.0, 0.0)
-    indices = np.zeros(len(walls), np.int32)
-    return Building(Path("conformance"), none, (level,), (), (), (), walls, indices, stairs={})
-
-
-def _fields(ahead: FloatArray) -> Fields:
-    """Return fields with one direction, along which the travel time decreases."""
-    packed = PackedFields(
-        origin=np.full((1, 2), -EXTENT),
-        shape=np.full((1, 2), 2, np.int32),
-        spacing=2.0 * EXTENT,
-        width=np.zeros(0),
-        field_of=np.zeros((1, 1), np.int32),
-        offset=np.zeros(1, np.int64),
-        direction=np.tile(ahead, (4, 1)),
-        travel_time=100.0 - EXTENT * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) @ ahead,
-        walls=NO_CELL_WALLS,
-    )
-    return Fields(routes=(Route(),), packed=packed)
+    return next(model for model in plugins().contact_models.values() if issubclass(model, SolvedContactModel))

@@ -72,7 +72,7 @@ def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] 
     return Building(Path("by hand"), corners, (level,), (), doors, (), walls, np.zeros(len(walls), np.int32), {})
 
 
-def one_direction(bounds: Bounds, *directions: tuple[float, float]) -> Fields:
+def one_direction(bounds: Bounds, *directions: ArrayLike) -> Fields:
     """Return the same unit direction everywhere, +x by default; a route for each; travel times decrease along it."""
     x1, y1, x2, y2 = bounds
     side = max(x2 - x1, y2 - y1)
