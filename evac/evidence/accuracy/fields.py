@@ -14,7 +14,7 @@ from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.evidence.accuracy.orders import order_of
-from evac.evidence.accuracy.plans import PLANS, Plan
+from evac.evidence.accuracy.plans import PLANS, TimedPlan
 from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
 from evac.evidence.evidence import Evidence, new_figure
 from evac.evidence.verdicts import reported
@@ -44,7 +44,7 @@ def run(evidence: Evidence) -> None:
     spacings = SPACINGS[:2] if evidence.quick else SPACINGS
 
     @cache
-    def plans() -> list[Plan]:
+    def plans() -> list[TimedPlan]:
         return [make(points, evidence.generator(make.__name__)) for make in PLANS]
 
     @cache
@@ -119,7 +119,7 @@ def _judge(
 
 
 def _coarser_rows(
-    plans: Sequence[Plan], clean: Sequence[tuple[CleanWays, CleanWays]], spacing: float
+    plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, CleanWays]], spacing: float
 ) -> list[dict[str, Any]]:
     """Return by how much the independent directions change when their grid is made twice as coarse."""
     rows = []
@@ -135,20 +135,20 @@ def _finest(is_quick: bool) -> float:
     return 2.0 * FINE if is_quick else FINE
 
 
-def _clean_ways(plan: Plan, is_quick: bool) -> tuple[CleanWays, CleanWays]:
+def _clean_ways(plan: TimedPlan, is_quick: bool) -> tuple[CleanWays, CleanWays]:
     """Return the independent ways that keep clear of walls, and those of a grid half as fine."""
     finest = _finest(is_quick)
     one, other = (clean_ways(plan.building, plan.points, CLEARANCE, spacing) for spacing in (finest, 2.0 * finest))
     return one, other
 
 
-def _fields(plan: Plan, spacing: float, order: int, clearance: float = 0.0) -> Fields:
+def _fields(plan: TimedPlan, spacing: float, order: int, clearance: float = 0.0) -> Fields:
     return build_fields(
         plan.building, [WALKED], spacing=spacing, clearance=clearance, speeds=(1.0, 1.0, 1.0), order=order
     )
 
 
-def _time_rows(plan: Plan, spacings: Sequence[float], order: int) -> list[dict[str, Any]]:
+def _time_rows(plan: TimedPlan, spacings: Sequence[float], order: int) -> list[dict[str, Any]]:
     """Return a row per spacing: errors of the travel times, and the time of a build (median of up to three)."""
     rows = []
     for spacing in spacings:
@@ -191,7 +191,7 @@ def _order_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return table
 
 
-def plain_directions(fields: Fields, plan: Plan) -> FloatArray:
+def plain_directions(fields: Fields, plan: TimedPlan) -> FloatArray:
     """Return unit directions (p, 2) from np.gradient of the travel times, continued into walls by the nearest value."""
     level = plan.level
     packed = fields.packed
@@ -214,7 +214,7 @@ def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(is_missing, 180.0, np.degrees(np.abs(np.arctan2(cross, along))))
 
 
-def _angle_rows(plan: Plan, spacings: Sequence[float], clean: CleanWays) -> list[dict[str, Any]]:
+def _angle_rows(plan: TimedPlan, spacings: Sequence[float], clean: CleanWays) -> list[dict[str, Any]]:
     """Return a row per spacing and place and range of the distance to walls."""
     rows = []
     for spacing in spacings:

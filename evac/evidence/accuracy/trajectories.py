@@ -49,8 +49,8 @@ BOUNDS = (-8.0, -6.0, 8.0, 6.0)
 
 
 @dataclass(frozen=True)
-class Problem:
-    """A problem with a known or converging solution."""
+class Motion:
+    """A motion with a known or converging end."""
 
     name: str
     duration: float  # [s]
@@ -124,7 +124,7 @@ def shifts_of(number: int) -> list[float]:
 
 
 def measure(
-    problem: Problem,
+    problem: Motion,
     label: str,
     plugin: str,
     parameters: dict[str, Any],
@@ -167,7 +167,7 @@ def measure(
     return rows
 
 
-def walked(problem: Problem, model: ContactModel, shift: float, step: float, drive: str) -> tuple[FloatArray, float]:
+def walked(problem: Motion, model: ContactModel, shift: float, step: float, drive: str) -> tuple[FloatArray, float]:
     """Return the positions at the end (n, 2) [m] and the CPU time that it took [s]."""
     engine, crowd = problem.scene(shift).start()
     engine.load(model)
@@ -183,7 +183,7 @@ def _distance(places: FloatArray, truth: FloatArray) -> float:
     return float(np.max(np.hypot(*(places - truth).T)))
 
 
-def _fastest(problem: Problem) -> float:
+def _fastest(problem: Motion) -> float:
     """Return the greatest desired or initial speed [m/s]."""
     crowd = problem.scene(0.0).crowd
     return float(max(crowd.speed.max(), np.hypot(*crowd.velocity.T).max()))
@@ -258,10 +258,10 @@ UNDRIVEN = LEAPFROG | {("DEM", "explicit")}
 MIDPOINT = frozenset({("NSM2, K_N = 0", "exponential"), ("NSM2, K_N = 1e5", "exponential")})
 
 PROBLEMS = (
-    Problem("free walk", 2.0, _free_walk, _free_walk_end, MIDPOINT),
-    Problem("wall hit", 0.8, _wall_hit, _wall_hit_end, UNDRIVEN),
-    Problem("head-on pair", 1.2, lambda shift: _pair(shift, 0.0), None, LEAPFROG),
-    Problem("oblique pair", 1.2, lambda shift: _pair(shift, 0.2), None, LEAPFROG | {("NSM1 inertial", "exponential")}),
-    Problem("three in line", 0.8, _line, None, UNDRIVEN),
-    Problem("corridor", 0.8, _corridor),
+    Motion("free walk", 2.0, _free_walk, _free_walk_end, MIDPOINT),
+    Motion("wall hit", 0.8, _wall_hit, _wall_hit_end, UNDRIVEN),
+    Motion("head-on pair", 1.2, lambda shift: _pair(shift, 0.0), None, LEAPFROG),
+    Motion("oblique pair", 1.2, lambda shift: _pair(shift, 0.2), None, LEAPFROG | {("NSM1 inertial", "exponential")}),
+    Motion("three in line", 0.8, _line, None, UNDRIVEN),
+    Motion("corridor", 0.8, _corridor),
 )
