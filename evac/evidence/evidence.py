@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from evac.base.arrays import FloatArray
 from evac.base.distributions import generator_for
 from evac.base.errors import ResultError, RunWarning, SimulationError
 from evac.base.processes import Pool, cores
@@ -37,6 +38,9 @@ from evac.folder.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from evac.case.case import Case
+    from evac.study.study import Study
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -111,6 +115,20 @@ class Evidence:
             return
         remedy = "make the evidence again, or a part of it with --quick"
         yield from in_processes(function, items, min(WORKERS, cores()), f"evidence of {self.kind}", remedy)
+
+    def study(self, case: "Case", runs: int, **settings: Any) -> "Study":
+        """Return a study of a case, as `evac.repeat`, with the seed of the case and the following ones."""
+        from evac.study.asking import repeat
+
+        return repeat(case, runs, workers=1 if self.quick else WORKERS, **settings)
+
+    def exit_times(self, case: "Case", runs: int) -> FloatArray:
+        """Return the exit times (runs, people) [s] of a case with the seed of the evidence and the following ones.
+
+        They are NaN for people who are left.
+        """
+        study = self.study(case.change({"simulation.seed": self.seed}), runs)
+        return np.array([row["exit_time"] for row in study.rows(columns=["exit_time"])])
 
     def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
         """Measure, write NAME.csv with full precision, and return its rows; with `page_only` only read them.

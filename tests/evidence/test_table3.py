@@ -10,12 +10,12 @@ from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence
 from evac.evidence.models import MODELS, make_model, model_overrides
 from evac.evidence.square_room import GAP, SetTask, change, crowd_at, flow, run_set, start_positions, stopped
-from evac.evidence.table3 import classroom
-from evac.evidence.table3.classroom import ClassTask, median_last, report_classroom, run_class
+from evac.evidence.table3.classroom import median_last, report_classroom
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 from evac.evidence.table3.page import PUBLISHED, report_flow
-from evac.evidence.table3.school import SchoolRuns, SchoolTask, curve, longest_pause, run_school, school_row
+from evac.evidence.table3.school import SchoolRuns, curve, longest_pause, school_row, school_runs
 from evac.simulation.assembly import make_contact_model
+from evac.simulation.simulation import Simulation
 
 
 def generator():
@@ -156,12 +156,12 @@ def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):
     assert (np.diff(back) > 0.0).all()  # sooner for smaller tau
 
 
-def test_classroom_blocks_the_same_runs_whoever_computes_them():
-    times, blocked = run_class(ClassTask("DEM", (1, 2)))
-    alone, _ = run_class(ClassTask("DEM", (2,)))
-    assert np.array_equal(times[1], alone[0], equal_nan=True)
+def test_exit_times_are_those_of_consecutive_seeds(tmp_path):
+    case = load_case("classroom", model_overrides("DEM"))
+    times = Evidence("table3", tmp_path, quick=True).exit_times(case, 2)
+    alone = Simulation(case.change({"simulation.seed": 2})).run()
     assert times.shape == (2, 30)
-    assert np.array_equal(np.isnan(times).any(axis=1), blocked)
+    assert np.array_equal(times[1], alone.crowd.exit_time, equal_nan=True)
 
 
 def test_a_blocked_run_is_endless_in_the_median():
@@ -171,15 +171,12 @@ def test_a_blocked_run_is_endless_in_the_median():
 
 
 def test_classroom_says_how_many_runs_each_mean_is_of_and_compares_all_runs(tmp_path, monkeypatch):
-    def half_blocked(task):
-        times = np.tile(np.linspace(1.0, 9.0, 30), (len(task.seeds), 1))
-        blocked = np.array([seed % 2 == 0 for seed in task.seeds])
-        if task.model == "NSM2":
-            blocked[:] = True
-        times[blocked, 20:] = np.nan
-        return times, blocked
+    def half_blocked(_, case, runs):
+        times = np.tile(np.linspace(1.0, 9.0, 30), (runs, 1))
+        times[:: 1 if case.contact.model == "nsm2" else 2, 20:] = np.nan
+        return times
 
-    monkeypatch.setattr(classroom, "run_class", half_blocked)
+    monkeypatch.setattr(Evidence, "exit_times", half_blocked)
     evidence = Evidence("table3", tmp_path, quick=True)
     report_classroom(evidence)
     with (tmp_path / "classroom_blocked.csv").open() as file:
@@ -201,8 +198,9 @@ def test_a_school_with_pupils_left_is_never_empty():
     assert (row["storey 0 empty, mean [s]"], row["storey 1 empty, mean [s]"]) == (2.0, np.inf)
 
 
-def test_school_is_run_with_and_without_teachers():
-    following, alone = (run_school(SchoolTask(name, (1,))) for name in ("following a teacher", "everybody alone"))
+def test_school_is_run_with_and_without_teachers(tmp_path):
+    evidence = Evidence("table3", tmp_path, quick=True)
+    following, alone = (school_runs(evidence, name, 1) for name in ("following a teacher", "everybody alone"))
     assert following.times.shape == alone.times.shape == (1, 136)
     assert np.unique(following.storey).tolist() == [0, 1, 2]
     assert longest_pause(following.times)[0] > longest_pause(alone.times)[0]

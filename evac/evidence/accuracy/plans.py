@@ -83,13 +83,15 @@ def _one_level(
     return _timed(name, one_storey(outline, exits={"exit": ends}), FLOOR, places, *known)
 
 
-def _timed(name: str, plan: Plan, storey: str, places: FloatArray, *known: FloatArray) -> TimedPlan:
+def _timed(
+    name: str, plan: Plan, storey: str, places: FloatArray, time: FloatArray, direction: FloatArray, lead: FloatArray
+) -> TimedPlan:
     """Return a plan with times, directions and leads that are known at places on a storey."""
     building = plan.building()
     level = next(level.index for level in building.levels if level.name == storey)
     walls = shapely.linestrings(building.walls[building.wall_level == level].reshape(-1, 2, 2))
     wall_distance = np.asarray(shapely.distance(shapely.points(places), shapely.multilinestrings(walls)))
-    return TimedPlan(name, building, level, places, *known, wall_distance)
+    return TimedPlan(name, building, level, places, time, direction, lead, wall_distance)
 
 
 def _places(polygon: shapely.Polygon, number: int, generator: np.random.Generator) -> FloatArray:

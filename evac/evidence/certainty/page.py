@@ -330,8 +330,7 @@ def report_work(evidence: Evidence) -> None:
 
 def _runs(evidence: Evidence, name: str, runs: int, repetitions: int = 1) -> list[Row]:
     """Return the evacuation times of many runs of a case."""
-    workers = 1 if evidence.quick else WORKERS
-    rows = repeat(load_case(name), runs, repetitions=repetitions, workers=workers).rows(columns=["seed", "last_out"])
+    rows = evidence.study(load_case(name), runs, repetitions=repetitions).rows(columns=["seed", "last_out"])
     return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in rows]
 
 
@@ -346,7 +345,7 @@ def _steps(evidence: Evidence) -> list[Row]:
     for name, pairs in STEP_PAIRS[evidence.quick].items():
         for model in STEP_MODELS:
             case = load_case(name, {"contact.model": model})
-            study = repeat(case, pairs, check_step=True, workers=1 if evidence.quick else WORKERS)
+            study = evidence.study(case, pairs, check_step=True)
             change, mean = study.step_change, study.statistics[0].mean.value
             assert change is not None
             share = [100.0 * value / mean for value in (change.value, change.low, change.high)]

@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -15,7 +14,6 @@ from evac.case.loading import load_case
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.verdicts import reported
-from evac.results.ending import EVERYBODY_OUT
 from evac.simulation.simulation import Simulation
 from evac.study.statistics import share_interval
 
@@ -36,41 +34,17 @@ PUBLISHED: Mapping[str, str] = {
 }
 
 
-@dataclass(frozen=True)
-class ClassTask:
-    """Some runs of one model: a task of one process."""
-
-    model: str
-    seeds: tuple[int, ...]
-
-
-def run_class(task: ClassTask) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return exit times (runs, pupils) [s], NaN for pupils left inside, and whether each run blocked (runs,)."""
-    case = load_case("classroom", model_overrides(task.model))
-    times, blocked = [], []
-    for seed in task.seeds:
-        results = Simulation(case.change({"simulation.seed": seed})).run()
-        times.append(results.crowd.exit_time)
-        blocked.append(results.ended != EVERYBODY_OUT)
-    return np.array(times), np.array(blocked)
-
-
-@dataclass(frozen=True)
-class ClassRuns:
-    """Exit times (runs, pupils) [s] and blocked runs (runs,), by model."""
-
-    times: dict[str, FloatArray]
-    blocked: dict[str, NDArray[np.bool_]]
+#: Exit times (runs, pupils) [s] by model; NaN for pupils left inside, whose run is blocked.
+ClassTimes = Mapping[str, FloatArray]
 
 
 def report_classroom(evidence: Evidence) -> None:
     """Add the classroom to the page."""
     runs = 6 if evidence.quick else 50
-    seeds = [evidence.seed + run for run in range(runs)]
 
     @cache
-    def measured() -> ClassRuns:
-        return _class_runs(evidence, seeds)
+    def measured() -> ClassTimes:
+        return {name: evidence.exit_times(load_case("classroom", model_overrides(name)), runs) for name in MODELS}
 
     blocked = evidence.measured("classroom_blocked", lambda: _blocked_rows(measured()))
     everybody = evidence.measured("classroom_all", lambda: _all_rows(measured()))
@@ -81,8 +55,8 @@ def report_classroom(evidence: Evidence) -> None:
         evidence.verdict(reported(f"Classroom, {row['model']}: blocked runs", told, PUBLISHED[row["model"]], section))
     evidence.heading(section)
     evidence.text(
-        f"""{runs} runs of each model with the seeds {seeds[0]} to {seeds[-1]}, the same people for every model. The
-        paper gives no shares of blocked runs. Our door stands in the corner, which matters
+        f"""{runs} runs of each model with the seeds {evidence.seed} to {evidence.seed + runs - 1}, the same people for
+        every model. The paper gives no shares of blocked runs. Our door stands in the corner, which matters
         (buildings/classroom/README.md)."""
     )
     evidence.table("classroom_blocked", blocked, "Runs that end with people left; share with Clopper-Pearson interval.")
@@ -115,25 +89,14 @@ def falls_of(desks: Sequence[Row], model: str) -> int:
     )
 
 
-def _class_runs(evidence: Evidence, seeds: list[int]) -> ClassRuns:
-    """Return the runs of all models."""
-    tasks = [ClassTask(name, tuple(part)) for name in MODELS for part in (seeds[::2], seeds[1::2])]
-    parts = evidence.map(run_class, tasks)
-    times, blocked = (
-        {name: np.concatenate([parts[2 * k][which], parts[2 * k + 1][which]]) for k, name in enumerate(MODELS)}
-        for which in (0, 1)
-    )
-    return ClassRuns(times, blocked)
+def _blocked_rows(runs: ClassTimes) -> list[Row]:
+    return [_share_row(name, times) for name, times in runs.items()]
 
 
-def _blocked_rows(runs: ClassRuns) -> list[Row]:
-    return [_share_row(name, runs.blocked[name], runs.times[name]) for name in MODELS]
-
-
-def _all_rows(runs: ClassRuns) -> list[Row]:
+def _all_rows(runs: ClassTimes) -> list[Row]:
     """Return rows that compare the models over all runs, including blocked ones."""
     rows = []
-    for name, times in runs.times.items():
+    for name, times in runs.items():
         middle = median_last(times)
         row: Row = {"model": name, "runs": len(times)}
         row["last out, median [s]"] = middle if math.isfinite(middle) else None
@@ -149,7 +112,12 @@ def median_last(times: FloatArray) -> float:
     return float(np.median(np.nan_to_num(times, nan=np.inf).max(axis=1)))
 
 
-def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> Row:
+def _is_blocked(times: FloatArray) -> NDArray[np.bool_]:
+    return np.asarray(np.isnan(times).any(axis=1))
+
+
+def _share_row(name: str, times: FloatArray) -> Row:
+    blocked = _is_blocked(times)
     count, runs = int(blocked.sum()), len(blocked)
     low, high = share_interval(count, runs)
     return {
@@ -164,7 +132,7 @@ def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> Row:
     }
 
 
-def _desk_rows(runs: ClassRuns) -> list[Row]:
+def _desk_rows(runs: ClassTimes) -> list[Row]:
     """Return the mean escape times of every desk over the runs that did not block, from the door back."""
     simulation = Simulation(load_case("classroom"))
     place = simulation.population.crowd.position
@@ -179,8 +147,8 @@ def _desk_rows(runs: ClassRuns) -> list[Row]:
             "y [m]": place[desk, 1],
             "way to the door [m]": way[desk],
         }
-        for name in MODELS:
-            values = runs.times[name][~runs.blocked[name], desk]
+        for name, times in runs.items():
+            values = times[~_is_blocked(times), desk]
             row[f"{name} [s]"] = float(values.mean()) if len(values) else None
             row[f"{name} +- [s]"] = _standard_error(values)
         rows.append(row)

@@ -26,40 +26,28 @@ STALL = (38.0, 48.0)
 
 
 @dataclass(frozen=True)
-class SchoolTask:
-    """Some runs of one variant: a task of one process."""
-
-    variant: str
-    seeds: tuple[int, ...]
-
-
-@dataclass(frozen=True)
 class SchoolRuns:
-    """Exit times (runs, people) [s], NaN for people left inside; storey (people,) and group names."""
+    """Exit times (runs, people) [s], NaN for people left inside, and the storey of each (people,)."""
 
     times: FloatArray
     storey: NDArray[np.int64]
 
 
-def run_school(task: SchoolTask) -> SchoolRuns:
-    """Run the shipped school for some seeds."""
-    case = load_case("primary_school", VARIANTS[task.variant])
-    times = []
-    for seed in task.seeds:
-        results = Simulation(case.change({"simulation.seed": seed})).run()
-        times.append(results.crowd.exit_time)
-    height = np.array([results.building.levels[level].z_min for level in results.start_level])
-    return SchoolRuns(np.array(times), np.unique(height, return_inverse=True)[1])
+def school_runs(evidence: Evidence, name: str, runs: int) -> SchoolRuns:
+    """Return the runs of a variant."""
+    case = load_case("primary_school", VARIANTS[name])
+    simulation = Simulation(case, will_run=False)
+    height = np.array([simulation.building.levels[level].z_min for level in simulation.population.crowd.level])
+    return SchoolRuns(evidence.exit_times(case, runs), np.unique(height, return_inverse=True)[1])
 
 
 def report_school(evidence: Evidence) -> None:
     """Add the school to the page."""
     runs = 6 if evidence.quick else 100
-    seeds = [evidence.seed + run for run in range(runs)]
 
     @cache
     def measured() -> dict[str, SchoolRuns]:
-        return _school_runs(evidence, seeds)
+        return {name: school_runs(evidence, name, runs) for name in VARIANTS}
 
     rows = evidence.measured("school", lambda: [school_row(name, measured()[name]) for name in VARIANTS])
     section = "The primary school: egress curves (section 4.3)"
@@ -70,26 +58,16 @@ def report_school(evidence: Evidence) -> None:
     evidence.verdict(reported("School: last out, longest pause between exits, means", told, stall, section))
     evidence.heading(section)
     evidence.text(
-        f"""{runs} runs of NSM2 with the social force, seeds {seeds[0]} to {seeds[-1]}, with and without classes
-        that follow their teachers. The pause is the longest time in which nobody leaves between the first and the
-        last tenth of the people. The exercise stalled from {STALL[0]:.0f} to {STALL[1]:.0f} s, the paper's model
-        did not; the building is our own drawing, and no fit to either is claimed."""
+        f"""{runs} runs of NSM2 with the social force, seeds {evidence.seed} to {evidence.seed + runs - 1}, with and
+        without classes that follow their teachers. The pause is the longest time in which nobody leaves between the
+        first and the last tenth of the people. The exercise stalled from {STALL[0]:.0f} to {STALL[1]:.0f} s, the
+        paper's model did not; the building is our own drawing, and no fit to either is claimed."""
     )
     evidence.table("school", rows, "All runs; storeys counted from the ground.")
     curves = evidence.measured("school_egress", lambda: _curve_rows(measured()))
     caption = "Egress curves of all runs and their mean (figure 8 of the paper, without its measured curve)."
     evidence.plot("school_egress", lambda: _draw(measured()), caption)
     evidence.data("school_egress", curves)
-
-
-def _school_runs(evidence: Evidence, seeds: list[int]) -> dict[str, SchoolRuns]:
-    """Return the runs of both variants."""
-    tasks = [SchoolTask(name, tuple(part)) for name in VARIANTS for part in (seeds[::2], seeds[1::2])]
-    parts = evidence.map(run_school, tasks)
-    return {
-        name: SchoolRuns(np.concatenate([parts[2 * k].times, parts[2 * k + 1].times]), parts[2 * k].storey)
-        for k, name in enumerate(VARIANTS)
-    }
 
 
 def curve(times: FloatArray, grid: FloatArray) -> FloatArray:
