@@ -277,12 +277,19 @@ def _stand_ins(
 
 
 def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:
-    """Return the parts (s, 4) of walls that are not on the outline, with the level on both sides."""
+    """Return the parts (s, 4) of walls that are not on the outline, with the level on both sides.
+
+    They are longer than what is left outside the surroundings of the outline, so that a link through their end crosses
+    them whatever the rounding.
+    """
     sides, outline = shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack)
     shapely.prepare(outline)
     rest = shapely.difference(sides[~shapely.covers(outline, sides)], outline)
-    lines = [shapely.get_coordinates(part) for part in shapely.get_parts(rest) if part.length > slack]
-    return np.array([line[[0, -1]].ravel() for line in lines], dtype=np.float64).reshape(-1, 4)
+    lines = [shapely.get_coordinates(part)[[0, -1]] for part in shapely.get_parts(rest) if part.length > slack]
+    ends = np.array(lines, dtype=np.float64).reshape(-1, 2, 2)
+    along = ends[:, 1] - ends[:, 0]
+    along *= 4.0 * slack / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.concatenate([ends[:, 0] - along, ends[:, 1] + along], axis=1)
 
 
 def wall_distance(window: Window, nodes: IndexArray, walls: FloatArray, reach: float) -> FloatArray:
