@@ -200,3 +200,35 @@ def test_a_union_of_bodies_keeps_the_ground_of_shapely(tmp_path):
         ground = ground.difference(shapely.box(x, 4, x + size[0], 4 + size[1]))
     building = model.read(tmp_path, rng=rng)
     assert levels(building) == [("floor", 0.0, round(ground.area, 3))]
+
+
+@pytest.mark.parametrize("foot", [0.0, -0.1, -0.5])
+def test_walls_and_columns_stand_on_floors_or_in_them(tmp_path, foot):
+    model = Model()
+    model.box(0, 0, -0.2, 10, 10, 0)
+    model.box(4, 0, foot, 4.2, 10, 5)
+    model.box(7, 7, foot, 7.5, 7.5, 5)
+    assert sorted(levels(model.read(tmp_path))) == [("floor", 0.0, 40.0), ("floor", 0.0, 57.75)]
+
+
+def test_slabs_and_ramps_that_overlap_are_ground_once(tmp_path):
+    model = Model()
+    model.box(0, 0, -0.2, 10, 10, 0)
+    model.box(9.9, 0, -0.2, 20, 10, 0)
+    assert levels(model.read(tmp_path)) == [("floor", 0.0, 200.0)]
+    first = len(model.points)
+    model.box(12, 4, -0.8, 22, 6, -0.5)
+    model.points[first + 5] = (22, 4, 1.5)
+    model.points[first + 7] = (22, 6, 1.5)
+    model.box(22, 0, 1.3, 30, 10, 1.5)
+    building = model.read(tmp_path)
+    assert levels(building) == [("floor", 0.0, 189.0), ("flight", 0.0, 15.0), ("floor", 1.5, 80.0)]
+    assert len(building.portals) == 2
+
+
+def test_a_mesh_with_y_upwards_is_doubted(house, tmp_path):
+    doubts = [text for text in texts(house.read(tmp_path, swap=True), "warning") if "building.up" in text]
+    assert len(doubts) == 1
+    with pytest.raises(BuildingError) as caught:
+        house.read(tmp_path, swap=True, exits=[{"name": "a", "z": 0.0, "segment": [[99, 99], [98, 99]]}])
+    assert doubts[0] in str(caught.value)

@@ -36,17 +36,12 @@ OPTIONS = {
     "wrld3d_cad.dxf": {"exits": [1]},
 }
 #: Nothing in them can be walked to an exit.
-REFUSED = ("TallBuilding.ifc", "ios_411_walls.ifc")
-#: What is known to be wrong, and why.
-WRONG = {
-    "nav_test.obj": "a game level, not a surface",
-}
+REFUSED = ("TallBuilding.ifc", "ios_411_walls.ifc", "nav_test.obj")
 SLOW = (
     "AC11-Institute.ifc",
     "aknz_evac.wkt",
     "imdf_unit.geojson",
     "ios_411_walls.ifc",
-    "nav_test.obj",
     "westport-1.geojson",
     "wrld3d_cad.dxf",
     "xbim_House.ifc",
@@ -54,8 +49,7 @@ SLOW = (
 
 
 def marked(name):
-    marks = [pytest.mark.xfail(reason=WRONG[name], strict=True)] if name in WRONG else []
-    return pytest.param(name, marks=[*marks, *([pytest.mark.slow] if name in SLOW else [])])
+    return pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
 
 
 @pytest.mark.parametrize("name", [marked(name) for name in sorted(EXPECTED) if name not in REFUSED])
@@ -80,9 +74,12 @@ def test_storeys_without_a_stair_are_refused(tmp_path):
     assert len(made.building.exits) == EXPECTED["TallBuilding.ifc"]["exits"]
 
 
-@pytest.mark.parametrize("options", [{}, {"up": "y"}])
-def test_a_game_level_is_refused_and_no_internal_error(tmp_path, options):
-    with pytest.raises(BuildingError, match="nav_test"):
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [({}, r"joins nothing.*building\.up = \"y\""), ({"up": "y"}, r"only 0\.00 m deep between its portals")],
+)
+def test_hills_of_a_game_whose_levels_are_wedges_are_refused(tmp_path, options, reason):
+    with pytest.raises(BuildingError, match=rf"nav_test.*{reason}"):
         import_building([FOREIGN / "nav_test.obj"], tmp_path / "case", options=options)
 
 

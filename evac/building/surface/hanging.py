@@ -17,6 +17,8 @@ Hanging = dict[tuple[int, int], list[int]]
 #: Largest number of rounds of splitting. One is enough for most meshes; an edge split at a vertex that is slightly off
 #: it moves, so that other vertices may then lie on its parts.
 MOST_ROUNDS = 12
+#: After so many rounds, narrow parts are kept: without them, vertices may lie on a side again in every second round.
+PATIENCE = 4
 
 
 def split_at_vertices(
@@ -25,7 +27,7 @@ def split_at_vertices(
     """Split free edges and tagged edges at the vertices that lie on them.
 
     Parts of a cell whose smallest height is at most `distance` are dropped, since the neighbour is then split at their
-    vertices and takes their place.
+    vertices and takes their place; where that does not end, they are kept.
 
     Parameters
     ----------
@@ -51,7 +53,7 @@ def split_at_vertices(
     """
     owner = np.arange(len(triangles))
     farthest: tuple[float, int] = (0.0, 0)
-    for _ in range(MOST_ROUNDS):
+    for turn in range(MOST_ROUNDS):
         hanging = _hanging_vertices(vertices, triangles, edges, distance)
         if not hanging:
             return triangles, owner, edges
@@ -63,7 +65,7 @@ def split_at_vertices(
             pieces += parts
             cut_from += [row] * len(parts)
         triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
-        is_wide = least_height(vertices[triangles]) > distance
+        is_wide = least_height(vertices[triangles]) > (distance if turn < PATIENCE else 0.0)
         if not is_wide.any():
             x, y, z = vertices[triangles[0, 0]]
             raise BuildingError(

@@ -16,6 +16,8 @@ MOST_EXTENT = 1e5
 LEAST_WIDTH = 0.5
 #: Range of plausible extents of a building [m]; others cause a warning.
 SMALLEST, LARGEST = 2.0, 5e3
+#: Cosine of the slope of level faces, and how much larger upright ones towards y may be before the axes are doubted.
+LEVEL, MOST_UPRIGHT = 0.998, 3.0
 #: Factors between length units that drawings and exporters confuse, the most likely first.
 FACTORS = (0.001, 0.01, 0.0254, 0.3048, 1000.0, 100.0, 1.0 / 0.0254, 1.0 / 0.3048)
 #: Usual numbers of significant digits, as written by the formats ``%g`` and ``%e`` of C.
@@ -72,6 +74,17 @@ def check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[F
         f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height; if its unit is not the "
         f"metre, building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
     )
+    return [Finding("warning", text)]
+
+
+def doubted_axis(mesh: TriangleMesh, points: FloatArray) -> list[Finding]:
+    """Doubt that z points upwards, if faces that are level with y upwards are by far larger."""
+    sides = np.diff(points[mesh.triangles], axis=1)
+    normal = np.abs(np.cross(sides[:, 0], sides[:, 1]))
+    _, y, z = normal[normal.max(axis=1) >= LEVEL * np.linalg.norm(normal, axis=1)].sum(axis=0).tolist()
+    if y <= MOST_UPRIGHT * z:
+        return []
+    text = 'most faces are level if y points upwards, and upright now: building.up = "y" turns them'
     return [Finding("warning", text)]
 
 

@@ -1,5 +1,6 @@
 """Solid bodies of a mesh: the parts of their faces that people can walk on."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,10 @@ TOUCHING = 0.02
 LEAST_TOP, NARROWEST_TOP = 1.0, 0.6
 #: Largest vertical distance of faces of a body that is searched [m].
 HIGHEST = 1e3
+#: Faces whose slopes differ by less than this do not cross, but touch.
+PARALLEL = 0.01
+#: Width of slivers that are left by overlays of faces [m].
+SLIVER = 0.01
 
 
 def closed_bodies(triangles: IndexArray, body: IndexArray) -> set[int]:
@@ -42,24 +47,26 @@ def walked_on(
     """
     own = [patch for patch in patches if patch.body in solid]
     beside = _beside(own)
-    inner = [_inside(own, k, beside[k]) if own[k].body in closed else shapely.Polygon() for k in range(len(own))]
     free, notes = [], list[Finding]()
-    low_area, places, stood = 0.0, [], list[BaseGeometry]()
+    low_area, places, stood, hollow = 0.0, [], list[BaseGeometry](), set[int]()
     for k, patch in enumerate(own):
-        standing = [replace(own[j], plan=inner[j]) for j in beside[k] if own[j].body != patch.body]
-        feet = [one.over(patch, -TOUCHING, TOUCHING) for one in standing if not one.plan.is_empty]
-        rest = patch.without(inner[k]).without(shapely.union_all(feet))
-        stood += [foot for foot in feet if foot.area > LEAST_TOP / 100.0]
-        low = shapely.union_all([own[j].over(rest, TOUCHING, headroom) for j in beside[k]])
+        inside = _inside(patch, [own[j] for j in beside[k] if own[j].body in closed])
+        hollow |= {patch.body} & set(inside)
+        others = [part for body, part in inside.items() if body != patch.body]
+        same = [own[j].over(patch, -TOUCHING, TOUCHING) for j in beside[k] if j < k and _is_again(own[j], patch)]
+        rest = patch.without(shapely.union_all([*inside.values(), *same]))
+        if patch.body not in inside:
+            stood += [part for part in others if part.area > LEAST_TOP / 100.0]
+        low = shapely.union_all([own[j].over(rest, _least(own[j], patch), headroom) for j in beside[k]])
         if not low.is_empty and low.area > LEAST_TOP / 100.0:
             low_area += low.area
             places.append((*place_of(low), float(rest.height(np.array([place_of(low)]))[0])))
-        free += [replace(rest, plan=part) for part in shapely.get_parts(rest.without(low).plan)]
-    bodies = len({patch.body for patch, inside in zip(own, inner, strict=True) if not inside.is_empty})
-    if bodies:
-        notes.append(Finding("found", f"{bodies} solid bodies; people walk on their upper faces (headroom)"))
+        parts = shapely.get_parts(rest.without(low).plan)
+        free += [replace(rest, plan=part) for part in parts[~shapely.is_empty(shapely.buffer(parts, -SLIVER / 2))]]
+    if hollow:
+        notes.append(Finding("found", f"{len(hollow)} solid bodies; people walk on their upper faces (headroom)"))
     if stood:
-        text = f"{len(stood)} bodies stand on the ground of others and are cut out of it; one of them is here"
+        text = f"{len(stood)} bodies stand on or in the ground of others and are cut out of it; one of them is here"
         notes.append(Finding("found", text, place=place_of(stood[0])))
     if low_area:
         text = f"{low_area:.2f} m2 of ground with less headroom than {headroom:g} m; the first part is here (headroom)"
@@ -87,14 +94,25 @@ def _beside(patches: list[Patch]) -> list[list[int]]:
     return neighbours
 
 
-def _inside(own: list[Patch], k: int, beside: list[int]) -> BaseGeometry:
-    """Return the part of a patch inside its body: where an odd number of faces of the body lies above it."""
-    inside: BaseGeometry = shapely.Polygon()
-    for other in (own[j] for j in beside if own[j].body == own[k].body):
-        above = other.over(own[k], TOUCHING, HIGHEST)
+def _inside(patch: Patch, faces: Sequence[Patch]) -> dict[int, BaseGeometry]:
+    """Return the parts of a patch inside each closed body: where an odd number of faces of the body lies above it."""
+    inside: dict[int, BaseGeometry] = {}
+    for face in faces:
+        above = face.over(patch, _least(face, patch), HIGHEST)
         if not above.is_empty:
-            inside = flat_parts(shapely.symmetric_difference(inside, above, grid_size=GRID))
-    return inside
+            part = inside.get(face.body, shapely.Polygon())
+            inside[face.body] = flat_parts(shapely.symmetric_difference(part, above, grid_size=GRID))
+    return {body: part for body, part in inside.items() if not part.is_empty}
+
+
+def _is_again(one: Patch, other: Patch) -> bool:
+    """Return whether two patches of different bodies are nearly parallel: where they touch, they are there twice."""
+    return one.body != other.body and bool(np.hypot(*(one.rise - other.rise)) < PARALLEL)
+
+
+def _least(one: Patch, other: Patch) -> float:
+    """Return how far above another patch a patch begins to cover it [m]; inclined faces that cross have no gap."""
+    return TOUCHING if one.body == other.body or _is_again(one, other) else 0.0
 
 
 def _is_top(part: Patch) -> bool:

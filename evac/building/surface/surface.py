@@ -15,7 +15,7 @@ from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
 from evac.building.surface.foreign import walked_surface
 from evac.building.surface.hanging import split_at_vertices
-from evac.building.surface.resolution import check_extent, check_resolution
+from evac.building.surface.resolution import check_extent, check_resolution, doubted_axis
 from evac.building.surface.surfacemesh import TriangleMesh
 from evac.building.surface.welding import weld_points
 
@@ -44,6 +44,7 @@ class Surface:
     findings: tuple[Finding, ...]
     # tuple of (str, (2, 3) float64) [m]: name and ends of each door between rooms
     doors: tuple[tuple[str, FloatArray], ...] = ()
+    doubts: tuple[Finding, ...] = ()  # those of the findings that errors repeat, since they may tell the cause
 
 
 def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
@@ -58,10 +59,10 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     weld, walkable_angle, scale = options.weld, options.walkable_angle, options.scale
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale
-    doubt = check_extent(mesh, points, scale)
+    doubts = (*check_extent(mesh, points, scale), *(doubted_axis(mesh, points) if options.up == "z" else ()))
     is_upright = np.rad2deg(slope_angle(points[mesh.triangles])) > walkable_angle + 1e-9
     mesh, points = walked_surface(mesh, points, is_upright, options)
-    notes = [*mesh.findings, *doubt]
+    notes = [*mesh.findings, *doubts]
     vertices, new_index = weld_points(points, weld)
     exit_edges = {name: new_index[edges] for name, edges in mesh.edge_tags.items()}
     triangles, drawn, tags = _distinct(new_index[mesh.triangles], mesh.cell_tags)
@@ -110,7 +111,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     gradient = _gradient(vertices[triangles])
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
-    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors)
+    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors, doubts)
 
 
 def _is_fitted(vertices: FloatArray, triangles: IndexArray) -> BoolArray:
