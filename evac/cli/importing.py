@@ -90,12 +90,13 @@ def _show(made: "Imported") -> None:
     from collections import Counter
 
     from evac.building.model.findings import KINDS, grouped
+    from evac.building.model.storeys import storeys
     from evac.cli.screen import show_facts, show_table, show_warnings
     from evac.importing.importing import PICTURE, REPORT
     from evac.importing.report import MOST_OPENINGS, opening_row
 
     building = made.building
-    floors = [level for level in building.levels if level.kind == "floor"]
+    floors = [[level.polygon.area for level in own if level.kind == "floor"] for _, own in storeys(building)]
     full = [room.number for room in made.rooms if room.number]
     count = Counter(finding.kind for finding in made.findings)
     for missing in made.missing:
@@ -103,7 +104,7 @@ def _show(made: "Imported") -> None:
     show_facts(
         {
             "imported": ", ".join(str(file) for file in made.files),
-            "floors": f"{len(floors)}, {sum(level.polygon.area for level in floors):.1f} m2",
+            "storeys": f"{sum(map(bool, floors))}, {sum(map(sum, floors)):.1f} m2",
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
             "people": f"{sum(full)} in {counted(len(full), 'room')}",

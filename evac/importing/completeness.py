@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from evac.base.errors import counted
 from evac.building.model.building import Building, Level
 from evac.building.model.findings import Finding
-from evac.building.model.links import levels_reaching
+from evac.building.model.links import isolated_parts, levels_reaching
 from evac.building.model.storeys import storeys
 
 #: Share of the walkable ground that may have no way out, such as a closet without a door.
@@ -14,8 +14,8 @@ NEGLIGIBLE = 0.02
 MOST_NAMED = 10
 
 
-def missing_parts(building: Building, findings: Sequence[Finding]) -> tuple[str, ...]:
-    """Return what a building lacks, the worst first, in one line each; empty if it is whole.
+def with_missing(building: Building, findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings with what the building lacks first, the worst first, in place of warnings that tell the same.
 
     Parameters
     ----------
@@ -24,26 +24,26 @@ def missing_parts(building: Building, findings: Sequence[Finding]) -> tuple[str,
     findings : sequence of Finding
         Those of the kind "missing" are what the importer could not use, such as stairs.
     """
-    lacks = []
-    if building.exits:
-        reached = levels_reaching(building, building.exits)
-        floors = [
-            [level for level in levels if level.kind == "floor"]
-            for _, levels in storeys(building)
-            if any(level.kind == "floor" for level in levels)
-        ]
-        closed = [own for own in floors if reached.isdisjoint(level.index for level in own)]
-        if closed:
-            verb = "has" if len(closed) == 1 else "have"
-            names = _names([own[0] for own in closed])
-            lacks.append(f"{len(closed)} of {counted(len(floors), 'storey')} {verb} no way out: {names}")
-        ground = sum(level.polygon.area for own in floors for level in own)
-        rest = [level for own in floors if own not in closed for level in own if level.index not in reached]
-        area = sum(level.polygon.area for level in rest)
-        if area > NEGLIGIBLE * ground:
-            share = 100.0 * area / ground
-            lacks.append(f"{area:.1f} m2 of ground ({share:.0f} %) on other storeys have no way out: {_names(rest)}")
-    return (*lacks, *(str(one) for one in findings if one.kind == "missing"))
+    if not building.exits:
+        return list(findings)
+    reached = levels_reaching(building, building.exits)
+    floors = [own for _, levels in storeys(building) if (own := [level for level in levels if level.kind == "floor"])]
+    closed = [own for own in floors if reached.isdisjoint(level.index for level in own)]
+    lacks, told = [], [level for own in closed for level in own]
+    if closed:
+        verb = "has" if len(closed) == 1 else "have"
+        names = _names([own[0] for own in closed])
+        lacks.append(f"{len(closed)} of {counted(len(floors), 'storey')} {verb} no way out: {names}")
+    ground = sum(level.polygon.area for own in floors for level in own)
+    rest = [level for own in floors if own not in closed for level in own if level.index not in reached]
+    area = sum(level.polygon.area for level in rest)
+    if area > NEGLIGIBLE * ground:
+        share = 100.0 * area / ground
+        lacks.append(f"{area:.1f} m2 of ground ({share:.0f} %) on other storeys have no way out: {_names(rest)}")
+        told += rest
+    names_told = {level.name for level in told}
+    again = {one for one in isolated_parts(building) if one.level in names_told}
+    return [*(Finding("missing", text) for text in lacks), *(one for one in findings if one not in again)]
 
 
 def _names(levels: Sequence[Level]) -> str:

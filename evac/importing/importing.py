@@ -24,7 +24,7 @@ from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
 from evac.importing.casefile import case_text, check_folder
-from evac.importing.completeness import missing_parts
+from evac.importing.completeness import with_missing
 from evac.importing.edits import comments_of, plan_text, with_edits, with_former_names
 from evac.importing.openings import Opening, find_openings
 from evac.importing.report import report_text
@@ -56,7 +56,7 @@ class Imported:
     openings: tuple[Opening, ...]  # possible exits
     rooms: tuple[Room, ...]  # rooms in which people start
     options: dict[str, Any]  # values of all options of the importers and the building
-    missing: tuple[str, ...]  # what the building lacks, the worst first, see `missing_parts`
+    missing: tuple[str, ...]  # what the building lacks, the worst first, see `with_missing`
     fault: str  # why the case cannot be run yet; empty if it can
     is_accepted: bool  # whether there is a case: nothing is missing, or this was allowed
 
@@ -136,9 +136,9 @@ def import_building(
                 names = ", ".join(repr(one["name"]) for one in chosen)
                 findings.append(Finding("warning", f"{names}: not among the exits in {CASE}, which is kept; add them"))
         rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
-        findings = sorted([*findings, *assumed], key=lambda one: KINDS.index(one.kind))
+        findings = sorted(with_missing(written, [*findings, *assumed]), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)
-        missing = missing_parts(written, findings)
+        missing = tuple(str(one) for one in findings if one.kind == "missing")
         made = Imported(
             paths,
             place,

@@ -29,9 +29,7 @@ def report_text(made: "Imported", digest: str) -> str:
     runs = "The case can be run." if not made.fault else f"The case cannot be run yet: {made.fault}."
     if not made.is_accepted:
         runs = "No case has been written, since the building is incomplete; `--partial` imports what there is."
-    text = [f"# Import of {names}", "", runs, ""]
-    if made.missing:
-        text += [*(f"- {one}" for one in made.missing), ""]
+    text = [f"# Import of {names}", "", runs, "", *_listed(made, KINDS[:1])]
     text += ["![every level](levels.png)", "", "## Levels", ""]
     number = {room.name: room.number for room in made.rooms}
     rows = [
@@ -49,15 +47,21 @@ def report_text(made: "Imported", digest: str) -> str:
     text += ["## People", ""]
     rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]
     text += table(("room", "is", "ground [m2]", "people"), rooms) if rooms else ["None.", ""]
-    marked = [one for one in made.findings if one.kind != "found"]
-    for kind in KINDS:
-        own = [one for one in made.findings if one.kind == kind]
-        if own:
-            label = [marked.index(one) + 1 if kind != "found" else "" for one in own]
-            listed = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
-            text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), listed)]
+    text += _listed(made, KINDS[1:])
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
     return "\n".join([*text, f"case.toml as written: {digest}", ""])
+
+
+def _listed(made: "Imported", kinds: Sequence[str]) -> list[str]:
+    """Return the sections of some kinds of findings."""
+    text = []
+    marked = [one for one in made.findings if one.kind != "found"]
+    for kind in kinds:
+        own = [one for one in made.findings if one.kind == kind]
+        rows = [(marked.index(one) + 1 if kind != "found" else "", one.text, one.where) for one in own]
+        if rows:
+            text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), rows)]
+    return text
 
 
 def opening_row(made: "Imported", row: int) -> tuple[object, ...]:
