@@ -31,17 +31,15 @@ LEGEND_GROUPS = 24
 class Colouring:
     """Colours of people in every frame."""
 
-    of: Callable[[Frame], NDArray[np.uint8]]  # returns the colours (c, 3) uint8 of the people in a frame
-    # names, colours: legend of groups; empty for quantities, for a single group and for too many
-    names: tuple[str, ...] = ()
-    colours: tuple[str, ...] = ()
+    of: Callable[[Frame], NDArray[np.uint8]]  # colours (c, 3, 3) of body, head and belt of the people in a frame
+    legend: tuple[tuple[str, palette.Look], ...] = ()  # groups; empty for quantities, a single group and too many
     scale: Scale | None = None  # None for groups
     top: float = 0.0  # upper end of the scale
 
     @property
     def has_legend(self) -> bool:
         """Whether there are entries for a legend."""
-        return self.scale is not None or len(self.names) > 0
+        return self.scale is not None or len(self.legend) > 0
 
 
 def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colouring:
@@ -64,18 +62,18 @@ def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colo
     if colour_by not in COLOURINGS:
         raise ResultError(f"unknown colouring {colour_by!r}; {did_you_mean(colour_by, COLOURINGS)}")
     if colour_by == "group":
-        shades = palette.group_colours(len(trajectory.groups))
-        table = np.array(palette.rgb(shades), np.uint8)
+        looks = palette.group_looks(len(trajectory.groups))
+        table = np.array([palette.rgb(look) for look in looks], np.uint8)
         is_told = 1 < len(trajectory.groups) <= LEGEND_GROUPS
-        names = trajectory.groups if is_told else ()
-        return Colouring(lambda frame: table[trajectory.group[frame["person"]]], names, tuple(shades[: len(names)]))
+        legend = tuple(zip(trajectory.groups, looks, strict=False)) if is_told else ()
+        return Colouring(lambda frame: table[trajectory.group[frame["person"]]], legend)
     scale = PEOPLE[colour_by].with_service(service)
     quantities = {"density": _density, palette.SMOKE: _smoke, "visibility": _visibility, "dose": _dose}
     quantity, most = quantities.get(colour_by, partial(_measured, name=colour_by))(trajectory)
-    colours, top = (255.0 * scale.ramp()).round().astype(np.uint8), scale.end(most)
+    top = scale.end(most)
 
     def of(frame: Frame) -> NDArray[np.uint8]:
-        return colours[(255.0 * scale.share(quantity(frame), top)).astype(np.int64)]
+        return np.repeat(scale.colours_of(quantity(frame), top)[:, None], 3, axis=1)
 
     return Colouring(of, scale=scale, top=top)
 

@@ -97,6 +97,8 @@ def draw_map(
     _add_scale(plans, ScalarMappable(norm, colours), scale, top)
     if any(np.isinf(grid).any() for grid in grids.values()):
         plans.figure.text(plans.side[0], 0.02, "not cleared", color=NEVER, fontsize=9, fontweight="bold")
+    if scale.below:
+        plans.figure.text(plans.side[0], 0.02, f"no colour: {scale.below}", color=palette.TEXT, fontsize=9)
     return plans.figure
 
 

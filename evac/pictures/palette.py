@@ -1,20 +1,23 @@
 """Colours of all pictures and of the replay: groups, exits, walls and quantities have the same ones in each of them."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 
-#: Colours of groups in their order: those of Okabe and Ito (2008, https://jfly.uni-koeln.de/color), distinguished with
-#: any kind of colour vision, without yellow and black, which have too little contrast to floors and walls;
-#: then darker and lighter ones of the same hues.
-GROUPS = (
-    *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9", "#cc79a7"),
-    *("#004a75", "#9a6a00", "#00634a", "#8a3c00", "#2480ad", "#8f4a71"),
-    *("#6fb7e0", "#f5cc73", "#66c8ac", "#f0a070", "#a9d9f5", "#e6bcd3"),
-)
+#: Colours of groups in their order, distinguished with any kind of colour vision: those of Okabe and Ito (2008,
+#: https://jfly.uni-koeln.de/color), without yellow and black, which have too little contrast to floors and walls; then
+#: a dark blue and a dark red.
+GROUPS = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9", "#cc79a7", "#004a75", "#7a0019")
+
+#: Colours of heads and of belts that distinguish groups of one colour.
+MARKS = ("#ffffff", "#000000")
 NO_GROUP = "#6b7280"
+
+#: Colour of people of whom a logarithmic scale has no value, because there is less than its lower end.
+NOTHING = "#a9b2bd"
 
 LEVELS = {"floor": "#e7ebf0", "flight": "#f3cf95", "landing": "#f7e2bf"}
 WALL, EDGE, TEXT, FURNITURE = "#c3cad3", "#6b7785", "#1f2933", "#d9bf9b"
@@ -48,12 +51,32 @@ def scale(quantity: str) -> FloatArray:
     return np.column_stack([np.interp(at, np.arange(len(stops)), channel) for channel in stops.T])
 
 
-def group_colours(count: int) -> list[str]:
-    """Return one colour for each of `count` groups, and last the colour of people without group.
+class Look(NamedTuple):
+    """Colours of the body, the head and the belt of people."""
 
-    If there are more groups than colours, colours repeat.
+    body: str
+    head: str
+    belt: str
+
+
+def group_looks(count: int) -> list[Look]:
+    """Return the looks of `count` groups, and last that of people without group.
+
+    Looks repeat after 72 groups.
     """
-    return [*(GROUPS[k % len(GROUPS)] for k in range(count)), NO_GROUP]
+    kinds = len(MARKS) + 1
+
+    def look(k: int) -> Look:
+        body, turn = GROUPS[k % len(GROUPS)], k // len(GROUPS)
+        own = (body, *MARKS)
+        return Look(body, own[turn % kinds], own[turn // kinds % kinds])
+
+    return [*map(look, range(count)), Look(NO_GROUP, NO_GROUP, NO_GROUP)]
+
+
+def group_colours(count: int) -> list[str]:
+    """Return the colour of the body for each of `count` groups, and last that of people without group."""
+    return [look.body for look in group_looks(count)]
 
 
 def rgb(colours: Sequence[str]) -> list[tuple[int, int, int]]:

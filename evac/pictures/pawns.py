@@ -17,6 +17,9 @@ LEAST_STEPS = 6
 #: Opacity of people behind a floor or a wall.
 HIDDEN = 0.45
 
+#: Lower and upper end of the belt, as shares of the height: up to the shoulders, so that it is seen from above.
+BELT = 0.6, 0.755
+
 #: Direction of light, from the left, above and behind the camera: right, up, towards the camera.
 LIGHT = np.array([-0.45, 0.55, 0.70])
 
@@ -28,7 +31,7 @@ class Pawn(NamedTuple):
     """The image of a figure: arrays (h, w)."""
 
     opacity: FloatArray  # 0 beside the figure, 1 on it, in between on its edge
-    shade: FloatArray  # factor for its colour
+    shades: FloatArray  # (h, w, 3): factors for the colours of body, head and belt, whose sum is the colour
     # float64 [pixels]: nearness of its surface to the camera, relative to its centre on the ground
     nearness: FloatArray
     # column, row: pixel of its centre on the ground
@@ -54,7 +57,8 @@ def draw_people(
     places : (p, 3) float64
         Column, row and nearness of each person's centre on the ground [pixels].
     radius, height : (p,) float64 [pixels]
-    colours : (p, 3) uint8
+    colours : (p, 3, 3) uint8
+        Of the body, the head and the belt of each person.
     elevation : float
         Angle of the view above the horizontal [rad].
     nearness : (h, w) float64, optional
@@ -76,7 +80,7 @@ def draw_people(
         if nearness is not None:
             is_hidden = pawn.nearness[part] + places[k, 2] < nearness[there]
             opacity = np.where(is_hidden, HIDDEN * opacity, opacity)
-        colour = np.minimum(pawn.shade[part][..., None] * colours[k], 255.0)
+        colour = np.minimum(pawn.shades[part] @ colours[k], 255.0)
         image[there] = image[there] + opacity[..., None] * (colour - image[there]) + 0.5
 
 
@@ -84,26 +88,27 @@ def draw_people(
 def _pawn(quarters: int, tall: float, elevation: float) -> Pawn:
     """Return the figure of a person with a radius of `quarters` quarters of a pixel and a height of `tall` radii."""
     size = FINE * 0.25 * quarters
-    right, up, toward, shade = _surface(tall, elevation, 1 + int(size / 40.0))
+    right, up, toward, shade, kind = _surface(tall, elevation, 1 + int(size / 40.0))
     low, high = FINE * np.floor(size * up.min() / FINE), FINE * np.ceil(size * up.max() / FINE)
     wide = FINE * int(np.ceil(size * right.max() / FINE))
     shape = int(high - low) + FINE, 2 * wide + FINE
     column = np.rint(size * right).astype(np.int64) + wide + FINE // 2
     row = int(high) - np.rint(size * up).astype(np.int64) + FINE // 2
     order = np.argsort(toward, kind="stable")  # the nearest point of each pixel is drawn last
-    fine = np.empty((3, *shape))
-    for layer, nothing, values in ((0, 0.0, np.ones_like(shade)), (1, 0.0, shade), (2, -np.inf, size * toward / FINE)):
-        fine[layer] = nothing
+    fine = np.zeros((5, *shape))
+    fine[4] = -np.inf
+    shades = np.where(kind == np.arange(3)[:, None], shade, 0.0)
+    for layer, values in enumerate((np.ones_like(shade), *shades, size * toward / FINE)):
         fine[layer, row[order], column[order]] = values[order]
-    blocks = fine.reshape(3, shape[0] // FINE, FINE, shape[1] // FINE, FINE)
-    cover = blocks[0].mean(axis=(1, 3))
-    mean_shade = blocks[1].sum(axis=(1, 3)) / np.maximum(FINE * FINE * cover, 1.0)
-    return Pawn(cover, mean_shade, blocks[2].max(axis=(1, 3)), wide // FINE, int(high) // FINE)
+    blocks = fine.reshape(5, shape[0] // FINE, FINE, shape[1] // FINE, FINE)
+    cover, *sums = blocks[:4].sum(axis=(2, 4))
+    means = np.stack(sums, axis=-1) / np.maximum(cover, 1.0)[..., None]
+    return Pawn(cover / FINE**2, means, blocks[4].max(axis=(1, 3)), wide // FINE, int(high) // FINE)
 
 
 @cache
-def _surface(tall: float, elevation: float, density: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the visible points of a pawn of radius 1: right, up, towards the camera, and shade."""
+def _surface(tall: float, elevation: float, density: int) -> tuple[FloatArray, ...]:
+    """Return the visible points of a pawn of radius 1: right, up, towards the camera, shade, part."""
     heights, angles = 400 * density, 240 * density
     head = 0.6
     turn = np.linspace(-0.4 * np.pi, 0.5 * np.pi, 12)
@@ -133,4 +138,6 @@ def _surface(tall: float, elevation: float, density: int) -> tuple[FloatArray, F
     rim = np.clip(normal[2] * 2.5, 0.0, 1.0)  # darker at the outline, so that neighbours can be distinguished
     shade = (0.55 + 0.55 * light) * (0.72 + 0.28 * rim)
     front = normal[2] > -0.05
-    return point[0][front], point[1][front], point[2][front], shade[front]
+    kind = np.where(h > 0.79 * tall, 1, np.where((h > BELT[0] * tall) & (h < BELT[1] * tall), 2, 0))
+    parts = np.broadcast_to(kind[:, None], front.shape)
+    return point[0][front], point[1][front], point[2][front], shade[front], parts[front]

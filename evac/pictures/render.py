@@ -142,7 +142,7 @@ class Renderer:
         if colours.scale is not None:
             pen.colour_bar(view.side, colours.scale, colours.top)
         elif colours.has_legend:
-            pen.legend(view.side, colours.names, colours.colours)
+            pen.legend(view.side, colours.legend)
         pen.scale_bar(view.scale)
         if self._smoke is not None:
             pen.swatches("smoke [1/m]", self._smoke.scale())

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evac.analysis.maps import QUANTITIES
 from evac.base.arrays import FloatArray
@@ -86,6 +87,18 @@ class Scale:
         band = np.searchsorted(edges, np.linspace(0.0, DENSITY_TOP, 256), "right")
         bands: FloatArray = colours[np.rint(255.0 * band / len(edges)).astype(int)]
         return bands
+
+    def colours_of(self, values: FloatArray, top: float) -> NDArray[np.uint8]:
+        """Return the colours of values, (n, 3); those below a logarithmic scale have a neutral one."""
+        colours = (255.0 * self.ramp()).round().astype(np.uint8)[(255.0 * self.share(values, top)).astype(np.int64)]
+        if self.is_logarithmic:
+            colours[values < LEAST] = palette.rgb([palette.NOTHING])[0]
+        return colours
+
+    @property
+    def below(self) -> str:
+        """What the neutral colour means, empty without one."""
+        return f"below {LEAST:g} {self.unit}" if self.is_logarithmic else ""
 
     def ticks(self, top: float) -> list[tuple[float, str]]:
         """Return where ticks are, from 0 to 1, and their texts."""

@@ -64,16 +64,18 @@ class Pen:
         points = [tuple(corner) for corner in corners.tolist()]
         self.draw.line([*points, points[0]], colour, max(2, self.unit // 6), "curve")
 
-    def legend(self, side: tuple[int, int, int, int], names: Sequence[str], colours: Sequence[str]) -> None:
-        """Draw a legend of names beside coloured dots."""
+    def legend(self, side: tuple[int, int, int, int], groups: Sequence[tuple[str, palette.Look]]) -> None:
+        """Draw a legend of names beside bars with the colours of head, body and belt."""
         left, top, right, bottom = side
-        line = min(1.7 * self.unit, (bottom - top) / max(len(names), 1))
+        line = min(1.7 * self.unit, (bottom - top) / max(len(groups), 1))
         letters = font(max(7, round(min(0.95 * self.unit, 0.8 * line))))
-        y = 0.5 * (top + bottom) - 0.5 * line * len(names)
+        y = 0.5 * (top + bottom) - 0.5 * line * len(groups)
         dot = 0.34 * line
-        for name, colour in zip(names, colours, strict=True):
+        for name, (body, head, belt) in groups:
             y += line
-            self.draw.ellipse((left, y - dot, left + 2 * dot, y + dot), colour, palette.TEXT)
+            for colour, upper, lower in ((body, -1.2, 1.2), (head, -1.2, -0.5), (belt, 0.1, 0.6)):
+                self.draw.rectangle((left, y + upper * dot, left + 1.4 * dot, y + lower * dot), colour)
+            self.draw.rectangle((left, y - 1.2 * dot, left + 1.4 * dot, y + 1.2 * dot), outline=palette.TEXT)
             shown = name
             while len(shown) > 4 and letters.getlength(shown) > right - left - 3 * dot:
                 shown = shown[:-2] + "…"
@@ -96,6 +98,10 @@ class Pen:
             if y <= lowest - self.unit:  # of levels of service that are close together, some have no room
                 self.draw.text((left + 1.8 * self.unit, y), text, palette.TEXT, letters, "lm")
                 lowest = y
+        if scale.below:
+            y = high + tall + 1.5 * self.unit
+            self.draw.rectangle((left, y, left + 1.2 * self.unit, y + self.unit), palette.NOTHING)
+            self.draw.text((left + 1.8 * self.unit, y + 0.5 * self.unit), scale.below, palette.TEXT, letters, "lm")
         for k, line in enumerate([*([f"[{scale.unit}]"] if scale.unit else []), scale.label]):
             self.draw.text((left, high - (0.8 + 1.3 * k) * self.unit), line, palette.TEXT, letters, "ls")
 

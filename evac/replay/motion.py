@@ -13,7 +13,7 @@ The page decodes the streams (page/run/motion.js). All numbers are little-endian
 - ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
 - ``speeds``, ``waited``, ``forces``: bytes. For each frame, of everybody inside, the change since the person's last
   frame of the speed [cm/s], of the time that the person has waited [0.01 s], and of the code of the contact force,
-  which has two significant digits: 0 below `LEAST_FORCE`, 1 to 90 for 10 to 99 N, 91 to 180 for 100 to 990 N, and so
+  which has two significant digits: 0 below 10 N, 1 to 90 for 10 to 99 N, 91 to 180 for 100 to 990 N, and so
   on. `evac.analysis.measures` defines all three.
 - ``doses``: the same of the dose [0.001], at most 10; empty in a case without doses.
 - ``headings``: bytes, as they are. For each frame, of everybody inside whose speed is not 0, the change of the
@@ -51,8 +51,6 @@ MOMENT, PACE = 0.01, 0.01
 #: Resolution of doses, and the greatest one that is stored.
 PART, MOST_DOSE = 0.001, 10.0
 
-#: Contact forces below this are stored as 0 [N].
-LEAST_FORCE = 10.0
 ESCAPE = 255
 #: Largest numbers in a saved state, so that differences do not overflow.
 MOST_FRAMES = 2**31 - 1

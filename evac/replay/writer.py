@@ -21,7 +21,7 @@ from evac.pictures import palette
 from evac.pictures.scales import LEAST, MAPS, PEOPLE, SERVICES, Scale
 from evac.replay.account import Account, account_of_folder
 from evac.replay.geometry import building_for_page, marks_for_page
-from evac.replay.motion import GRAIN, LEAST_FORCE, MOMENT, PACE, PART, MotionPacker
+from evac.replay.motion import GRAIN, MOMENT, PACE, PART, MotionPacker
 from evac.replay.poster import poster, texts
 from evac.trajectory.trajectory import Trajectory
 
@@ -95,7 +95,6 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         "tallest": MOST_HEIGHT,
         "moment": MOMENT,
         "pace": PACE,
-        "least_force": LEAST_FORCE,
         "longest_wait": motion.longest_wait,
         "part": PART,
         "smoke": _smoke(motion),
@@ -187,9 +186,9 @@ def _about(account: Account) -> dict[str, Any]:
         "quality_warnings": account.quality_warnings,
         "groups": account.groups,
         "colours": {
-            "groups": palette.group_colours(len(account.groups))[:-1],
-            "different": len(palette.GROUPS),
-            "none": palette.NO_GROUP,
+            "groups": palette.group_looks(len(account.groups)),
+            "marks": palette.MARKS,
+            "nothing": palette.NOTHING,
             "exit": palette.EXIT,
             "closed": palette.CLOSED,
             "places": palette.PLACES,
@@ -232,6 +231,7 @@ def _scale(scale: Scale) -> dict[str, Any]:
         "stops": palette.STOPS[palette.MAPS[scale.colours]],
         "isVeiled": scale.is_veiled,
         "least": LEAST if scale.is_logarithmic else 0,
+        "below": scale.below,
     }
 
 

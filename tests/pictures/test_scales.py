@@ -25,6 +25,10 @@ def test_forces_are_on_a_logarithmic_scale():
     force = PEOPLE["contact_force"]
     np.testing.assert_allclose(force.share(np.array([0.0, 10.0, 100.0, 1000.0, 1e5]), 1e4), [0, 0, 1 / 3, 2 / 3, 1])
     assert [text for _, text in force.ticks(1e4)] == ["10", "100", "1000", "10000"]
+    none, least = force.colours_of(np.array([9.99, 10.0]), 1e4).tolist()
+    assert (none, least) == (list(palette.rgb([palette.NOTHING])[0]), [13, 8, 135])
+    assert "10 N" in force.below
+    assert PEOPLE["speed"].below == ""
 
 
 def test_levels_of_service_are_bands_of_density():

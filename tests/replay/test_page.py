@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from shapely import box
 import evac
 from evac.analysis.maps import QUANTITIES, level_maps
 from evac.building.model.elevation import elevation
-from evac.pictures.palette import group_colours
+from evac.pictures.palette import NOTHING, group_colours
 from evac.replay.account import account_of_run
 from evac.replay.motion import GRAIN, MotionPacker
 from evac.replay.writer import replay_trajectory, write_page
@@ -284,14 +285,20 @@ def test_colours_follow_the_quantity(browser, room, quantity):
     show(browser, folder)
     browser.run(f"replay.act.seek(4.0); replay.act.colour({json.dumps(quantity)})")
     browser.settle()
-    assert browser.text("#legend")[0] in "0≤"
+    assert browser.text("#legend").startswith("10\n" if quantity == "contact force" else "0\n")
     values = browser.run(
         f"""Array.from({{ length: replay.people.count }},
              (_, k) => replay.people.valueOf({json.dumps(quantity)}, replay.record.now, k))"""
     )
     assert max(values) > min(values) >= 0.0
-    colours = browser.run("Array.from(replay.people.words.subarray(0, replay.people.count))")
+    colours = browser.run("Array.from(replay.people.words.subarray(0, replay.people.count), (word) => word & 0xffffff)")
     assert len(set(colours)) > 1
+    if quantity != "contact force":
+        return
+    is_none = [colour == int("".join(reversed(re.findall("..", NOTHING[1:]))), 16) for colour in colours]
+    assert is_none == [value < 10.0 for value in values]
+    assert 0 < sum(is_none) < len(values)
+    assert "10 N" in browser.text("#legend .below")
 
 
 def test_levels_of_service_colour_people_in_bands(browser, room):

@@ -7,6 +7,7 @@ class Labels {
     this.node = node;
     this.record = record;
     this.layout = layout;
+    this.cells = new Cells();
     const { building, grain } = record;
     this.items = building.exits.map((exit, index) => {
       const s = 6 * Math.floor(exit.segments.length / 12);
@@ -43,42 +44,61 @@ class Labels {
     if (item.text === text) return;
     item.span.textContent = item.text = text;
     item.size = null;
+    item.boxes?.clear();
   }
 
   // Puts every label beside what it names, where it covers nobody and no other label, and where no floor lies before what
-  // it names; it is hidden where there is no such place.
-  update(camera, closed, selected, people, density) {
-    const { clientWidth: width, clientHeight: height } = this.node, taken = new Cells(width, height, heightOfTools());
-    if (!taken.marks.length) return;
-    taken.markPeople(camera, people);
-    this.who.span.style.visibility = "hidden";
-    if (selected) this.rename(this.who, selected.name);
-    for (const item of selected ? [this.who, ...this.items] : this.items) {
-      item.span.style.visibility = "hidden";
-      if (item.level >= 0 && !this.layout.visible[item.level] || item.kind === "storey" && this.layout.storey >= 0) continue;
-      if (item.kind === "exit") {
-        const isClosed = closed.includes(this.record.building.portals.length + item.index);
-        item.span.className = isClosed ? "closed" : "exit";
-        this.rename(item, isClosed ? `${item.name} (closed)` : item.name);
+  // it names; it is hidden where there is no such place. Styles are written only where they change.
+  update(camera, closed, selected, people, density, width, height) {
+    const { cells } = this;
+    const aim = [...camera.matrix, this.layout.spread, this.layout.storey, width, height].join();
+    for (const item of this.items) if (aim !== this.aim) item.boxes = new Map();  // By the side: null where a floor lies before it.
+    this.aim = aim;
+    cells.clear(width, height, heightOfTools());
+    cells.markPeople(camera, people);
+    for (const item of selected ? [this.who, ...this.items] : [...this.items, this.who]) {
+      const box = this.boxOf(item, camera, closed, selected, density), { style } = item.span;
+      if (box) {
+        cells.mark(...box);
+        const place = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
+        if (item.place !== place) style.transform = item.place = place;
       }
-      const at = item === this.who ? selected.at : this.anchor(item, camera), [x, y, depth] = camera.project(at);
-      const [w, h] = item.size ??= [item.span.offsetWidth, item.span.offsetHeight];
-      const boxAt = ([right, down]) => {
-        const left = (x + 1) / 2 * width + right * (w / 2 + GAP) - w / 2, top = (1 - y) / 2 * height + down * (h + GAP) - h / 2;
-        return [left, top, left + w, top + h];
-      };
-      const shines = ([left, top, right, bottom]) => !camera.isFlat && item !== this.who && [[left, top], [right, top], [left, bottom], [right, bottom]].some(([px, py]) => {
-        const [from, along] = camera.ray(2 * px / width - 1, 1 - 2 * py / height), way = (at[2] - from[2]) / along[2];
-        return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i]), 1) > 0;
-      });
-      const places = SIDES[item.kind] ?? SIDES.any, tries = item.side ? [item.side, ...places] : places;  // So that it does not jump.
-      item.side = depth < 1 ? tries.find((side) => taken.isFree(boxAt(side)) && !shines(boxAt(side))) : null;
-      if (!item.side) continue;
-      const box = boxAt(item.side);
-      taken.mark(box);
-      item.span.style.visibility = "visible";
-      item.span.style.transform = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
+      const visibility = box ? "visible" : "hidden";
+      if (item.visibility !== visibility) style.visibility = item.visibility = visibility;
     }
+  }
+
+  // Left, top, right and bottom of a label; null where it has no place.
+  boxOf(item, camera, closed, selected, density) {
+    const { layout, cells } = this, isWho = item === this.who;
+    if (isWho ? !selected : !layout.visible[item.level] || item.kind === "storey" && layout.storey >= 0) return null;
+    if (isWho) this.rename(item, selected.name);
+    if (item.kind === "exit") {
+      const isClosed = closed.includes(this.record.building.portals.length + item.index);
+      item.span.className = isClosed ? "closed" : "exit";
+      this.rename(item, isClosed ? `${item.name} (closed)` : item.name);
+    }
+    const boxes = isWho ? new Map() : item.boxes, places = SIDES[item.kind] ?? SIDES.any;
+    const fits = (side) => {
+      if (!boxes.has(side)) boxes.set(side, this.boxAt(item, isWho ? selected.at : this.anchor(item, camera), side, camera, density));
+      const box = boxes.get(side);
+      return box && cells.isFree(...box);
+    };
+    item.side = (item.side ? [item.side, ...places] : places).find(fits);  // The last one first, so that it does not jump.
+    return item.side ? boxes.get(item.side) : null;
+  }
+
+  // The box at a side of a point; null where the point is not before the eye or a floor lies before the box.
+  boxAt(item, at, [right, down], camera, density) {
+    const { width, height } = this.cells, [x, y, depth] = camera.project(at), [w, h] = item.size ??= [item.span.offsetWidth, item.span.offsetHeight];
+    if (depth >= 1) return null;
+    const left = (x + 1) / 2 * width + right * (w / 2 + GAP) - w / 2, top = (1 - y) / 2 * height + down * (h + GAP) - h / 2;
+    const shines = (px, py) => {
+      const [from, along] = camera.ray(2 * px / width - 1, 1 - 2 * py / height), way = (at[2] - from[2]) / along[2];
+      return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i]), 1) > 0;
+    };
+    const isHidden = !camera.isFlat && item !== this.who && [left, left + w].some((px) => shines(px, top) || shines(px, top + h));
+    return isHidden ? null : [left, top, left + w, top + h];
   }
 
   // The point that a label names: of a storey, its corner on the left.
@@ -106,37 +126,43 @@ const SIDES = {
 
 // Which parts of the picture are taken.
 class Cells {
-  constructor(width, height, top) {
-    Object.assign(this, { width, height, top, columns: Math.ceil(width / CELL), rows: Math.ceil(height / CELL) });
-    this.marks = new Uint8Array(this.columns * this.rows);
+  clear(width, height, top) {
+    const columns = Math.ceil(width / CELL), rows = Math.ceil(height / CELL);
+    if (this.marks?.length !== columns * rows) this.marks = new Uint8Array(columns * rows);
+    Object.assign(this, { width, height, top, columns, rows });
+    this.marks.fill(0);
   }
 
-  // The cells that a box touches, as first and last columns and rows.
-  touched([left, top, right, bottom]) {
-    return [left, right].map((x) => Math.max(0, Math.min(this.columns - 1, Math.floor(x / CELL))))
-      .concat([top, bottom].map((y) => Math.max(0, Math.min(this.rows - 1, Math.floor(y / CELL)))));
-  }
+  column(x) { return Math.max(0, Math.min(this.columns - 1, Math.floor(x / CELL))); }
 
-  mark(box) {
-    const [from, to, low, high] = this.touched(box);
-    for (let row = low; row <= high; row++) this.marks.fill(1, row * this.columns + from, row * this.columns + to + 1);
-  }
+  row(y) { return Math.max(0, Math.min(this.rows - 1, Math.floor(y / CELL))); }
 
-  markPeople(camera, { bodies, words, count, tallest }) {
-    for (let k = 0; k < count; k++) {
-      const [x, y, z, radius] = bodies.subarray(4 * k, 4 * k + 4), tall = (words[k] >>> 24) / 255 * tallest;
-      const ends = [z, z + tall].map((height) => camera.project([x, y, height])), reach = 1.2 * (radius % HEAD_STEP) / camera.size * this.height;
-      const xs = ends.map(([px]) => (px + 1) / 2 * this.width), ys = ends.map(([, py]) => (1 - py) / 2 * this.height);
-      const box = [Math.min(...xs) - reach, Math.min(...ys) - reach, Math.max(...xs) + reach, Math.max(...ys) + reach];
-      if (box[2] > 0 && box[3] > 0 && box[0] < this.width && box[1] < this.height) this.mark(box);
+  mark(left, top, right, bottom) {
+    if (right < 0 || bottom < 0 || left > this.width || top > this.height) return;
+    const from = this.column(left), to = this.column(right), last = this.row(bottom);
+    for (let row = this.row(top); row <= last; row++) {
+      for (let cell = row * this.columns + from; cell <= row * this.columns + to; cell++) this.marks[cell] = 1;
     }
   }
 
-  isFree(box) {
-    if (box[0] < 0 || box[1] < this.top || box[2] > this.width || box[3] > this.height) return false;
-    const [from, to, low, high] = this.touched(box);
-    for (let row = low; row <= high; row++) {
-      for (let column = from; column <= to; column++) if (this.marks[row * this.columns + column]) return false;
+  // Everybody from the feet to the head, as `Camera.project` but without arrays, which are many for many people.
+  markPeople({ matrix: m, size }, { bodies, words, count, tallest }) {
+    const { width, height } = this, wider = 1.2 * height / size;
+    for (let k = 0; k < count; k++) {
+      const x = bodies[4 * k], y = bodies[4 * k + 1], z = bodies[4 * k + 2], reach = wider * (bodies[4 * k + 3] % HEAD_STEP);
+      const tall = (words[k] >>> 24) / 255 * tallest;
+      const a = m[0] * x + m[4] * y + m[8] * z + m[12], b = m[1] * x + m[5] * y + m[9] * z + m[13], w = m[3] * x + m[7] * y + m[11] * z + m[15];
+      const upper = w + m[11] * tall, x1 = (a / w + 1) / 2 * width, x2 = ((a + m[8] * tall) / upper + 1) / 2 * width;
+      const y1 = (1 - b / w) / 2 * height, y2 = (1 - (b + m[9] * tall) / upper) / 2 * height;
+      this.mark(Math.min(x1, x2) - reach, Math.min(y1, y2) - reach, Math.max(x1, x2) + reach, Math.max(y1, y2) + reach);
+    }
+  }
+
+  isFree(left, top, right, bottom) {
+    if (left < 0 || top < this.top || right > this.width || bottom > this.height) return false;
+    const from = this.column(left), to = this.column(right), last = this.row(bottom);
+    for (let row = this.row(top); row <= last; row++) {
+      for (let cell = row * this.columns + from; cell <= row * this.columns + to; cell++) if (this.marks[cell]) return false;
     }
     return true;
   }

@@ -68,7 +68,7 @@ async function start() {
 
   function applyTheme() {
     const style = getComputedStyle(document.documentElement), of = (name) => unit(style.getPropertyValue(`--${name}`).trim());
-    look = { background: of("ground"), floors: ["floor", "flight", "landing"].map(of), solids: ["wall", "wall-top", "desk"].map(of), mark: of("mark"), rim: of("text") };
+    look = { background: of("ground"), floors: ["floor", "flight", "landing"].flatMap(of), solids: ["wall", "wall-top", "desk"].flatMap(of), marks: [-1, -1, -1, ...about.colours.marks.flatMap(unit)], mark: of("mark"), rim: of("text") };
     redraw();
   }
 
@@ -95,7 +95,7 @@ async function start() {
       stage.setScale(layered(ramp(map), map.isVeiled));
       if (!isAir) stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
       const name = isNow ? "Density" : layer[0].toUpperCase() + layer.slice(1);
-      by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors[0]), map, top)}`;
+      by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors.slice(0, 3)), map, top, "transparent")}`;
     } else by("layer-legend").innerHTML = `<div class="ends"><span>Computing maps: ${Math.round(100 * maps.share)} %</span></div>`;
     felt = 0;
     redraw();
@@ -141,7 +141,7 @@ async function start() {
   function paint() {
     show();
     const scale = state.quantity === "group" ? null : people.scaleOf(state.quantity, state.service);
-    const told = scale && { ...scale, name: state.quantity, most: scale.top, stops: onFloor({ ...scale, isVeiled: false }, [0, 0, 0]) };
+    const told = scale && { ...scale, name: state.quantity, most: scale.top, nothing: record.colours.nothing, stops: onFloor({ ...scale, isVeiled: false }, [0, 0, 0]) };
     const words = `${seconds(state.time)} · ${by("inside").textContent} inside, ${by("outside").textContent} out`;
     return paintPicture(canvas, document.title, words, { scale: told, groups: panel.groupNames });
   }
@@ -203,10 +203,10 @@ async function start() {
   function show() {
     isStale = false;
     const began = performance.now();
-    const pixels = Math.min(devicePixelRatio, state.pixels);
-    const [width, height] = [Math.round(canvas.clientWidth * pixels), Math.round(canvas.clientHeight * pixels)];
+    const pixels = Math.min(devicePixelRatio, state.pixels), { clientWidth: wide, clientHeight: tall } = canvas;  // Read before the page is changed.
+    const [width, height] = [Math.round(wide * pixels), Math.round(tall * pixels)];
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    camera.aspect = aspect();
+    camera.aspect = wide / Math.max(1, tall);
     camera.update();
     const shut = record.closedAt(state.time);
     if (!isBuilt || shut !== closed) {
@@ -227,9 +227,9 @@ async function start() {
     if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), false);
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
-    stage.draw(camera, people, { ...look, layer: state.isLayered, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
-    labels.update(camera, closed, selectedPlace(now), people, density);
-    updateScale(camera, canvas.clientHeight);
+    stage.draw(camera, people, { ...look, layer: state.isLayered ? 1 : 0, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    labels.update(camera, closed, selectedPlace(now), people, density, wide, tall);
+    updateScale(camera, tall);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     if (!state.isPlaying) remember();
     drawn.push(performance.now() - began);

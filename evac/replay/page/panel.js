@@ -9,7 +9,6 @@ const escaped = (text) => String(text).replace(/[&<>"]/g, (sign) => ({ "&": "&am
 class Panel {
   constructor(record, series, layout, people) {
     Object.assign(this, { record, series, layout, people });
-    const { groups } = record.colours;
     this.exits = this.table("exits", series.exits, 2);
     this.lines = this.table("lines", record.lines, 3);
     by("line-section").hidden = !record.lines.length;
@@ -17,7 +16,7 @@ class Panel {
     this.storeys = this.table("storeys", series.storeys, 1);
     by("stair-section").hidden = !series.stairs.length;
     by("storey-section").hidden = series.storeys.length < 2;
-    this.groupNames = [...record.groups, "no group"].map((name, index) => ({ name, index, colour: groups[index] ?? record.colours.none, head: headOf(index, record) }))
+    this.groupNames = [...record.groups, "no group"].map((name, index) => ({ name, index, look: record.colours.groups[index] }))
       .filter(({ index }) => record.group.some((group) => group === (index < record.groups.length ? index : -1))).sort(byName);
     this.tellAbout();
   }
@@ -44,14 +43,14 @@ class Panel {
   showLegend(quantity, service, highlighted, highlight) {
     if (quantity !== "group") {
       const scale = this.people.scaleOf(quantity, service);
-      by("legend").innerHTML = bar(onFloor({ ...scale, isVeiled: false }, [0, 0, 0]), scale, scale.top);
+      by("legend").innerHTML = bar(onFloor({ ...scale, isVeiled: false }, [0, 0, 0]), scale, scale.top, this.record.colours.nothing);
       return;
     }
     const list = document.createElement("ul");
-    for (const { name, index, colour, head } of this.groupNames) {
+    for (const { name, index, look: [body, head, belt] } of this.groupNames) {
       const button = document.createElement("button");
       button.type = "button";
-      button.innerHTML = `<span class="swatch" style="background:${swatchOf(colour, head)}"></span>${escaped(name)}`;
+      button.innerHTML = `<span class="swatch figure" style="background:linear-gradient(${head} 34%, ${body} 34% 56%, ${belt} 56% 76%, ${body} 76%)"></span>${escaped(name)}`;
       button.setAttribute("aria-pressed", highlighted === index);
       button.addEventListener("click", () => highlight(highlighted === index ? null : index));
       list.append(Object.assign(document.createElement("li")));
@@ -97,7 +96,7 @@ class Panel {
       const row = now.row[i], force = record.motion.force[row];
       facts.push(["Level", record.building.levels[now.level[i]].name]);
       facts.push(["Speed", `${record.motion.speed[row].toFixed(2)} m/s`]);
-      facts.push(["Contact force", force ? `${short(force)} N` : `below ${record.least_force} N`]);
+      facts.push(["Contact force", force ? `${short(force)} N` : record.people_scales["contact force"].below]);
       if (record.motion.dose.length) facts.push(["Dose", record.motion.dose[row].toFixed(3)]);
       if (this.people.smoke) facts.push(["Smoke at the head", `${this.people.valueOf(AIR[0], now, i).toFixed(2)} 1/m`]);
       facts.push(["Waited so far", seconds(record.motion.waited[row])]);
@@ -119,20 +118,16 @@ class Panel {
 const LINES = 6, DASHES = ["none", "7 3", "2 3"];
 const lineStyle = (index) => `stroke:var(--line-${1 + index % LINES});stroke-dasharray:${DASHES[Math.floor(index / LINES) % DASHES.length]}`;
 
-// The head and the belt of people, from 0 to the last of `HEADS`, tell groups of the same colour apart.
-const HEADS = [null, "#ffffff", "#000000", "#ffe100"];
-const headOf = (group, { colours }) => group < colours.groups.length ? Math.floor(group / colours.different) % HEADS.length : 0;
-const swatchOf = (colour, head) => head ? `linear-gradient(${colour} 30%, ${HEADS[head]} 30% 70%, ${colour} 70%)` : colour;
-
 // The bar of a scale with its colours, and numbers or levels of service below it.
-function bar(stops, { unit, least, edges, letters }, top) {
+function bar(stops, { unit, least, below, edges, letters }, top, nothing) {
   const bands = edges && [...letters].map((letter, k) => {
     const [from, to] = [k ? edges[k - 1] : 0, Math.min(top, edges[k] ?? top)];
     return `<span style="left:${100 * from / top}%" title="${k ? edges[k - 1] : 0} ${unit} or more">${to - from > 0.03 * top ? letter : ""}</span>`;
   });
   const numbers = least ? [least, Math.sqrt(least * top), top].map((value) => Number(value.toPrecision(2))) : [0, top / 2, top];
   return `<div class="bar" style="background:${gradient(stops)}"></div>` + (bands ? `<div class="bands">${bands.join("")}</div>`
-    : `<div class="ends"><span>${least ? "≤ " : ""}${short(numbers[0])}</span><span>${short(numbers[1])}</span><span>≥ ${short(numbers[2])} ${unit}</span></div>`);
+    : `<div class="ends"><span>${short(numbers[0])}</span><span>${short(numbers[1])}</span><span>≥ ${short(numbers[2])} ${unit}</span></div>`)
+    + (below ? `<div class="below"><span class="swatch" style="background:${nothing}"></span>${below}</div>` : "");
 }
 
 const short = (value) => value >= 1000 ? value.toLocaleString("en").replaceAll(",", "\u202f") : value;

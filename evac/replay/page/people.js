@@ -3,7 +3,7 @@
 // The measures of people, and the columns of the motion that have them.
 const COLUMNS = { speed: "speed", "contact force": "force", "waited so far": "waited", dose: "dose" };
 
-const HEAD_STEP = 10;  // The fourth number of a body is its radius, and this for each step of its head.
+const HEAD_STEP = 10;  // The fourth number of a body is its radius, and this for each step of the marks on head and belt.
 
 class People {
   constructor(record, density, smoke) {
@@ -19,9 +19,11 @@ class People {
     this.parts = [];  // Of each storey, the first one shown and how many.
     this.marked = -1;  // which of those shown is selected
     this.tallest = record.tallest;  // The fourth byte of a tint is the height, as a share of this.
-    const { colours } = record;
-    this.groups = [...colours.groups, colours.none].map((hex) => packed(parts(hex)));
-    this.faded = [...colours.groups, colours.none].map(() => packed([176, 184, 193]));
+    const { colours: { groups, marks, nothing } } = record, markOf = (part) => marks.indexOf(part) + 1;
+    this.groups = groups.map(([body]) => packed(parts(body)));
+    this.marks = groups.map(([, head, belt]) => HEAD_STEP * (markOf(head) + (marks.length + 1) * markOf(belt)));
+    this.nothing = packed(parts(nothing));
+    this.faded = packed([176, 184, 193]);
   }
 
   // The scale of a quantity; the longest time that anybody waited, or the densest smoke, ends its own.
@@ -59,10 +61,14 @@ class People {
       bodies[4 * k + 1] = yx * now.x[i] + yy * now.y[i] + y0;
       bodies[4 * k + 2] = layout.height(now.z[i]);
       const group = record.group[p] < 0 ? this.groups.length - 1 : record.group[p];
-      bodies[4 * k + 3] = record.radius[p] / 1000 + (isGroup ? HEAD_STEP * headOf(group, record) : 0);
+      bodies[4 * k + 3] = record.radius[p] / 1000 + (isGroup ? this.marks[group] : 0);
       const fades = highlighted !== null && group !== highlighted;
-      let colour = isGroup ? this.groups[group] : colours[Math.floor(255 * shareOf(scale, scale.top, this.valueOf(quantity, now, i)))];
-      if (fades) colour = this.faded[group];
+      let colour = this.groups[group];
+      if (!isGroup) {
+        const value = this.valueOf(quantity, now, i);
+        colour = value < scale.least ? this.nothing : colours[Math.floor(255 * shareOf(scale, scale.top, value))];
+      }
+      if (fades) colour = this.faded;
       if (p === selected) this.marked = k;
       words[k] = colour & 0xffffff | Math.round(255 * record.height[p] / 1000 / this.tallest) << 24;
       this.shown[k] = i;

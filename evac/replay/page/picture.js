@@ -44,15 +44,19 @@ function paintLegend(pen, { groups, scale }, y, right, ink) {
     pen.fillRect(x, y - 6, 160, 12);
     x += 166;
     write(`${scale.most} ${scale.unit}`);
+    if (!scale.below) return;
+    x += 12;
+    pen.fillStyle = scale.nothing;
+    pen.fillRect(x, y - 5, 10, 10);
+    x += 14;
+    write(scale.below);
     return;
   }
-  for (const [k, { name, colour, head }] of groups.entries()) {
+  for (const [k, { name, look: [body, head, belt] }] of groups.entries()) {
     if (x + pen.measureText(name).width + 90 > right) return write(`and ${groups.length - k} more groups`);
-    pen.fillStyle = colour;
-    pen.fillRect(x, y - 5, 10, 10);
-    if (head) {
-      pen.fillStyle = HEADS[head];
-      pen.fillRect(x, y - 2, 10, 4);
+    for (const [part, from, high] of [[body, -7, 14], [head, -7, 5], [belt, 1, 3]]) {
+      pen.fillStyle = part;
+      pen.fillRect(x, y + from, 9, high);
     }
     x += 14;
     write(name);

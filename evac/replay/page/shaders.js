@@ -13,7 +13,7 @@ uniform sampler2D bodies, tints;
 uniform float tallest;
 uniform int marked;
 vec4 body;  // place, radius
-int head_of;  // which of the heads
+int look;  // which marks the head and the belt have
 vec4 tint;
 float tall;  // height
 bool isMarked;
@@ -22,8 +22,8 @@ void find() {
   int person = gl_VertexID / 6, turn = gl_VertexID % 6, width = textureSize(bodies, 0).x;
   ivec2 texel = ivec2(person % width, person / width);
   body = texelFetch(bodies, texel, 0);
-  head_of = int(body.w / 10.0);
-  body.w -= 10.0 * float(head_of);
+  look = int(body.w / 10.0);
+  body.w -= 10.0 * float(look);
   tint = texelFetch(tints, texel, 0);
   tall = tint.a * tallest;
   isMarked = person == marked;
@@ -100,10 +100,12 @@ flat out vec2 trunk;  // half width, half height
 flat out vec2 head;  // radius, height above the centre of the trunk
 flat out vec3 shade;
 flat out vec3 hat;
-uniform vec3 heads[4];
+flat out vec3 belt;
+uniform vec3 marks[3];
 void main() {
   find();
-  hat = head_of == 0 ? vec3(-1.0) : heads[head_of];
+  hat = marks[look % 3];
+  belt = marks[look / 3];
   float upright = length(up.z), lying = length(up.xy), r = body.w, h = min(0.6 * r, 0.3 * tall), middle = 0.5 * (tall - 1.6 * h);
   trunk = vec2(r, length(vec2(r * lying, middle * upright)));
   head = vec2(h, (tall - h - middle) * upright);
@@ -118,7 +120,7 @@ in vec2 at;
 flat in vec2 trunk;
 flat in vec2 head;
 flat in vec3 shade;
-flat in vec3 hat;  // of the head and the belt; negative for none
+flat in vec3 hat, belt;  // negative for none
 uniform vec3 rim;  // So that people of any colour are told from the floor.
 out vec4 colour;
 void main() {
@@ -131,7 +133,8 @@ void main() {
   float facing = sqrt(max(0.0, 1.0 - dot(n, n)));
   float light = 0.66 + 0.40 * max(0.0, dot(vec3(n, facing), vec3(-0.36, 0.66, 0.66)));
   vec3 tone = isHead ? mix(shade, vec3(1.0), 0.12) : shade;
-  if (hat.r >= 0.0 && (isHead || abs(a.y) < 0.2)) tone = hat;
+  if (hat.r >= 0.0 && isHead) tone = hat;
+  if (belt.r >= 0.0 && !isHead && abs(a.y) < 0.22) tone = belt;
   colour = vec4(mix(tone * light, rim, 0.75 * smoothstep(0.55, 1.0, nearest)), cover);
 }`];
 

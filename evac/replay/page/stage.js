@@ -4,6 +4,8 @@ const WALL_HEIGHT = 0.4;  // Low enough to look over [m].
 const DESK_HEIGHT = 0.45;
 const EXIT_HEIGHT = 1.3;
 const COVER = { floor: 0.3, solid: 0.45 };  // How much what is above hides of what is below.
+const UNITS = { bodies: 0, tints: 1, values: 2, scale: 3 };  // Of textures.
+const BYTES = ["RGBA8", "RGBA", "UNSIGNED_BYTE"];
 const KINDS = ["floor", "flight", "landing"];
 
 const SMOOTH = 2000;  // So many people have smooth edges even where there is no graphics processor.
@@ -21,19 +23,10 @@ class Stage {
     const antialias = people <= SMOOTH || !drawsInSoftware();
     const gl = canvas.getContext("webgl2", { antialias, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("This browser has no WebGL 2, which the replay is drawn with. Use a current browser.");
-    this.canvas = canvas;
-    this.gl = gl;
-    this.floor = this.program(FLOOR);
-    this.solid = this.program(SOLID);
-    this.glow = this.program(GLOW);
-    this.person = this.program(PERSON);
-    this.shadow = this.program(SHADOW);
-    this.meshes = {};
+    Object.assign(this, { canvas, gl, meshes: {} });
+    [this.floor, this.solid, this.glow, this.person, this.shadow] = this.programs = [FLOOR, SOLID, GLOW, PERSON, SHADOW].map((code) => this.program(code));
     this.crowd = gl.createVertexArray();
-    this.bodies = this.texture(gl.NEAREST);
-    this.tints = this.texture(gl.NEAREST);
-    this.atlas = this.texture(gl.LINEAR);
-    this.scale = this.texture(gl.LINEAR);
+    for (const name of Object.keys(UNITS)) this.texture(name);
   }
 
   program([vertex, fragment]) {
@@ -47,29 +40,30 @@ class Stage {
     }
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-    const places = {};
+    const setters = {};
     for (let k = 0; k < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); k++) {
-      const name = gl.getActiveUniform(program, k).name.replace("[0]", "");
-      places[name] = gl.getUniformLocation(program, name);
+      const { name, type } = gl.getActiveUniform(program, k), place = gl.getUniformLocation(program, name);
+      const way = { [gl.FLOAT]: "uniform1f", [gl.FLOAT_VEC3]: "uniform3fv" }[type] ?? "uniform1i";
+      setters[name.replace("[0]", "")] = type === gl.FLOAT_MAT4 ? (value) => gl.uniformMatrix4fv(place, false, value) : (value) => gl[way](place, value);
     }
-    return { program, places };
+    return { program, setters };
   }
 
-  buffer(data) {
-    const { gl } = this, buffer = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-    return buffer;
-  }
-
-  texture(filter) {
-    const { gl } = this, texture = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, texture);
+  // Makes a texture, which stays bound to its unit.
+  texture(name) {
+    const { gl } = this, filter = name === "scale" ? gl.LINEAR : gl.NEAREST;
+    gl.activeTexture(gl.TEXTURE0 + UNITS[name]);
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
     for (const [key, value] of [[gl.TEXTURE_MIN_FILTER, filter], [gl.TEXTURE_MAG_FILTER, filter],
                                 [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) {
       gl.texParameteri(gl.TEXTURE_2D, key, value);
     }
-    return texture;
+  }
+
+  fill(name, width, height, [stored, given, type], values) {
+    const { gl } = this;
+    gl.activeTexture(gl.TEXTURE0 + UNITS[name]);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl[stored], width, height, 0, gl[given], gl[type], values);
   }
 
   mesh(name, values, sizes) {
@@ -77,7 +71,9 @@ class Stage {
     if (old) { gl.deleteBuffer(old.buffer); gl.deleteVertexArray(old.array); }
     const array = gl.createVertexArray(), stride = sizes.reduce((a, b) => a + b);
     gl.bindVertexArray(array);
-    const buffer = this.buffer(new Float32Array(values));
+    const buffer = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(values), gl.STATIC_DRAW);
     let offset = 0;
     sizes.forEach((size, index) => {
       gl.enableVertexAttribArray(index);
@@ -97,20 +93,22 @@ class Stage {
     });
   }
 
-  setScale(colours) {
-    const { gl } = this;
-    gl.bindTexture(gl.TEXTURE_2D, this.scale);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(colours.buffer));
-  }
+  setScale(colours) { this.fill("scale", 256, 1, BYTES, new Uint8Array(colours.buffer)); }
 
   // Hands over what the layer on the floors shows: bytes at the nodes of the grids, between which it may be smooth.
   setLayer({ width, height }, bytes, isSmooth) {
     const { gl } = this, filter = isSmooth ? gl.LINEAR : gl.NEAREST;
-    gl.bindTexture(gl.TEXTURE_2D, this.atlas);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    this.fill("values", width, height, ["R8", "RED", "UNSIGNED_BYTE"], bytes);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, bytes);
+  }
+
+  // Hands the people over as two textures, whose last row may end with nobody.
+  setPeople({ bodies, tints, width, count }) {
+    const height = Math.max(1, Math.ceil(count / width));
+    this.fill("bodies", width, height, ["RGBA32F", "RGBA", "FLOAT"], bodies);
+    this.fill("tints", width, height, BYTES, tints);
   }
 
   // Draws one storey over the other from below, so that floors and walls are translucent. `look` has the colours of the
@@ -124,103 +122,56 @@ class Stage {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     this.setPeople(people);
-    let isLowest = true;
+    const { matrix: view, right, up, isFlat } = camera, { tallest, marked } = people;
+    for (const program of this.programs) this.use(program, { ...UNITS, view, right, up, tallest, marked, ...look });
+    let isOpaque = true;
     people.parts.forEach((part, storey) => {
       if (!this.meshes[`floor ${storey}`].count) return;
-      this.drawFloors(storey, camera, look, isLowest || camera.isFlat ? 1 : COVER.floor);
-      this.drawPeople(part, camera, people, look);
-      this.use(this.solid, camera);
-      gl.uniform3fv(this.solid.places.solids, look.solids.flat());
-      gl.uniform1f(this.solid.places.cover, isLowest || camera.isFlat ? 1 : COVER.solid);
+      gl.depthMask(false);
+      this.use(this.floor, { cover: isOpaque ? 1 : COVER.floor });
+      this.show(`floor ${storey}`);
+      this.drawPeople(part, look.shadows);
+      this.use(this.solid, { cover: isOpaque ? 1 : COVER.solid });
       this.show(`solid ${storey}`);
       gl.depthMask(false);
-      this.use(this.glow, camera);
+      this.use(this.glow);
       this.show(`glow ${storey}`);
       gl.depthMask(true);
-      isLowest = false;
+      isOpaque = isFlat;
     });
     gl.depthMask(false);
-    this.use(this.glow, camera);
+    this.use(this.glow);
     this.show("track");
     this.show("measured");
     gl.depthMask(true);
   }
 
-  drawFloors(storey, camera, look, cover) {
-    const { gl, floor: { places } } = this;
-    this.use(this.floor, camera);
-    gl.uniform3fv(places.floors, look.floors.flat());
-    gl.uniform1f(places.layer, look.layer ? 1 : 0);
-    gl.uniform1f(places.cover, cover);
-    gl.activeTexture(gl.TEXTURE1);
-    gl.bindTexture(gl.TEXTURE_2D, this.scale);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.atlas);
-    gl.uniform1i(places.values, 0);
-    gl.uniform1i(places.scale, 1);
-    gl.depthMask(false);
-    this.show(`floor ${storey}`);
-    gl.depthMask(true);
-  }
-
-  // Hands the people over as two textures, whose rows may end with nobody.
-  setPeople({ bodies, tints, width }) {
-    const { gl } = this, height = bodies.length / 4 / width;
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.bodies);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, width, height, 0, gl.RGBA, gl.FLOAT, bodies);
-    gl.bindTexture(gl.TEXTURE_2D, this.tints);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, tints);
-  }
-
-  drawPeople([from, count], camera, people, look) {
+  drawPeople([from, count], hasShadows) {
     const { gl } = this;
     gl.bindVertexArray(this.crowd);
-    if (look.shadows) {
-      this.usePeople(this.shadow, camera, people);
-      gl.uniform3fv(this.shadow.places.mark, look.mark);
-      gl.uniform1f(this.shadow.places.widen, look.widen);
-      gl.depthMask(false);
+    if (hasShadows) {
+      this.use(this.shadow);
       gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * count);
-      gl.depthMask(true);
     }
-    this.usePeople(this.person, camera, people);
-    gl.uniform3fv(this.person.places.rim, look.rim);
-    gl.uniform3fv(this.person.places.heads, HEADS.flatMap((head) => unit(head ?? HEADS[1])));
+    gl.depthMask(true);
+    this.use(this.person);
     gl.disable(gl.BLEND);
     gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * count);
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     gl.enable(gl.BLEND);
-    gl.bindVertexArray(null);
   }
 
-  usePeople(program, camera, people) {
-    const { gl } = this;
-    this.use(program, camera);
-    gl.activeTexture(gl.TEXTURE1);
-    gl.bindTexture(gl.TEXTURE_2D, this.tints);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.bodies);
-    gl.uniform1i(program.places.bodies, 0);
-    gl.uniform1i(program.places.tints, 1);
-    gl.uniform1f(program.places.tallest, people.tallest);
-    if (program.places.marked) gl.uniform1i(program.places.marked, people.marked);
-  }
-
-  use({ program, places }, camera) {
-    const { gl } = this;
-    gl.useProgram(program);
-    gl.uniformMatrix4fv(places.view, false, camera.matrix);
-    if (places.right) gl.uniform3fv(places.right, camera.right);
-    if (places.up) gl.uniform3fv(places.up, camera.up);
+  // Draws with a program from now on, of which some of the uniforms are given.
+  use({ program, setters }, values = {}) {
+    this.gl.useProgram(program);
+    for (const name in setters) if (name in values) setters[name](values[name]);
   }
 
   show(name) {
     const mesh = this.meshes[name];
-    if (!mesh || !mesh.count) return;
+    if (!mesh?.count) return;
     this.gl.bindVertexArray(mesh.array);
     this.gl.drawArrays(this.gl.TRIANGLES, 0, mesh.count);
-    this.gl.bindVertexArray(null);
   }
 }
