@@ -49,10 +49,10 @@ class TimeLine {
     this.rows = events.map(({ time, kind, text }) => {
       const mark = document.createElement("button"), row = document.createElement("button"), item = document.createElement("li");
       for (const button of [mark, row]) button.addEventListener("click", () => seek(time));
-      Object.assign(mark, { type: "button", className: kind, title: `${seconds(time)}: ${text}`, textContent: SIGNS[kind], tabIndex: -1, ariaHidden: "true" });
+      Object.assign(mark, { type: "button", className: kind, title: `${time.toFixed(2)} s: ${text}`, textContent: SIGNS[kind], tabIndex: -1, ariaHidden: "true" });
       mark.style.left = `${100 * (time - begin) / (end - begin || 1)}%`;
       Object.assign(row, { type: "button" });
-      row.innerHTML = `<span class="${kind}">${SIGNS[kind]}</span><span>${seconds(time)}</span><span>${escaped(text)}</span>`;
+      row.innerHTML = `<span class="${kind}">${SIGNS[kind]}</span><span>${time.toFixed(2)} s</span><span>${escaped(text)}</span>`;
       item.append(row);
       by("marks").append(mark);
       by("events").append(item);
