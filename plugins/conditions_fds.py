@@ -1,6 +1,6 @@
 """Conditions of the air that FDS has computed: slice files of several meshes, planes and volumes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,11 +85,14 @@ class Fds(ConditionSource):
         path = scene.file(scene.settings.file)
         self._building, self._levels = scene.building, scene.levels()
         self._shift = np.array(scene.settings.shift or (0.0, 0.0, 0.0))
-        blocks = read_slices(path, frozenset(NAMES))
+        found = read_slices(path, frozenset(NAMES))
+        blocks = [block for block in found if not block.is_vertical]
+        lines = {name: f"&SLCF PBZ={_height(scene, self._levels[0]):.2f}, {ASKED[name]} /" for name in ASKED}
         if not blocks:
+            seen = ", only vertical planes (PBX, PBY), which are not read" if found else ""
             raise ScenarioError(
-                f"{path}: lists no horizontal or volume slices of {', '.join(list(NAMES)[:3])} or volume fractions; "
-                "`evac conditions deck` prints the lines that FDS needs"
+                f"{path}: lists no horizontal or volume slices of {', '.join(list(NAMES)[:3])} or volume fractions"
+                f"{seen}; add {lines['extinction']} to the deck, for example; `evac conditions deck` prints all lines"
             )
         self._blocks: dict[str, list[Block]] = {}
         for block in blocks:
@@ -104,7 +107,14 @@ class Fds(ConditionSource):
         self._is_level = np.zeros(len(scene.building.levels), np.bool_)
         self._is_level[self._levels] = True
         self._is_between = np.array([level.kind != "floor" for level in scene.building.levels])
-        self._findings = _coverage(scene, self._levels, blocks, self._shift)
+        vertical = {NAMES[block.quantity][0] for block in found if block.is_vertical} - {*self._blocks}
+        self._findings = [
+            f"{path}: slices of {name} are vertical planes (PBX, PBY), which are not read; add {lines[name]} to the "
+            "deck and run FDS again"
+            for name in scene.needed
+            if name in vertical
+        ]
+        self._findings += _coverage(scene, self._levels, self._blocks, self._shift)
         self._located: tuple[FloatArray | None, dict[tuple[tuple[bytes, ...], ...], list[_Part]]] = (None, {})
         return tuple(self._blocks)
 
@@ -246,32 +256,43 @@ def _check_heights(
         )
 
 
-def _coverage(scene: SourceScene, levels: list[int], blocks: "list[Block]", shift: FloatArray) -> tuple[str, ...]:
+def _height(scene: SourceScene, level: int) -> float:
+    """Return the height of the heads of the first group on a level, in the coordinates of FDS [m]."""
+    shift = scene.settings.shift or (0.0, 0.0, 0.0)
+    return scene.building.levels[level].z_min + next(iter(scene.heads.values())) - shift[2]
+
+
+def _coverage(
+    scene: SourceScene, levels: list[int], blocks: "Mapping[str, list[Block]]", shift: FloatArray
+) -> list[str]:
     """Return a line for each level whose area the slices do not cover, with the exits outside."""
-    building, path = scene.building, scene.settings.file
+    building, path, heads = scene.building, scene.settings.file, scene.heads.values()
     lines, covered, total = [], 0.0, 0.0
     for index in levels:
         level = building.levels[index]
-        ground = _ground(_at_heads(level, scene.heads.values(), blocks, shift[2]), shift)
-        inside, area = level.polygon.intersection(ground).area, level.polygon.area
-        covered, total = covered + inside, total + area
+        grounds = {name: _ground(_at_heads(level, heads, own, shift[2]), shift) for name, own in blocks.items()}
+        areas = {name: level.polygon.intersection(ground).area for name, ground in grounds.items()}
+        least = min(areas, key=areas.__getitem__)
+        covered, total = covered + max(areas.values()), total + level.polygon.area
         middles = {
             one.name: shapely.points(one.segments.reshape(-1, 2).mean(axis=0)) for one in building.exits_of(index)
         }
-        outside = [name for name, middle in middles.items() if not ground.dwithin(middle, OUTSIDE)]
-        if inside < COMPLETE * area or outside:
+        outside = [name for name, middle in middles.items() if not grounds[least].dwithin(middle, OUTSIDE)]
+        if areas[least] < COMPLETE * level.polygon.area or outside:
+            share = 100.0 * areas[least] / level.polygon.area
+            of = f" of {least}" if max(areas.values()) > areas[least] else ""
             exits = f"; exits outside: {', '.join(outside)}" if outside else ""
-            lines.append(f"{path}: slices cover {100.0 * inside / area:.0f} % of level {level.name!r}{exits}")
+            lines.append(f"{path}: slices{of} cover {share:.0f} % of level {level.name!r}{exits}")
     if covered < ENOUGH * total:
         low = np.array([building.levels[index].polygon.bounds for index in levels])
         middle = 0.5 * (low[:, :2].min(axis=0) + low[:, 2:].max(axis=0))
-        own = np.array(_ground(blocks, shift).bounds)
+        own = np.array(_ground([block for each in blocks.values() for block in each], shift).bounds)
         move = middle - 0.5 * (own[:2] + own[2:]) + shift[:2]
         remedy = f"shift = [{move[0]:.2f}, {move[1]:.2f}, {shift[2]:g}] would centre the slices on the building"
         if covered == 0.0:
             raise ScenarioError(f"{path}: the slices cover nothing of the building; {remedy}")
         lines.append(f"{path}: slices cover {100.0 * covered / total:.0f} % of the building; {remedy}")
-    return tuple(lines)
+    return lines
 
 
 evac_interface = 3

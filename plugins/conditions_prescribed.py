@@ -50,11 +50,9 @@ class Prescribed(ConditionSource):
         levels = scene.levels()
         if settings.area is not None:
             area = scene.building.area_named(settings.area)
-            if area is None:
-                names = [one.name for one in scene.building.areas]
-                raise ScenarioError(f"area: there is no area {settings.area!r}; {did_you_mean(settings.area, names)}")
-            self._polygon, levels = area.polygon, [area.level]
-            shapely.prepare(self._polygon)
+            assert area is not None  # levels() has found it
+            shapely.prepare(area.polygon)
+            self._polygon = area.polygon
         if (settings.file is None) == (settings.values is None):
             raise ScenarioError("values: give either the values (values), or a CSV file with them (file)")
         if settings.file is None:

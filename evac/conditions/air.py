@@ -34,6 +34,8 @@ class Air:
     ----------
     quantities : tuple of str
         Those that at least one source provides.
+    given : list of set of str
+        Those that at least one source provides somewhere on each level.
     scenes : list of SourceScene
         What each source may use, with the files that it has asked for.
     """
@@ -50,6 +52,7 @@ class Air:
         self.sources, self._settings = list(sources), case.conditions
         self.scenes = [SourceScene(building, case.folder, one, heads, tuple(needed)) for one in case.conditions]
         self._given: list[frozenset[str]] = []
+        self.given: list[set[str]] = [set() for _ in building.levels]
         for index, (source, scene) in enumerate(zip(self.sources, self.scenes, strict=True)):
             what = f"source {source.name!r}: open"
             with naming(f"{case.source}: conditions.{index}"), plugin_code(what, source):
@@ -58,6 +61,8 @@ class Air:
                     raise ScenarioError(
                         f"{what}: there are no quantities {', '.join(unknown)}; use those of docs/fire.md"
                     )
+                for level in scene.levels():
+                    self.given[level] |= given
             self._given.append(given)
         self.quantities = tuple(name for name in QUANTITIES if any(name in given for given in self._given))
         self._grounds = [ground_of(building.vertices, level) for level in building.levels]

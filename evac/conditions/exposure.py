@@ -131,7 +131,7 @@ class Exposure:
     Raises
     ------
     ScenarioError
-        A quantity is needed that no source provides.
+        A quantity is needed that no source provides, or none of those on a level.
     """
 
     def __init__(
@@ -139,14 +139,8 @@ class Exposure:
     ) -> None:
         self._case, self.air, self._law, self._crowd = case, air, law, crowd
         self._dose: DoseSettings | None = case.dose
-        for name in quantities_needed(case, law):
-            if name not in air.quantities:
-                what = f"[smoke] law {law.name!r}" if name == "extinction" else "[dose]"
-                off = 'law = "none"' if name == "extinction" else f'dose.without = ["{name}"]'
-                raise ScenarioError(
-                    f"{case.source}: conditions: no source provides {name} ({QUANTITIES[name].doc}), which {what} "
-                    f"needs; add it to the data, or set {off} to declare that it has no effect"
-                )
+        self._levels = [level.name for level in scene.building.levels]
+        self._check_needed()
         wanted = {"extinction", *IRRITANTS}
         if self._dose is not None:
             wanted |= {*COUNTED[self._dose.form], "temperature", "radiation"} - {*self._dose.without}
@@ -156,7 +150,6 @@ class Exposure:
         self.routes = RoutesInSmoke(case, air, law, height) if case.smoke.routes else None
         limits = np.array([case.smoke.contrast / max(limit, LEAST) for limit in (TENABLE, case.smoke.visibility)])
         self._field = SmokeField(air, scene, height, limits) if NAME in air.quantities else None
-        self._levels = [level.name for level in scene.building.levels]
         self._series = np.zeros((0, 5))  # time, mean and greatest dose of gases, mean and greatest dose of heat
         self._shown = -PERIOD  # time at which the field was updated
         self._uphill = np.array([level.uphill for level in scene.building.levels])
@@ -173,6 +166,24 @@ class Exposure:
                 names = ("people", group.name, "susceptibility")
                 drawn = [generator_for(seed, *names, str(k)).standard_normal() for k in range(len(group.rows))]
                 self.threshold[group.rows] *= np.exp(self._dose.sigma * np.array(drawn))
+
+    def _check_needed(self) -> None:
+        """Refuse levels on which sources provide some quantities, but not all that are needed."""
+        for level, given in zip(self._levels, self.air.given, strict=True):
+            lacking = [name for name in quantities_needed(self._case, self._law) if name not in given]
+            if lacking and (given or not self.air.quantities):
+                name = lacking[0]
+                what = f"[smoke] law {self._law.name!r}" if name == "extinction" else "[dose]"
+                off = 'law = "none"' if name == "extinction" else f'dose.without = ["{name}"]'
+                raise ScenarioError(
+                    f"{self._case.source}: conditions: no source provides {name} ({QUANTITIES[name].doc}) on level "
+                    f"{level!r}, which {what} needs; add it to the data, or set {off} to declare that it has no effect"
+                    + "".join(f"; {line}" for line in self._findings())
+                )
+
+    def _findings(self) -> list[str]:
+        """Return what the sources say about their data."""
+        return [line for source in self.air.sources for line in source.findings()]
 
     def begin(self, time: float, fields: Fields) -> None:
         """Find the conditions at the start, unless this run is resumed."""
@@ -272,7 +283,7 @@ class Exposure:
 
     def warnings(self) -> tuple[str, ...]:
         """Return what the sources do not cover, and when their values end before the end of the longest run."""
-        lines = [line for source in self.air.sources for line in source.findings()]
+        lines = self._findings()
         if self.air.last < self._case.simulation.duration:
             lines.append(
                 f"{self._case.source}: conditions end at {self.air.last:g} s, and the run may last "
@@ -288,7 +299,7 @@ class Exposure:
             "sources": [one.source for one in self._case.conditions],
             "law": self._law.name,
             "quantities": self.quantities,
-            "findings": [line for source in self.air.sources for line in source.findings()],
+            "findings": self._findings(),
             "greatest_extinction": float(self.extinction.max(initial=0.0)),
             "routes": None if self.routes is None else self.routes.report(),
             "levels": self._times_of_levels(),

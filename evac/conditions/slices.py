@@ -67,6 +67,11 @@ class Block:
         """Whether it is a horizontal plane."""
         return len(self.axes[2]) == 1
 
+    @property
+    def is_vertical(self) -> bool:
+        """Whether it is a vertical plane."""
+        return 1 in self.shape[1:]
+
     def frame(self, index: int) -> FloatArray:
         """Return the values (z, y, x) of a time; two of them are kept.
 
@@ -127,9 +132,9 @@ def _frame_of(size: int) -> np.dtype[np.void]:
 
 
 def read_slices(path: Path, quantities: frozenset[str]) -> list[Block]:
-    """Return the horizontal planes and the volumes of some quantities that a Smokeview file lists.
+    """Return the planes and volumes of some quantities that a Smokeview file lists.
 
-    Slices in vertical planes and along terrain are left out, as are files without a complete time.
+    Slices along terrain are left out, as are files without a complete time.
 
     Parameters
     ----------
@@ -167,8 +172,6 @@ def read_slices(path: Path, quantities: frozenset[str]) -> list[Block]:
         counts = np.array([len(axis) for axis in nodes[mesh]])
         if (bounds[:, 0] > bounds[:, 1]).any() or (bounds[:, 1] >= counts).any():
             raise _damaged(path, number, f"indices {bounds.ravel().tolist()} lie outside of mesh {mesh + 1}")
-        if bounds[0, 0] == bounds[0, 1] or bounds[1, 0] == bounds[1, 1]:
-            continue
         file = (path.parent / names[0]).resolve()
         if not file.is_relative_to(path.parent.resolve()):
             raise _damaged(path, number + 1, f"{names[0]!r:.80} is outside of its folder")

@@ -62,14 +62,20 @@ class SourceScene:
         return path
 
     def levels(self) -> list[int]:
-        """Return the indices of the levels that the table names, or those of the stairs; all if it names none.
+        """Return the indices of the levels that the table names, or those of its stairs or its area; all if none.
 
         Raises
         ------
         ScenarioError
-            There is no level and no stair of a name.
+            There is no level, stair or area of a name.
         """
         named, levels = self.settings.level, self.building.levels
+        if self.settings.area is not None:
+            area = self.building.area_named(self.settings.area)
+            if area is None:
+                hint = did_you_mean(self.settings.area, [one.name for one in self.building.areas])
+                raise ScenarioError(f"area: there is no area {self.settings.area!r}; {hint}")
+            return [area.level]
         if not named:
             return [level.index for level in levels]
         found = []

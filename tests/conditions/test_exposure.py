@@ -131,6 +131,26 @@ def test_a_quantity_that_is_missing_is_refused_or_declared_off(case, words):
     assert "\n" not in str(error.value)
 
 
+def test_a_level_on_which_a_source_lacks_what_another_has_elsewhere_is_refused():
+    """Otherwise people there would breathe clear air in the middle of smoke."""
+    plan = {
+        "storeys": [
+            {"name": name, "z": z, "polygons": [[[0, 0], [9, 0], [9, 4], [0, 4]]]}
+            for name, z in (("a", 0.0), ("b", 3.0))
+        ],
+        "exits": [{"name": f"out {name}", "storey": name, "segment": [[0, 1], [0, 3]]} for name in "ab"],
+    }
+    gases = {"co": 1.0, "co2": 0.1, "o2": 20.0}
+    tables = [prescribed(1.0, level="a", values=gases), prescribed(1.0, level="b")]
+    people = [{"name": "p", "level": "a", "positions": [[5, 2]]}]
+    table = {"building": {"plan": plan}, "people": people, "contact": {"model": "nsm1"}, "dose": {"heat": "none"}}
+    table["conditions"] = tables
+    with pytest.raises(evac.ScenarioError, match=r"no source provides co .* on level 'b'.* dose\.without"):
+        Simulation(evac.load(table))
+    Simulation(evac.load({**table, "conditions": [*tables, prescribed(values=gases, level="b")]}))
+    Simulation(evac.load({**table, "conditions": tables[:1]}))
+
+
 def test_a_quantity_that_is_declared_off_is_told_in_the_summary():
     simulation = Simulation(standing({"without": ["o2"]}, co=1.0, co2=1.0))
     assert "o2" in simulation.results().summary()["conditions"]["dose"]["not_in_data"]

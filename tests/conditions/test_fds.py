@@ -146,6 +146,37 @@ def test_what_slices_do_not_cover_is_told_with_the_shift_that_would_fit(tmp_path
         Simulation(house(path, conditions=[far]))
 
 
+def test_vertical_planes_are_refused_with_the_line_that_the_deck_needs(tmp_path):
+    upright = (EXTINCTION, (6, 6, 0, 8, 0, 6), False, constant(1.0))
+    path, _ = write_slices(tmp_path / "only", BOX, [upright], [0.0, 10.0])
+    line = "&SLCF PBZ=1.53, QUANTITY='EXTINCTION COEFFICIENT' /"
+    with pytest.raises(evac.ScenarioError) as error:
+        Simulation(house(path))
+    assert all(word in str(error.value) for word in ("fire.smv", "PBX", line))
+    slices = [(CO, z, False, constant(0.0)) for z in (1.5, 4.5)]
+    path, _ = write_slices(tmp_path / "some", BOX, [*slices, upright], [0.0, 10.0])
+    with pytest.raises(evac.ScenarioError) as error:
+        Simulation(house(path))
+    assert all(word in str(error.value) for word in ("no source provides extinction", "PBX", line))
+    assert "\n" not in str(error.value)
+
+
+def test_a_quantity_that_fewer_slices_have_is_named(tmp_path):
+    slices = [(EXTINCTION, z, False, constant(1.0)) for z in (1.5, 4.5)]
+    slices += [(CO, (0, 6, 0, 8, z, z), False, constant(0.0)) for z in (1.5, 4.5)]
+    path, _ = write_slices(tmp_path, BOX, slices, [0.0, 10.0])
+    findings = Simulation(house(path)).results().summary()["conditions"]["findings"]
+    assert findings[0].endswith("slices of co cover 49 % of level 'down'")
+    assert not any("shift" in line for line in findings)
+
+
+def test_slices_that_end_before_the_run_are_an_error_unless_they_hold(tmp_path):
+    path, _ = write_slices(tmp_path, BOX, [(EXTINCTION, z, False, constant(1.0)) for z in (1.5, 4.5)], [0.0, 2.0])
+    ending = house(path, conditions=[{"source": "fds", "file": str(path)}])
+    with pytest.raises(evac.ScenarioError, match=r"conditions\.0: the values end at 2 s .* hold = true"):
+        Simulation(ending).run()
+
+
 def test_a_complete_set_of_slices_has_no_findings(two_planes):
     assert Simulation(house(two_planes)).results().summary()["conditions"]["findings"] == []
 

@@ -53,14 +53,18 @@ def test_a_last_time_that_is_not_complete_is_left_out(tmp_path):
     assert [block.times.tolist() for block in read_slices(path, frozenset([CO]))] == [[0.0, 1.0]] * 2
 
 
-def test_vertical_planes_other_quantities_and_empty_files_are_left_out(tmp_path):
+def test_other_quantities_and_empty_files_are_left_out(tmp_path):
     path, written = write_slices(tmp_path, MESHES[:1], [(CO, 1.5, False, wave), (EXTINCTION, 1.5, False, wave)], [0.0])
-    text = path.read_text()
-    path.write_text(text.replace("&    0     8     0     6", "&    3     3     0     6"))
-    assert read_slices(path, frozenset([CO, EXTINCTION])) == []
-    path.write_text(text)
+    assert [block.quantity for block in read_slices(path, frozenset([CO]))] == [CO]
     (tmp_path / next(iter(written))).write_bytes(b"")
     assert [block.quantity for block in read_slices(path, frozenset([CO, EXTINCTION]))] == [EXTINCTION]
+
+
+@pytest.mark.parametrize("is_centred", [False, True])
+def test_vertical_planes_are_known(tmp_path, is_centred):
+    boxes = [(2, 2, 0, 3, 0, 3), (0, 4, 1, 1, 0, 3), (0, 4, 0, 3, 0, 3)]
+    path, _ = write_slices(tmp_path, MESHES[:1], [(CO, box, is_centred, wave) for box in boxes], [0.0])
+    assert [block.is_vertical for block in read_slices(path, frozenset([CO]))] == [True, True, False]
 
 
 @pytest.mark.parametrize(
