@@ -1,4 +1,4 @@
-"""Laws of the speed in smoke; docs/fire.md compares their data."""
+"""Laws of the speed in smoke; docs/fire_data.md compares their data."""
 
 import numpy as np
 

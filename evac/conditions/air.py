@@ -59,7 +59,7 @@ class Air:
                 given = frozenset(source.open(scene))
                 if unknown := sorted(given - QUANTITIES.keys()):
                     raise ScenarioError(
-                        f"{what}: there are no quantities {', '.join(unknown)}; use those of docs/fire.md"
+                        f"{what}: there are no quantities {', '.join(unknown)}; use those of docs/fire_data.md"
                     )
                 for level in scene.levels():
                     self.given[level] |= given

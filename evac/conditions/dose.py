@@ -1,6 +1,6 @@
 """Doses of gases and heat: their rates, after FDS, the SFPE Handbook and ISO 13571.
 
-The dose of gases and that of heat are never added. Equations and sources are those of docs/fire.md.
+The dose of gases and that of heat are never added. Equations and sources are those of docs/fire_data.md.
 """
 
 from collections.abc import Mapping

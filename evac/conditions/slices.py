@@ -1,7 +1,7 @@
 """Slice files of FDS: the list of them in a Smokeview file (.smv), and their values (.sf).
 
-Both are written by FDS; docs/fire.md describes what is read. Nothing in the folder is executed or unpickled, and values
-are read for the two times around that of the run only.
+Both are written by FDS; docs/fire_data.md describes what is read. Nothing in the folder is executed or unpickled, and
+values are read for the two times around that of the run only.
 """
 
 import re

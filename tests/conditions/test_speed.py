@@ -93,6 +93,32 @@ def test_irritants_slow_people_who_recover_behind_them():
     assert walked(corridor(prescribed(values={"extinction": 0.0, "acrolein": 4.0}), smoke=off))[1] == times[0]
 
 
+def test_the_law_is_applied_to_speeds_on_stairs():
+    """The time down a flight in smoke, over that in clear air, is the inverse of the share of the speed."""
+    room = [[0, 0], [12, 0], [12, 8], [0, 8]]
+    stair = {"name": "stair", "lower": "down", "lower_edge": [[4, 1.2], [4, 2.7]], "upper": "up", "length": 5.0}
+    plan = {
+        "storeys": [{"name": name, "z": z, "polygons": [room]} for name, z in (("down", 0.0), ("up", 3.0))],
+        "stairs": [{**stair, "direction": [1, 0]}],
+        "exits": [{"name": "out", "storey": "down", "segment": [[0, 3], [0, 5]]}],
+    }
+
+    def down(*conditions):
+        changes = {"building.plan": plan, "people.p.level": "up", "people.p.positions": [[11.0, 2.0]]}
+        simulation = Simulation(corridor(*conditions).change(changes))
+        crowd, passed = simulation.population.crowd, []
+        while not simulation.ended:
+            before = crowd.position[0, 0]
+            simulation.advance_tick()
+            after = crowd.position[0, 0]
+            passed += [
+                simulation.time - 0.1 * (x - after) / (before - after) for x in (8.5, 4.5) if after <= x < before
+            ]
+        return passed[1] - passed[0]
+
+    assert down(prescribed(3.0, level="stair")) / down() == pytest.approx(1.3196, rel=2e-3)
+
+
 TEN_LINES = """
 from evac import SmokeLaw
 class Half(SmokeLaw):
