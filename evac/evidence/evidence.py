@@ -238,6 +238,12 @@ class Evidence:
         return path
 
 
+def in_fresh_process(function: Callable[..., Result], *arguments: Any) -> Result:
+    """Return what a function returns in a process of its own."""
+    with Pool(1, QUIET) as pool:
+        return pool.submit(function, *arguments).result()
+
+
 def in_processes(
     function: Callable[[Item], Result], items: Iterable[Item], workers: int, what: str, remedy: str
 ) -> Iterator[Result]:

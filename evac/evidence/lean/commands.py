@@ -11,17 +11,9 @@ from typing import Any
 import numpy as np
 
 from evac.case.loading import load_case
-from evac.evidence.evidence import Evidence, timed
+from evac.evidence.evidence import Evidence, in_fresh_process, timed
 from evac.evidence.verdicts import reported
 from evac.simulation.running import run as run_case
-
-#: Runs the square room into a folder with some switches, in a process of its own, and prints the time of its output.
-OUTPUT_PROBE = """
-import sys
-import evac
-print(evac.run(evac.load("square_room", sys.argv[2:]), sys.argv[1]).phases["output"])
-"""
-
 
 FRESH, AGAIN = "fresh process, with imports [ms]", "afterwards [ms]"
 
@@ -53,23 +45,15 @@ def _output_rows(fresh: int, repeats: int) -> list[dict[str, Any]]:
             {
                 "picture": "in" if picture else "out",
                 "animation": "in" if animation else "out",
-                FRESH: 1e3 * float(np.median([_fresh(switches) for _ in range(fresh)])),
-                AGAIN: 1e3 * float(np.median([_again(switches) for _ in range(repeats + 1)][1:])),
+                FRESH: 1e3 * float(np.median([in_fresh_process(output_time, switches) for _ in range(fresh)])),
+                AGAIN: 1e3 * float(np.median([output_time(switches) for _ in range(repeats + 1)][1:])),
             }
         )
     return rows
 
 
-def _fresh(switches: dict[str, bool]) -> float:
-    """Return the time of the output of a run in a process of its own [s]."""
-    words = [f"{key}={str(value).lower()}" for key, value in switches.items()]
-    with TemporaryDirectory() as folder:
-        command = [sys.executable, "-c", OUTPUT_PROBE, str(Path(folder) / "result"), *words]
-        return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-
-
-def _again(switches: dict[str, bool]) -> float:
-    """Return the time of the output of a run in this process [s]."""
+def output_time(switches: dict[str, bool]) -> float:
+    """Return the time of the output of a run of the square room [s]."""
     with TemporaryDirectory() as folder:
         return run_case(load_case("square_room", switches), Path(folder) / "result").phases["output"]
 

@@ -1,7 +1,5 @@
 """The kernels that a scene loads, and the time to compile them if none is on disk."""
 
-import json
-import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -10,18 +8,11 @@ from types import ModuleType
 from typing import Any
 
 from evac.case.loading import load_case
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, in_fresh_process
 from evac.evidence.verdicts import reported
 from evac.jit.kernels import entries_of
 from evac.jit.processor import host
 from evac.simulation.simulation import Simulation
-
-#: Runs a case in a process of its own and prints what it has loaded, and what that takes to compile.
-PROBE = """
-import json, sys
-from evac.evidence.lean.kernels import loaded
-print(json.dumps(loaded(*json.loads(sys.argv[1]))))
-"""
 
 #: Simulated time after which a scene has loaded all kernels that it needs [s].
 DURATION = 20.0
@@ -78,7 +69,10 @@ def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for variant in (AS_IT_IS, ALL_IN):
         overrides = dict(case.overrides) | (dict(case.named) if variant == ALL_IN else {})
-        loads = _in_fresh_process(case.scene, overrides, variant == ALL_IN, [row["kernel"] for row in rows])
+        loads: dict[str, Any] = {"before": 1}
+        while loads["before"]:  # kernels that were missing are on disk the next time
+            first = [row["kernel"] for row in rows]
+            loads = in_fresh_process(loaded, case.scene, overrides, variant == ALL_IN, first)
         head = {"scene": case.scene, "model": case.model, "variant": variant, "functions": loads["functions"]}
         for label, (span, size) in loads["kernels"].items():
             rows.append({**head, "kernel": label, CPU: span, "object code [kB]": 1e-3 * size})
@@ -104,15 +98,6 @@ def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[
         code = compile_entry(entry, "timed", host())
         seconds[entry.label] = time.process_time() - start, len(code)
     return {"kernels": seconds, "functions": len(compiled_functions()), "before": before}
-
-
-def _in_fresh_process(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[str]) -> dict[str, Any]:
-    """Return the result of `loaded` in a new process, which has compiled no kernels."""
-    command = [sys.executable, "-c", PROBE, json.dumps([name, overrides, full, first])]
-    said: dict[str, Any] = {"before": 1}
-    while said["before"]:  # kernels that were missing are on disk the next time
-        said = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    return said
 
 
 def summary_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

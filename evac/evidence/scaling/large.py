@@ -1,7 +1,5 @@
 """Whole simulations of large halls, each in a process of its own: set-up by phases, first ticks, peak memory."""
 
-import json
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evac.case.loading import load_case
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, in_fresh_process
 from evac.evidence.models import model_overrides
 from evac.evidence.scaling.halls import DENSITY, hall_case
 from evac.evidence.scaling.walks import bytes_of, cpu_time, minimal_cost, start_minimal
@@ -35,12 +33,6 @@ SHOWN = ("building", "directions", "people", "preparation")
 SCENES = (("DEM", ""), ("NSM1 inertial", ""), ("NSM2", ""), ("DEM", "headway"))
 
 SECTION = "From the case to the first ticks"
-
-PROBE = """
-import json, sys
-from evac.evidence.scaling.large import simulate
-print(json.dumps(simulate(*json.loads(sys.argv[1]))))
-"""
 
 
 def run(evidence: Evidence) -> None:
@@ -72,13 +64,7 @@ def run(evidence: Evidence) -> None:
 
 def _rows(sizes: tuple[int, ...], seed: int) -> list[dict[str, Any]]:
     """Return the row of each size and scene, simulated one after another."""
-    rows = []
-    for people in sizes:
-        for model, behaviour in SCENES:
-            command = [sys.executable, "-c", PROBE, json.dumps([people, model, behaviour, seed])]
-            done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-            rows.append(json.loads(done.stdout))
-    return rows
+    return [in_fresh_process(simulate, people, *scene, seed) for people in sizes for scene in SCENES]
 
 
 def simulate(people: int, model: str, behaviour: str, seed: int) -> dict[str, Any]:
