@@ -16,6 +16,7 @@ from evac.evidence.verdicts import all_of, reported
 from evac.physics.state import make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
+CHECKED = {"as a run does it": True, "border check left out": False}
 
 #: Magnitude of random velocities given to a pressed crowd at rest, and greatest allowed growth of the perturbation.
 NUDGE = 1e-6  # m/s
@@ -95,7 +96,7 @@ def stiffness_cells(evidence: Evidence) -> Mapped:
     """Try stiffness against step, with the limit of the pressed crowd's own network drawn in."""
     stiffnesses = 10.0 ** np.arange(3.0, 9.1, 3.0 if evidence.quick else 0.5)
     steps = 10.0 ** np.arange(-5.0, -0.9, 1.0 if evidence.quick else 0.25)
-    cells, curves = [], {}
+    cells = []
     limits: dict[str, list[float]] = {drive: [] for drive in DRIVES}
     for stiffness in stiffnesses:
         rest = settled(crowd_in_corridor(30, 5, 60.0), stiffness)
@@ -103,14 +104,16 @@ def stiffness_cells(evidence: Evidence) -> Mapped:
         start = nudged(rest, evidence.generator("stiffness"))
         for drive, explicit in DRIVES.items():
             limits[drive].append(step_limit(frequency, 0.5, explicit))
-            for words, checked in (("as a run does it", True), ("border check left out", False)):
+            for words, checked in CHECKED.items():
                 cells += [
                     Cell(f"{drive}, {words}", stiffness, step, try_step(start, stiffness, step, explicit, checked))
                     for step in steps
                 ]
-    for drive in DRIVES:
-        for words in ("as a run does it", "border check left out"):
-            curves[f"{drive}, {words}"] = [Curve("limit of the contact network", list(stiffnesses), limits[drive])]
+    curves = {
+        f"{drive}, {words}": [Curve("limit of the contact network", list(stiffnesses), limits[drive])]
+        for drive in DRIVES
+        for words in CHECKED
+    }
     return sorted(cells, key=lambda cell: cell.panel), curves
 
 
@@ -169,9 +172,7 @@ def _network_rows(evidence: Evidence) -> list[dict[str, Any]]:
                     "drive": drive,
                     "omega_max² m / k": frequency**2 * 60.0 / stiffness,
                     "limit by theory [s]": step_limit(frequency, float(scene.crowd.tau[0]), explicit),
-                    "plain steps grow beyond [s]": _plain_limit(start, stiffness, explicit),
-                    "a run cuts beyond [s]": _cut_limit(start, stiffness, explicit),
-                    "a run refuses beyond [s]": _refused_limit(scene, stiffness, explicit),
+                    **_limits(scene, start, stiffness, explicit),
                 }
             )
     return rows
@@ -223,30 +224,23 @@ def _hardened_rows(hardening: float, quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def _plain_limit(scene: Scene, stiffness: float, explicit: bool) -> float | None:
-    """Return the step beyond which the nudge grows in plain steps, by bisection."""
-    return _bisect(lambda step: uncut_speed(scene, stiffness, step, explicit, STEPS) <= GROWTH * NUDGE)
-
-
-def _cut_limit(scene: Scene, stiffness: float, explicit: bool) -> float | None:
-    """Return the step beyond which a run cuts its steps, by bisection."""
+def _limits(scene: Scene, nudged: Scene, stiffness: float, explicit: bool) -> dict[str, float | None]:
+    """Return the steps beyond which the nudge grows in plain steps, a run cuts its steps, and refuses to start."""
     model = make_model("DEM", stiffness=stiffness)
 
     def is_whole(step: float) -> bool:
-        trial = attempt(model, scene, step, 10.0 * step, explicit=explicit, checked=False)
+        trial = attempt(model, nudged, step, 10.0 * step, explicit=explicit, checked=False)
         return not trial.message and not trial.handling()
 
-    return _bisect(is_whole)
-
-
-def _refused_limit(scene: Scene, stiffness: float, explicit: bool) -> float | None:
-    """Return the step beyond which the model refuses to start, by bisection."""
-    model = make_model("DEM", stiffness=stiffness)
-
-    def is_taken(step: float) -> bool:
-        return not attempt(model, scene, step, step, explicit=explicit).message
-
-    return _bisect(is_taken)
+    return {
+        "plain steps grow beyond [s]": _bisect(
+            lambda step: uncut_speed(nudged, stiffness, step, explicit, STEPS) <= GROWTH * NUDGE
+        ),
+        "a run cuts beyond [s]": _bisect(is_whole),
+        "a run refuses beyond [s]": _bisect(
+            lambda step: not attempt(model, scene, step, step, explicit=explicit).message
+        ),
+    }
 
 
 def _bisect(holds: Callable[[float], bool]) -> float | None:

@@ -94,17 +94,12 @@ def speed_cells(evidence: Evidence) -> Mapped:
     """Try the walking speed against the step, on people who walk against a wall."""
     speeds = [0.0, 1.5, 10.0] if evidence.quick else [0.0, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0]
     steps = [0.01, 0.1, 0.5] if evidence.quick else [1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.5]
-    cells, curves = [], {}
+    cells = []
     for variant in VARIANTS:
         for speed in speeds:
-            scene = walk_against_wall(speed)
-            for step in steps:
-                duration = 3.0 if speed >= 0.5 else 8.0
-                trial = attempt(make_model(variant), scene, step, duration, every=0.1)
-                cells.append(Cell(variant, speed, step, judge_overlap(variant, trial, step)))
-        if variant.startswith("NSM2"):
-            fast = np.array([0.1, 10.0])
-            curves[variant] = [Curve("overlap h v / 2 of 2 mm", list(fast), list(2.0 * SMALL_OVERLAP / fast))]
+            cells += _overlap_cells(variant, speed, walk_against_wall(speed), steps, 3.0 if speed >= 0.5 else 8.0)
+    fast = np.array([0.1, 10.0])
+    curves = _of_nsm2(Curve("overlap h v / 2 of 2 mm", list(fast), list(2.0 * SMALL_OVERLAP / fast)))
     impact = SMALL_OVERLAP / np.sqrt(80.0 / STIFFNESS)
     curves["DEM"] = [Curve("impact v sqrt(m / k) of 2 mm", [impact, impact], [1e-4, 1.0]), _packing_limit([0.05, 20.0])]
     return cells, curves
@@ -155,14 +150,18 @@ def _overlap_rows(steps: Sequence[float]) -> list[dict[str, Any]]:
 def _ratio_cells(evidence: Evidence, ratios: Sequence[float], scene_of: Callable[[float], Scene]) -> list[Cell]:
     """Try a ratio against the step, on a scene for each."""
     steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
-    cells = []
-    for variant in VARIANTS:
-        for ratio in ratios:
-            scene = scene_of(ratio)
-            for step in steps:
-                trial = attempt(make_model(variant), scene, step, 2.0)
-                cells.append(Cell(variant, ratio, step, judge_overlap(variant, trial, step)))
-    return cells
+    return [
+        cell
+        for variant in VARIANTS
+        for ratio in ratios
+        for cell in _overlap_cells(variant, ratio, scene_of(ratio), steps, 2.0)
+    ]
+
+
+def _overlap_cells(variant: str, x: float, scene: Scene, steps: Sequence[float], duration: float) -> list[Cell]:
+    """Try a scene at several steps, judged by the overlap."""
+    trials = {step: attempt(make_model(variant), scene, step, duration) for step in steps}
+    return [Cell(variant, x, step, judge_overlap(variant, trial, step)) for step, trial in trials.items()]
 
 
 def mass_cells(evidence: Evidence) -> Mapped:
@@ -219,5 +218,8 @@ def _packing_limit(x: list[float]) -> Curve:
 def _half_paths(ratios: list[float]) -> dict[str, list[Curve]]:
     """Return the curves at which NSM2's overlap h v / 2 of people at 1.5 m/s is small."""
     step = 2.0 * SMALL_OVERLAP / 1.5
-    curve = Curve("overlap h v / 2 of 2 mm", ratios, [step] * len(ratios))
+    return _of_nsm2(Curve("overlap h v / 2 of 2 mm", ratios, [step] * len(ratios)))
+
+
+def _of_nsm2(curve: Curve) -> dict[str, list[Curve]]:
     return {variant: [curve] for variant in VARIANTS if variant.startswith("NSM2")}
