@@ -48,9 +48,9 @@ def examining(what: str, remedy: str = REMEDY) -> Iterator[None]:
         raise failure from failure.__cause__
 
 
-def scene(title: str, remedy: str = REMEDY) -> AbstractContextManager[None]:
+def scene(title: str) -> AbstractContextManager[None]:
     """Name the scene in failures, as `examining`."""
-    return examining(f"scene '{title}'", remedy)
+    return examining(f"scene '{title}'")
 
 
 def run_check(plugin: Any, check: Callable[..., Found], *arguments: Any) -> Found:

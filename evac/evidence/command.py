@@ -24,7 +24,7 @@ COMMITTED = PACKAGE.parent / "docs" / "evidence"
 INSTALLED = PACKAGE / "report" / EVIDENCE_NAME
 
 
-def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, page_only: bool = False) -> Path:
+def run_evidence(kind: str, folder: Path, quick: bool = False, page_only: bool = False) -> Path:
     """Recompute a kind of evidence to the page ``folder / kind``, or with `page_only` write its page again; return it.
 
     ``folder / README.md`` lists the kinds there. For docs/evidence of a checkout, the verdicts that reports show are
@@ -33,7 +33,7 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, pa
     if kind not in KINDS:
         raise ScenarioError(f"unknown kind of evidence {kind!r}; {did_you_mean(kind, KINDS)}")
     try:
-        evidence = Evidence(kind, folder / kind, quick, seed, page_only)
+        evidence = Evidence(kind, folder / kind, quick, page_only=page_only)
         with warnings.catch_warnings():
             silence, action = QUIET
             silence(*action)

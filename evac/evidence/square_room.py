@@ -48,7 +48,7 @@ class SetTask:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class FlowEstimate:
     """A value and its interval by bootstrap over position sets [people per minute]."""
 
     value: float
@@ -65,8 +65,8 @@ class Flow:
     counted separately.
     """
 
-    pooled: Estimate
-    mean: Estimate
+    pooled: FlowEstimate
+    mean: FlowEstimate
     runs: int
     stopped: int
 
@@ -168,7 +168,7 @@ def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: 
 
 def _estimates(
     sets: Sequence[Sequence[FloatArray]], weight: FloatArray, generator: np.random.Generator
-) -> tuple[Estimate, Estimate]:
+) -> tuple[FlowEstimate, FlowEstimate]:
     """Return the sum of the flows of groups of runs (runs, people), weighted by group, by both definitions."""
     picks = generator.integers(len(sets), size=(RESAMPLES, len(sets)))
     sums = np.array([[_sums(times) for times in groups] for groups in sets])
@@ -181,11 +181,11 @@ def _estimates(
     )
 
 
-def _estimate(value: float, resampled: FloatArray) -> Estimate:
+def _estimate(value: float, resampled: FloatArray) -> FlowEstimate:
     """Return an estimate in people per minute from slopes [people per s]."""
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.nanpercentile(resampled, [tail, 100.0 - tail])
-    return Estimate(60.0 * value, 60.0 * float(low), 60.0 * float(high))
+    return FlowEstimate(60.0 * value, 60.0 * float(low), 60.0 * float(high))
 
 
 def _slopes_of(times: FloatArray) -> FloatArray:

@@ -81,8 +81,9 @@ def door_room(side: float) -> Building:
     return room((0.0, 0.0, side, side), exits=((side, low, side, high),))
 
 
-def door_fields(side: float, spacing: float = 0.1) -> Fields:
+def door_fields(side: float) -> Fields:
     """Return the field that points straight to the door, shrunk by 0.25 m at its posts."""
+    spacing = 0.1
     axis = np.arange(-2, int(side / spacing) + 5) * spacing
     x, y = np.meshgrid(axis, axis, indexing="ij")
     across = np.clip(y, 0.5 * (side - DOOR) + 0.25, 0.5 * (side + DOOR) - 0.25) - y

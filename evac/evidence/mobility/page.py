@@ -55,7 +55,7 @@ MOST = 10.0
 
 
 @dataclass(frozen=True)
-class Walk:
+class WalkRun:
     """People of a preset beside one another, on the flat or on a ramp."""
 
     preset: str
@@ -64,7 +64,7 @@ class Walk:
 
 
 @dataclass(frozen=True)
-class Door:
+class DoorRun:
     """People before a door, a share of them in wheelchairs."""
 
     width: float
@@ -84,7 +84,7 @@ def _simulation(plan: Plan, people: list[dict[str, Any]], seed: int) -> Simulati
     return Simulation(load_case(table))
 
 
-def walking_speeds(walk: Walk) -> FloatArray:
+def walking_speeds(walk: WalkRun) -> FloatArray:
     """Return the speed of each person of a run along the slope, (people,) [m/s]."""
     width, is_down = APART * PEOPLE, walk.place == "down"
     if walk.place == "flat":
@@ -104,7 +104,7 @@ def walking_speeds(walk: Walk) -> FloatArray:
     return (LINES[1] - LINES[0]) * math.hypot(1.0, rise / RUN) / (last - first)
 
 
-def flow_through(door: Door) -> dict[str, Any]:
+def flow_through(door: DoorRun) -> dict[str, Any]:
     """Return what came of a run through a door."""
     half = 0.5 * door.width
     plan = one_storey(
@@ -129,9 +129,9 @@ def flow_through(door: Door) -> dict[str, Any]:
 def run(evidence: Evidence) -> None:
     """Measure speeds and flows, and write the page."""
     seeds = range(evidence.seed, evidence.seed + (1 if evidence.quick else 5))
-    walks = [Walk(preset, "flat", seed) for preset in PUBLISHED for seed in seeds]
-    walks += [Walk(preset, way, seed) for preset in ON_RAMPS for way in ("up", "down") for seed in seeds]
-    doors = [Door(width, share, seed) for width in DOORS for share in SHARES for seed in seeds]
+    walks = [WalkRun(preset, "flat", seed) for preset in PUBLISHED for seed in seeds]
+    walks += [WalkRun(preset, way, seed) for preset in ON_RAMPS for way in ("up", "down") for seed in seeds]
+    doors = [DoorRun(width, share, seed) for width in DOORS for share in SHARES for seed in seeds]
 
     def speeds() -> list[dict[str, Any]]:
         found: dict[tuple[str, str], list[FloatArray]] = {}

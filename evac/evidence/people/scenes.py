@@ -33,7 +33,7 @@ COUNTERS = (0, 10, 50, 100)
 
 
 @dataclass(frozen=True)
-class Scene:
+class Experiment:
     """A building, its people, and what is measured there.
 
     Attributes
@@ -56,17 +56,17 @@ class Scene:
     line: Line | None = None
 
 
-def narrow_door_scene() -> Scene:
+def narrow_door_scene() -> Experiment:
     """Return the bottleneck 040_c_56_h-: a hall 5.6 m wide, and a neck of 0.5 m with a chamfered mouth."""
     neck = Polygon([(-0.25, -1.1), (0.25, -1.1), (0.25, -0.15), (0.4, 0), (-0.4, 0), (-0.25, -0.15)])
     plan = one_storey(box(-2.8, 0, 2.8, 6.7), neck, box(-3.5, -4, 3.5, -1.1))
     plan.exit("end", "floor", [(-3.5, -4), (3.5, -4)])
     plan.area("start", "floor", box(-2.8, 0.6, 2.8, 5.6))
     line = Line(1, 0.0, -1)
-    return Scene(plan, [{"area": "start", "number": 75}], SPEED, partial(measures.narrow_door, line=line), line)
+    return Experiment(plan, [{"area": "start", "number": 75}], SPEED, partial(measures.narrow_door, line=line), line)
 
 
-def door_scene(width: float) -> Scene:
+def door_scene(width: float) -> Experiment:
     """Return a hall with people at 3.3 per m2, and a door of 0.4 m depth with ground behind it."""
     number, half = (100, 2.5) if width < 1.8 else (180, 3.5)
     plan = one_storey(box(-half, 0, half, 8), box(-0.5 * width, -0.4, 0.5 * width, 0), box(-half, -3, half, -0.4))
@@ -74,10 +74,10 @@ def door_scene(width: float) -> Scene:
     plan.area("start", "floor", box(-half, 0.5, half, 0.5 + number / 3.3 / (2.0 * half)))
     line = Line(1, -0.2, -1)
     measure = partial(measures.door_flow, line=line, width=width)
-    return Scene(plan, [{"area": "start", "number": number}], SPEED, measure, line)
+    return Experiment(plan, [{"area": "start", "number": number}], SPEED, measure, line)
 
 
-def corridor_scene(entrance: float, way_out: float) -> Scene:
+def corridor_scene(entrance: float, way_out: float) -> Experiment:
     """Return the corridor of 1.8 m behind a hall, with an entrance and an exit of given widths."""
     mouth, end = 0.5 * entrance, 0.5 * way_out
     plan = one_storey(
@@ -92,10 +92,10 @@ def corridor_scene(entrance: float, way_out: float) -> Scene:
     line = Line(1, -4.1, -1)
     shares = (0.3, 0.75) if way_out == 1.8 else (0.4, 0.75)  # the queue before a narrow exit has to form
     measure = partial(measures.corridor, area=(-2.0, 0.0), width=1.8, out=line, shares=shares)
-    return Scene(plan, [{"area": "start", "number": 110}], CORRIDOR_SPEED, measure, line)
+    return Experiment(plan, [{"area": "start", "number": 110}], CORRIDOR_SPEED, measure, line)
 
 
-def stair_scene(way: str) -> Scene:
+def stair_scene(way: str) -> Experiment:
     """Return the stair of ISO 20414 test 12, 1.2 m wide, with a hall of 8 x 10 m and a landing at either end."""
     width, foot, head = 1.2, 13.0, 10.0
     low, high = 5.0 - 0.5 * width, 5.0 + 0.5 * width
@@ -114,10 +114,10 @@ def stair_scene(way: str) -> Scene:
     measure = partial(
         measures.stair, line=line, flight=flight, width=width, cosine=math.cos(math.atan2(3.0, foot - head))
     )
-    return Scene(plan, [{"area": "start", "number": 100}], SPEED, measure, line)
+    return Experiment(plan, [{"area": "start", "number": 100}], SPEED, measure, line)
 
 
-def two_way_scene(width: float, each: float) -> Scene:
+def two_way_scene(width: float, each: float) -> Experiment:
     """Return a corridor in which two crowds of `each` people per m2 walk towards each other."""
     end, half = 39.0, 0.5 * width
     plan = one_storey(box(-end, -half, end, half))
@@ -130,10 +130,10 @@ def two_way_scene(width: float, each: float) -> Scene:
         people.append({"area": f"start {name}", "number": number, "exits": [other]})
     sign = np.repeat([1, -1], number)
     measure = partial(measures.two_way, sign=sign, half=3.0, width=width, times=(12.0, 32.0))
-    return Scene(plan, people, TWO_WAY_SPEED, measure)
+    return Experiment(plan, people, TWO_WAY_SPEED, measure)
 
 
-def imo_8_scene(counter: int) -> Scene:
+def imo_8_scene(counter: int) -> Experiment:
     """Return IMO 8: a hundred people cross from room to room through a corridor, and `counter` come towards them."""
     plan = one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10))
     plan.exit("right", "floor", [(30, 0), (30, 10)])
@@ -143,18 +143,18 @@ def imo_8_scene(counter: int) -> Scene:
     people = [{"area": "start left", "number": 100, "exits": ["right"]}]
     if counter:
         people.append({"area": "start right", "number": counter, "exits": ["left"]})
-    return Scene(plan, people, SPEED, partial(measures.last_out, people=100))
+    return Experiment(plan, people, SPEED, partial(measures.last_out, people=100))
 
 
-def bend_scene() -> Scene:
+def bend_scene() -> Experiment:
     """Return a bend to the left of a corridor of 4 m, with its inner corner at (0, 0), and 90 people before it."""
     plan = one_storey(box(-15, -4, 4, 0), box(0, -4, 4, 18))
     plan.exit("end", "floor", [(0, 18), (4, 18)])
     plan.area("start", "floor", box(-14.5, -4, -3, 0))
-    return Scene(plan, [{"area": "start", "number": 90, "strategy": "quickest"}], SPEED, measures.bend)
+    return Experiment(plan, [{"area": "start", "number": 90, "strategy": "quickest"}], SPEED, measures.bend)
 
 
-def two_exits_scene() -> Scene:
+def two_exits_scene() -> Experiment:
     """Return a hall with 200 people near a door of 1 m, and a door of 2 m that is 12 m farther from them."""
     halls = [box(-3, 0, -0.2, 10), box(0, 0, 22, 10), box(22.2, 0, 25, 10)]
     doors = [box(-0.2, 4.5, 0, 5.5), box(22, 4, 22.2, 6)]
@@ -165,7 +165,7 @@ def two_exits_scene() -> Scene:
     plan.exit("far", "floor", [(25, 0), (25, 10)])
     plan.area("start", "floor", box(0.5, 0, 9.5, 10))
     people = [{"area": "start", "number": 200, "strategy": "quickest"}]
-    return Scene(plan, people, SPEED, partial(measures.last_out, people=200))
+    return Experiment(plan, people, SPEED, partial(measures.last_out, people=200))
 
 
 NARROW_DOOR, BEND, TWO_EXITS = "door 0.5 m", "bend 4 m", "two exits"
@@ -181,7 +181,7 @@ door_name, corridor_name, imo_8_name = (
 )
 
 #: All scenes by name.
-SCENES: Mapping[str, Callable[[], Scene]] = {
+SCENES: Mapping[str, Callable[[], Experiment]] = {
     NARROW_DOOR: narrow_door_scene,
     **{door_name(width): partial(door_scene, width) for width in DOOR_WIDTHS},
     **{corridor_name(*ends): partial(corridor_scene, *ends) for ends in CORRIDOR_ENDS},

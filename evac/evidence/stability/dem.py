@@ -27,11 +27,11 @@ STEPS = 400
 PRESS = 0.05
 
 
-def crowd_in_corridor(number: int, rows: int, mass: float, radius: float = 0.2, tau: float = 0.5) -> Scene:
+def crowd_in_corridor(number: int, rows: int, mass: float, tau: float = 0.5) -> Scene:
     """Return people in a triangular packing that fills a corridor's width, walking against its end."""
-    bounds = (0.0, 0.0, 8.0, (2 * rows + 1) * radius)
-    places = scenes.packed(number, rows, radius, 8.0, 0.0)
-    return scenes.people_in(bounds, places, radius=radius, mass=mass, tau=tau, speed=PRESS * tau / 0.5)
+    bounds = (0.0, 0.0, 8.0, 0.2 * (2 * rows + 1))
+    places = scenes.packed(number, rows, 0.2, 8.0, 0.0)
+    return scenes.people_in(bounds, places, mass=mass, tau=tau, speed=PRESS * tau / 0.5)
 
 
 def pair_at_wall() -> Scene:

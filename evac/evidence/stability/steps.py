@@ -33,14 +33,14 @@ SMALL_LAG = 0.01
 ROOM = (0.0, 0.0, 6.0, 4.0)
 
 
-def refusal(tau: float, explicit: bool = False, mass: float = 80.0) -> float:
+def refusal(tau: float, explicit: bool = False) -> float:
     """Return the step [s] beyond which DEM refuses to start: that of a packing of equal bodies, omega^2 = 6 k / m."""
-    return step_limit(np.sqrt(6.0 * STIFFNESS / mass), tau, explicit)
+    return step_limit(np.sqrt(6.0 * STIFFNESS / 80.0), tau, explicit)
 
 
-def walk_against_wall(speed: float, tau: float = 0.5) -> Scene:
+def walk_against_wall(speed: float) -> Scene:
     """Return twelve people half a metre from a wall, walking towards it."""
-    return scenes.people_in(ROOM, scenes.packed(12, 4, 0.2, 5.5, 1.0, 0.05), speed=speed, tau=tau)
+    return scenes.people_in(ROOM, scenes.packed(12, 4, 0.2, 5.5, 1.0, 0.05), speed=speed)
 
 
 def tau_cells(evidence: Evidence) -> Mapped:
