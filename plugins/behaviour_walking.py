@@ -303,7 +303,8 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         if rule.side_step > 0.0:
             side += side_step(world, crowd, sights, motion, rule, standing, i)
         if rule.wall_step > 0.0 and sights.open_to[i] == 0.0:
-            side += wall_step(world, sights, rule, i)
+            step, lowest, highest = wall_step(world, crowd, sights, rule, i)
+            side = min(max(side + step, lowest), highest)
         side = min(max(side, -rule.side_limit), rule.side_limit)
         tx, ty = ex - side * ey, ey + side * ex
         norm = math.sqrt(tx * tx + ty * ty)
@@ -337,7 +338,8 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         if not ((hx * dx + hy * dy > 0.0) & (share > 0.0) & (square < nearest * nearest)):
             continue
         distance, within, leads_on = share * length + wide, share * gap, crowd.route[i] == crowd.route[j]
-        if hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0:
+        is_oncoming = hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0
+        if is_oncoming and not (wide > 0.0 and leads_on):
             if beside > rule.oncoming_width + wide or not is_inside:
                 continue
             distance, within, leads_on = rule.oncoming_length + wide, rule.oncoming_time_gap, False
@@ -505,11 +507,17 @@ def side_step(world, crowd, sights, motion, rule, standing, i):  # type: ignore[
 
 
 @inner
-def wall_step(world, sights, rule, i):  # type: ignore[no-untyped-def]
-    """Return the step of person i away from walls, relative to the desired direction, positive to the left."""
+def wall_step(world, crowd, sights, rule, i):  # type: ignore[no-untyped-def]
+    """Return the step of person i away from walls, and the lowest and highest side step that walls leave.
+
+    Side steps are relative to the desired direction, positive to the left. Walls leave no step towards a wall to a wide
+    body that touches it.
+    """
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     x, y = sights.position[i, 0], sights.position[i, 1]
     left = right = 0.0
+    lowest, highest = -math.inf, math.inf
+    wide = max(crowd.contact_radius[i] - 0.5 * rule.chest_depth, 0.0)
     first, last = walls_near(world, sights.level[i], x, y, 0.0)
     for slot in range(first, last):
         w = world.bucket_wall[slot]
@@ -519,13 +527,17 @@ def wall_step(world, sights, rule, i):  # type: ignore[no-untyped-def]
         px, py = world.wall[w, 2] - x1, world.wall[w, 3] - y1
         part = min(max(((x - x1) * px + (y - y1) * py) / (px * px + py * py), 0.0), 1.0)
         dx, dy = x1 + part * px - x, y1 + part * py - y
-        weight = rule.wall_step * (1.0 - math.sqrt(dx * dx + dy * dy) / rule.wall_distance)
+        distance = math.sqrt(dx * dx + dy * dy)
+        weight = rule.wall_step * (1.0 - (distance - wide) / rule.wall_distance)
         if weight > 0.0 and ex * dx + ey * dy >= -BEHIND:
+            touches = wide > 0.0 and distance < crowd.contact_radius[i] + TOUCHING
             if ex * dy - ey * dx > 0.0:
                 left = max(left, weight)
+                highest = 0.0 if touches else highest
             else:
                 right = max(right, weight)
-    return right - left
+                lowest = 0.0 if touches else lowest
+    return right - left, lowest, highest
 
 
 evac_interface = 3

@@ -1,17 +1,18 @@
 """Computation of travel times and directions of a building for given routes."""
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
-from evac.base.arrays import FloatArray, IndexArray
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.defaults import COMFORT, ORDER, SPACING
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
+from evac.building.geometry.components import connected_components
 from evac.building.model.building import Area, Building, Exit
 from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
@@ -235,8 +236,8 @@ class _Solver:
         grids = build_grids(self.building, self.spacing, self.clearance, barred)
         ways = [ends_of_route(grids.building, route) for route in self.routes]
         slow, narrow = _nodes_in_gaps(grids, avoided)
-        factor = _slowed(grids, _factor(grids, slow))
-        bent = _bent(grids, self.clearance, factor) if self.clearance > 0.0 else None
+        factor, for_directions = _slowed(grids, _factor(grids, slow))
+        bent = _bent(grids, self.clearance, for_directions) if self.clearance > 0.0 else None
         solved = _Solved(
             grids=grids,
             factor=factor if bent is None else bent,
@@ -458,20 +459,46 @@ def _factor(grids: BuildingGrids, slow: IndexArray) -> FloatArray:
     return factor
 
 
-def _slowed(grids: BuildingGrids, factor: FloatArray) -> FloatArray:
-    """Return the slowness factors (nodes,), greater in the areas in which people are slow or that are barred."""
-    areas = [*grids.building.slowed, *((name, 1.0 / BARRED) for name in grids.building.barred)]
-    factor = factor.copy() if areas else factor
-    for name, share in sorted(areas):
-        area = grids.building.area_named(name)
+def _within(grids: BuildingGrids, names: Iterable[str]) -> BoolArray:
+    """Mark the nodes (nodes,) in some areas and on their outlines, which along a wall would be a way of their own."""
+    found = np.zeros(grids.size, np.bool_)
+    for area in map(grids.building.area_named, names):
         assert area is not None
         grid = grids.levels[area.level]
-        # With the nodes on its outline: along a wall they would be a way of their own.
         ground = shapely.buffer(area.polygon, 0.5 * grids.lattice.spacing, join_style="mitre")
         shapely.prepare(ground)
         inside = shapely.intersects_xy(ground, *grid.window.coordinates()) & (grid.sheet == OWN)
-        factor[grid.packed][inside.ravel()] /= share
-    return factor
+        found[grid.packed] |= inside.ravel()
+    return found
+
+
+def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return slowness factors (nodes,) for travel times and for directions, greater in slow and in barred areas.
+
+    For directions, what barred areas cut off from all exits is as slow as these: otherwise, people who have no other
+    way would walk along the edge of the area, and queue at a corner of it.
+    """
+    building = grids.building
+    if not building.slowed and not building.barred:
+        return factor, factor
+    factor = factor.copy()
+    for name, share in sorted(building.slowed):
+        factor[_within(grids, [name])] /= share
+    if not building.barred:
+        return factor, factor
+    barred = _within(grids, building.barred)
+    pairs, ends = [], []
+    for grid in grids.levels:
+        ground, source = grids.is_ground(grid), grid.source.reshape(grid.window.shape)
+        for one, two in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
+            linked = ground[one] & ground[two]
+            pairs.append(np.stack([source[one][linked], source[two][linked]], axis=1))
+        ways = [way for way in building.exits_of(grid.level) if building.is_open(way)]
+        ends.append(_nodes_near(grids, grid, np.concatenate([np.zeros((0, 4)), *(way.segments for way in ways)])))
+    links = np.concatenate(pairs)
+    part = connected_components(grids.size, links[~barred[links].any(axis=1)])
+    is_cut_off = ~np.isin(part, part[np.concatenate(ends)])
+    return factor * np.where(barred, BARRED, 1.0), factor * np.where(barred | is_cut_off, BARRED, 1.0)
 
 
 def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatArray:
@@ -544,6 +571,17 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         known = pointing & ~halo
         missing = (~pointing & reached) | (grid.sheet == NOTHING) | ((grid.sheet > OWN) & ~pointing)
         missing.ravel()[left_out - grid.offset] &= ~np.any(direction[stand_in] != 0.0, axis=1)
+        # Halo nodes that were left out lead through their portal, as those beside them do.
+        leading = pointing & halo
+        cut = missing & _beside(leading)
+        own[cut] = own[nearest_marked(leading, cut)]
         if known.any():
+            missing &= ~cut
             own[missing] = own[nearest_marked(known, missing)]
     return direction
+
+
+def _beside(nodes: BoolArray) -> BoolArray:
+    """Mark the neighbours of marked nodes (nx, ny) along each axis; around the grid are nodes that are not marked."""
+    found: BoolArray = np.logical_or.reduce([np.roll(nodes, step, axis) for axis in (0, 1) for step in (-1, 1)])
+    return found
