@@ -34,8 +34,16 @@ from evac.directions.lengths import (
 )
 from evac.directions.march.marching import Metric
 from evac.directions.march.workers import March, march_all, number_of_workers
-from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes
-from evac.directions.raster.masks import nearest_marked
+from evac.directions.raster.grids import (
+    NOTHING,
+    OWN,
+    BuildingGrids,
+    LevelGrid,
+    build_grids,
+    count_nodes,
+    lead_through_doors,
+)
+from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import outward_directions
 from evac.directions.routes import QUICKEST, STRATEGIES, Route
 
@@ -553,7 +561,9 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
     for grid in grids.levels:
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
-        descend(cost[grid.packed].reshape(grid.window.shape), chosen, grids.lattice.spacing, is_plain, packed)
+        own_cost = cost[grid.packed].reshape(grid.window.shape)
+        descend(own_cost, chosen, grids.lattice.spacing, is_plain, packed)
+        lead_through_doors(grid, own_cost, packed)
         strips = strips_of(grids, grid)
         for exit_ in exits:
             if exit_.level == grid.level:
@@ -573,15 +583,9 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         missing.ravel()[left_out - grid.offset] &= ~np.any(direction[stand_in] != 0.0, axis=1)
         # Halo nodes that were left out lead through their portal, as those beside them do.
         leading = pointing & halo
-        cut = missing & _beside(leading)
+        cut = missing & grown(leading, 1)
         own[cut] = own[nearest_marked(leading, cut)]
         if known.any():
             missing &= ~cut
             own[missing] = own[nearest_marked(known, missing)]
     return direction
-
-
-def _beside(nodes: BoolArray) -> BoolArray:
-    """Mark the neighbours of marked nodes (nx, ny) along each axis; around the grid are nodes that are not marked."""
-    found: BoolArray = np.logical_or.reduce([np.roll(nodes, step, axis) for axis in (0, 1) for step in (-1, 1)])
-    return found

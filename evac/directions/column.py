@@ -16,8 +16,8 @@ from evac.directions.fields import Fields
 from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
 from evac.directions.pockets import Pockets
-from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids
-from evac.directions.raster.masks import nearest_marked
+from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, lead_through_doors
+from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import chain
 from evac.directions.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
 
@@ -168,8 +168,15 @@ class Column:
         missing = sheet == NOTHING
         missing[left_out[stands] - grid.offset] = False
         missing[is_halo] = ~joins[source[is_halo]]
+        shape = grid.window.shape
+        leads = np.zeros(shape, np.bool_)
+        leads.ravel()[halo] = True
+        cut = missing.reshape(shape) & grown(leads, 1)  # halo nodes that were left out lead through their portal
+        missing &= ~cut.ravel()
+        if cut.any():
+            to.append(grid.offset + np.flatnonzero(cut))
+            from_.append(source[np.ravel_multi_index(nearest_marked(leads, cut), shape)])
         if known.any():
-            shape = grid.window.shape
             nearest = nearest_marked(known.reshape(shape), missing.reshape(shape))
             to.append(grid.offset + np.flatnonzero(missing))
             from_.append(grid.offset + np.ravel_multi_index(nearest, shape))
@@ -352,6 +359,7 @@ class Column:
             cost[halo[is_known]] = waves.time[source[is_known]]
             chosen = (self._solved[grid.packed] & np.isfinite(cost)).view(np.uint8).reshape(shape)
             descend(cost.reshape(shape), chosen, waves.spacing, False, self._direction[grid.packed])
+            lead_through_doors(grid, cost.reshape(shape), self._direction[grid.packed])
         pairs = self._direction.view(np.complex128)[:, 0]  # which numpy copies faster than rows of two numbers
         for level in touched:
             grid, place = grids.levels[level], self._places[level]

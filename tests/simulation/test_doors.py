@@ -141,3 +141,38 @@ def test_other_models_stop_at_a_closed_door(model):
     changes = (0.0, "close", "near"), (0.0, "close", "far")
     simulation = Simulation(flat(*changes, **{"contact.model": model, "simulation.duration": 10.0}))
     assert passages(simulation) == []
+
+
+@pytest.mark.parametrize("clearance", [0.15, 0.25])
+def test_no_way_leads_through_a_closed_door_whose_end_is_on_a_line_of_the_grid(clearance):
+    rooms = [[[0, 0], [8, 0], [8, 2.6], [0, 2.6]], [[0, 2.8], [8, 2.8], [8, 5.3], [0, 5.3]]]
+    plan = {
+        "storeys": [{"name": "f", "polygons": rooms}],
+        "doors": [
+            {"name": "near", "storey": "f", "segment": [[2.0, 2.7], [3.0143, 2.7]]},
+            {"name": "far", "storey": "f", "segment": [[5.0, 2.7], [5.9, 2.7]]},
+        ],
+        "exits": [{"name": "out", "storey": "f", "segment": [[0, 3.0], [0, 4.2]]}],
+    }
+    table = {
+        "building": {"plan": plan, "closed": ["near"]},
+        "contact": {"model": "dem"},
+        "people": [{"name": "p", "positions": [[2.2, 2.4]], "level": "f"}],
+        "directions": {"spacing": 0.2, "clearance": clearance},
+    }
+    fields = Simulation(evac.load(table), will_run=False).fields
+    assert fields.travel_time_at(0, np.array([[2.2, 2.4]]), 0)[0] == pytest.approx(8.1, abs=0.2)
+
+
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_directions_lead_through_a_door_of_one_direction_on_a_coarse_grid(strategy):
+    changes = {"directions.spacing": 0.25, "people.p.strategy": strategy}
+    simulation = Simulation(flat((0.0, "one_way", "near", "west"), (0.0, "close", "far"), **changes))
+    run_ticks(simulation, 30)  # by which directions that follow the crowd are solved again
+    for y in np.linspace(1.3, 1.9, 13):
+        place, stuck = np.array([6.45, y]), set()
+        while place[0] > 6.0:
+            place = place + 0.02 * simulation.fields.directions_at(0, place[None], 0)[0]
+            cell = (*np.round(place, 3).tolist(),)
+            assert cell not in stuck
+            stuck.add(cell)

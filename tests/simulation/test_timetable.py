@@ -180,6 +180,20 @@ def test_nobody_enters_a_barred_area_if_there_is_any_other_way(strategy):
     assert x["barred"] > 8.0
 
 
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_people_who_must_pass_a_barred_area_behind_a_stair_leave_it_in_its_whole_width(strategy):
+    """They would otherwise walk along the end of the stair to the corner that is nearest to the exit."""
+    changes = {"people.above.strategy": strategy}
+    simulation = Simulation(house(event("bar", "ground", 0.0), event("close", "b", 0.0), **changes))
+    run_ticks(simulation, 30)  # by which directions that follow the crowd are solved again
+    building, routes = simulation.building, [str(route) for route in simulation.fields.routes]
+    (foot,) = (one for one in building.portals if one.name.startswith("ground") and "a flight" in one.name)
+    flight = foot.other(building.level_named("ground").index)
+    places = np.column_stack([np.full(6, 2.15), np.linspace(1.1, 1.7, 6)])
+    route = next(k for k, name in enumerate(routes) if "main" in name)
+    assert (simulation.fields.directions_at(flight, places, route)[:, 0] < -0.7).all()
+
+
 def test_a_slow_area_ends_and_the_speed_is_as_before():
     _, free = hall()
     _, late = hall(event("slow", "hall", 0.0, value=0.5), event("slow", "hall", 0.1, value=1.0))

@@ -230,6 +230,24 @@ def _passages(window: Window, sheet: IntArray, doors: list[tuple[Door, int]]) ->
     return np.concatenate(pairs, axis=1)
 
 
+def lead_through_doors(grid: LevelGrid, cost: FloatArray, direction: FloatArray) -> None:
+    """Lead nodes before doors of one direction through these, where no neighbour has a lower cost.
+
+    Parameters
+    ----------
+    grid : LevelGrid
+    cost : (nx, ny) float64
+        Around the grid are nodes of infinite cost.
+    direction : (nx * ny, 2) float64
+        Changed in place.
+    """
+    before, behind = (np.stack(np.unravel_index(nodes - grid.offset, cost.shape)) for nodes in grid.passages)
+    beside = [cost[before[0] + i, before[1] + j] for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    lowest = np.isfinite(cost[*before]) & (cost[*before] <= np.min(beside, axis=0))
+    away = (behind - before)[:, lowest]
+    direction[np.ravel_multi_index(tuple(before[:, lowest]), cost.shape)] = (away / np.hypot(*away)).T
+
+
 def _open_portals(building: Building, level: int) -> list[Portal]:
     return [portal for portal in building.portals_of(level) if building.is_open(portal)]
 
