@@ -9,6 +9,7 @@ from shapely import box
 
 import evac
 from evac.analysis.flows import steady_flow
+from evac.evidence.mobility.page import Door, flow_through
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
@@ -313,3 +314,48 @@ def test_people_with_wide_bodies_stop_farther_apart_by_what_they_are_wider(dista
     ahead, _ = acted([[0.0, 0.0], [distance + 0.5, 0.7]], contact_radius=0.4, **lane)
     beside, _ = acted([[0.0, 0.0], [distance + 0.5, 0.81]], contact_radius=0.4, **lane)
     assert ahead[0] < beside[0] == 1.0
+
+
+@pytest.mark.parametrize(("wall", "step"), [(-0.45, 4.0 / 3.0), (-0.66, 0.0)])
+def test_wide_bodies_step_away_from_walls_as_others_do_from_where_their_sides_are(wall, step):
+    """A body of 0.8 m instead of 0.3 m: 0.25 m farther from the wall."""
+    walls = [(-1.0, wall, 3.0, wall), (-1.0, 3.0, 3.0, 3.0)]
+    parameters = {"wall_step": 4.0, "wall_distance": 0.3, "reaction_time": 0.0, "contact_radius": 0.4}
+    _, heading = acted([[0.0, 0.0]], building=make_building(walls=walls), **parameters)
+    assert heading[0, 1] / heading[0, 0] == pytest.approx(step, abs=1e-9)
+
+
+@pytest.mark.parametrize(("radius", "turns_to_the_wall"), [(0.4, False), (0.14, True)])
+def test_a_wide_body_that_touches_a_wall_does_not_step_towards_it(radius, turns_to_the_wall):
+    walls = [(-1.0, -radius, 3.0, -radius), (-1.0, 3.0, 3.0, 3.0)]
+    parameters = {"wall_step": 0.1, "reaction_time": 0.0, "contact_radius": radius}
+    _, heading = acted([[0.0, 0.0], [0.05, 2.0 * radius]], building=make_building(walls=walls), **parameters)
+    assert (heading[0, 1] < -0.1) == turns_to_the_wall
+    assert heading[0, 1] < 1e-9
+
+
+@pytest.mark.parametrize(("radius", "waits"), [(0.4, True), (0.14, False)])
+def test_of_wide_bodies_that_meet_on_the_same_route_the_one_behind_waits(radius, waits):
+    """Two people who come from both sides along the wall of a door: their headings are opposite."""
+    simulation = Simulation(evac.load(before_a_door(radius)))
+    crowd = simulation.population.crowd
+    simulation.advance_tick()
+    assert (crowd.speed_factor[1] < 0.1) == waits
+    assert crowd.speed_factor[0] > 0.5
+
+
+def before_a_door(radius):
+    """Return a case of two people beside a door in the wall x = 8, the second one farther from it."""
+    plan = {
+        "storeys": [{"name": "f", "polygons": [[[0, 0], [8, 0], [8, 8], [0, 8]]]}],
+        "exits": [{"name": "out", "storey": "f", "segment": [[8, 3.5], [8, 4.5]]}],
+    }
+    places = [[7.6, 3.6], [7.6, 3.75 + 2.0 * radius]]
+    people = {"name": "p", "level": "f", "positions": places, "radius": radius, "turns": radius < 0.2}
+    behaviours = {"walking": {"side_step": 0.0}}
+    return {"building": {"plan": plan}, "people": [people], "behaviours": behaviours, "contact": {"model": "nsm2"}}
+
+
+@pytest.mark.parametrize(("width", "seed"), [(0.9, 4), (0.815, 102), (1.0, 117)])
+def test_people_in_wheelchairs_pass_a_door_that_is_hardly_wider_than_they_are(width, seed):
+    assert flow_through(Door(width, 1.0, seed))["left"] == 0
