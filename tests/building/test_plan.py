@@ -342,3 +342,14 @@ def test_wkt_that_would_overflow_the_stack_is_refused():
     plan.storey("ground", "GEOMETRYCOLLECTION (" * 15 + text + ")" * 15)
     with pytest.raises(BuildingError, match="nested"):
         plan.area("room", "ground", "GEOMETRYCOLLECTION (" * 100_000 + text + ")" * 100_000)
+
+
+def test_a_turned_flight_whose_edges_are_rounded_meets_its_floor():
+    """Along its side, floor and flight overlap by less than a micrometre, which joins the parts that pass each other."""
+    turned = [(0.978148, -0.207912), (0.207912, 0.978148)]
+    floor = shapely.transform(shapely.box(0, 0, 12, 4), lambda xy: np.round(xy @ turned, 3))
+    plan = evac.Plan()
+    plan.storey("ground", floor, 0.0)
+    plan.storey("first", floor, 3.0)
+    plan.flight("stair", [(1.956, -0.416), (2.206, 0.758)], 0.0, [(6.612, -1.405), (6.862, -0.232)], 3.0)
+    assert len(plan.building(need_exit=False).portals) == 2

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.building.geometry.segments import segment_lengths, side_of
 from evac.building.model.building import Building, Level
@@ -62,8 +63,8 @@ def _check_same_ground(building: Building) -> None:
         both = a.polygon.intersection(b.polygon)
         if both.area <= min(LEAST_SHARED, LEAST_SHARE * min(a.polygon.area, b.polygon.area)):
             continue
-        # The intersection may also contain lines and points, where the levels meet.
-        for part in (part for part in shapely.get_parts(both) if part.area > 0.0):
+        # Where the levels meet, the intersection also contains points, lines, and slivers due to rounding.
+        for part in shapely.get_parts(both.buffer(-LEAST_LENGTH, join_style="mitre")):
             places = np.vstack([shapely.get_coordinates(part), part.representative_point().coords[0]])
             one, other = (level_elevation(building.vertices, level, places) for level in (a, b))
             room, k = one - other, np.abs(one - other).argmin()
