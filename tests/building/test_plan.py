@@ -345,7 +345,7 @@ def test_wkt_that_would_overflow_the_stack_is_refused():
 
 
 def test_a_turned_flight_whose_edges_are_rounded_meets_its_floor():
-    """Along its side, floor and flight overlap by less than a micrometre, which joins the parts that pass each other."""
+    """Along its side, they overlap by less than a micrometre, which joins the parts where one is above the other."""
     turned = [(0.978148, -0.207912), (0.207912, 0.978148)]
     floor = shapely.transform(shapely.box(0, 0, 12, 4), lambda xy: np.round(xy @ turned, 3))
     plan = evac.Plan()

@@ -440,6 +440,26 @@ def test_a_spiral_stair_is_walked_where_its_treads_are_deep_enough(tmp_path):
     assert all_out(path, tmp_path)
 
 
+def test_a_spiral_over_several_storeys_in_one_body_joins_each_of_them(tmp_path):
+    """Treads whose outer side is an arc of two chords, and platforms 4 cm beside the floors."""
+    ifc = house(IfcFile(), storeys=4, hole=(6.5, 1.5, 9.5, 4.5))
+    solids = []
+    for turn in range(3):
+        for k in range(12):
+            a, b, c = (math.radians(180.0 + 22.5 * s) for s in (k, k + 0.5, k + 1))
+            ring = [
+                (8 + r * math.cos(t), 3 + r * math.sin(t))
+                for r, t in ((0.15, a), (1.5, a), (1.5, b), (1.5, c), (0.15, c))
+            ]
+            solids.append(ifc.extruded(ring, 3.0 * turn + 3.0 / 13 * (k + 1) - 0.06, 0.06))
+        solids.append(ifc.extruded([(6.54, 3), (8, 3), (8, 4.46), (6.54, 4.46)], 3.0 * turn + 2.94, 0.06))
+    ifc.body("IFCSTAIR", "round", *solids, tail=",$,.SPIRAL_STAIR.")
+    path = ifc.write(tmp_path / "a.ifc")
+    building = building_of(path)
+    assert not told_by(path, "missing", "warning")
+    assert [sorted({building.levels[k].z_min for k in own})[0] for own in building.stairs.values()] == [0.0, 3.0, 6.0]
+
+
 def test_a_spiral_stair_that_is_too_narrow_is_named_with_its_place_and_the_rest_runs(tmp_path):
     ifc = spiral(house(IfcFile(), storeys=2, hole=(6.5, 1.5, 9.5, 4.5)), 0.1, 0.8, 16, 22.5)
     ((level, place, text),) = told_by(ifc.write(tmp_path / "a.ifc"), "missing", "warning")

@@ -153,7 +153,11 @@ def _parts_that_turn(surface: Surface, label: IndexArray, one: IndexArray, other
                 if near not in turned:
                     turned[near] = turned[cell] + float(np.angle(np.exp(1j * (heading[near] - heading[cell]))))
                     waiting.append(near)
+        # The cells of a tread, which have the same heights, stay together.
+        z = surface.vertices[surface.triangles[cells], 2]
+        tread = np.unique(np.round([z.min(axis=1), z.max(axis=1)], 6), axis=1, return_inverse=True)[1].ravel()
         angle = np.degrees([turned[cell] for cell in cells.tolist()])
+        angle = (np.bincount(tread, weights=angle) / np.bincount(tread))[tread]
         count = int(np.ceil(np.ptp(angle) / PART - BEYOND))
         share = count * (angle - angle.min()) / np.ptp(angle)
         part[cells] = np.clip(np.ceil(share - BEYOND) - 1, 0, count - 1)

@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.geometry.overlays import cut, united
+from evac.building.plan.outlines import normal
 from evac.building.recover.bodies.body import LEVEL, Body, in_plan
 
 #: A tread of a winding flight is walked on where its depth is at least this and its riser, so at most 45 degrees [m].
@@ -48,9 +49,9 @@ def winding_edges(treads: Sequence[BaseGeometry], riser: float) -> FloatArray:
     between = [_shared(lower, upper) for lower, upper in pairwise(treads)]
     edges = np.array(
         [
-            _far_side(treads[0], between[0].mean(axis=0))[::-1],
+            _far_side(treads[0], between[0])[::-1],
             *between,
-            _far_side(treads[-1], between[-1].mean(axis=0)),
+            _far_side(treads[-1], between[-1]),
         ]
     )
     lengths = np.hypot(*(edges[:, 1] - edges[:, 0]).T)
@@ -79,13 +80,14 @@ def _shared(lower: BaseGeometry, upper: BaseGeometry) -> FloatArray:
     return _ordered(_farthest(shapely.get_coordinates(line)), _middle(upper) - _middle(lower))
 
 
-def _far_side(tread: BaseGeometry, start: FloatArray) -> FloatArray:
-    """Return the side (2, 2) of a tread opposite to a point, the right end first on the way there."""
-    way = _middle(tread) - start
+def _far_side(tread: BaseGeometry, edge: FloatArray) -> FloatArray:
+    """Return the side (2, 2) of a tread opposite to one of its edges (2, 2), the right end first on the way there."""
+    way = normal(edge)
+    way = way if way @ (_middle(tread) - edge.mean(axis=0)) > 0.0 else -way
     corners = shapely.get_coordinates(tread.exterior.normalize())[::-1]  # anticlockwise
     sides = np.diff(corners, axis=0)
     length = np.hypot(*sides.T)
-    ahead = (sides[:, 1] * way[0] - sides[:, 0] * way[1]) / (np.maximum(length, 1e-9) * np.hypot(*way))
+    ahead = (sides[:, 1] * way[0] - sides[:, 0] * way[1]) / np.maximum(length, 1e-9)
     rows = np.flatnonzero(ahead > 0.7) if (ahead > 0.7).any() else [int((ahead * length).argmax())]
     return _ordered(_farthest(np.concatenate([corners[k : k + 2] for k in rows])), way)
 
@@ -116,8 +118,8 @@ def inclined_faces(body: Body) -> list[tuple[BaseGeometry, FloatArray, tuple[flo
         planes.setdefault((*np.round(body.normals[row], 2).tolist(), round(offset, 1)), []).append(int(row))
     faces: list[tuple[BaseGeometry, FloatArray, tuple[float, float]]] = []
     for own in sorted(planes.values(), key=lambda rows: -float(body.corners[rows, :, 2].max())):
-        normal = body.normals[own[0]]
-        uphill = -normal[:2] / np.hypot(*normal[:2])
+        upwards = body.normals[own[0]]
+        uphill = -upwards[:2] / np.hypot(*upwards[:2])
         left = np.array([-uphill[1], uphill[0]])
         rest = cut(in_plan(body.corners[own, :, :2]), united([plan for plan, _, _ in faces]))
         for plan in shapely.get_parts(rest):
@@ -130,7 +132,7 @@ def inclined_faces(body: Body) -> list[tuple[BaseGeometry, FloatArray, tuple[flo
             edges = [
                 [end * uphill + s * left for s in (own.min(), own.max())] for end, own in zip(ends, sides, strict=True)
             ]
-            heights = [(body.corners[own[0], 0] @ normal - normal[:2] @ edge[0]) / normal[2] for edge in edges]
+            heights = [(body.corners[own[0], 0] @ upwards - upwards[:2] @ edge[0]) / upwards[2] for edge in edges]
             faces.append((plan, np.array(edges), (float(heights[0]), float(heights[1]))))
     return faces
 

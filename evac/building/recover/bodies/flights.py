@@ -17,7 +17,7 @@ from evac.building.model.findings import Finding
 from evac.building.plan import stairs
 from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
-from evac.building.recover.bodies.body import NOTCH, Body, snapped
+from evac.building.recover.bodies.body import NOTCH, Body, closed, snapped
 from evac.building.recover.bodies.edges import LEAST_GOING
 from evac.building.recover.bodies.floors import Floor
 from evac.building.recover.bodies.treads import SHORT, Landing, Run, treads_of
@@ -224,7 +224,8 @@ def _free_landings(landings: Sequence[Landing], floors: Sequence[Floor]) -> list
     for landing in landings:
         near = [f for f in floors if abs(f.z - landing.z) <= SAME_FLOOR and f.ground.distance(landing.plan) < BESIDE]
         for floor in near[:1]:
-            floor.ground = snapped(united([floor.ground, landing.plan]))
+            gap = common(closed(united([floor.ground, landing.plan]), BESIDE), landing.plan.buffer(BESIDE))
+            floor.ground = snapped(united([floor.ground, landing.plan, gap]))
         if not near:
             free.append(landing)
     return free
@@ -404,8 +405,10 @@ def _try(stairs_there: Sequence[FoundStair], floors: Sequence[Floor]) -> None:
         The building is invalid, or the stair does not join its floors.
     """
     plan, stair = Plan(), stairs_there[-1]
-    low, high = min(one.lower.z for one in stair.flights), max(one.upper.z for one in stair.flights)
-    near = [floor for floor in floors if low - HEADROOM < floor.z < high + HEADROOM]
+    met = {floor.name for floor in stair.floors}
+    beside = [other for other in stairs_there if any(floor.name in met for floor in other.floors)]
+    heights = [end.z for other in beside for flight in other.flights for end in flight.ends]
+    near = [floor for floor in floors if min(heights) - HEADROOM < floor.z < max(heights) + HEADROOM]
     for floor in near:
         plan.storey(floor.name, meeting(floor, stairs_there), floor.z)
     for other in stairs_there:
