@@ -166,8 +166,8 @@ def import_building(
         text = report_text(made, digest)
         (draft / REPORT).write_text(text, encoding="utf-8", errors="replace")
         _draw(made, draft, are_named=bool(building.openings))
-        names = (PICTURE, REPORT, *((PLAN, ORIGIN) if building.name == PLAN else ()))
-        _publish(draft, place, (*names, *((building.name, CASE) if made.is_accepted else ())), keep=bool(edited))
+        produced = (PICTURE, REPORT, *((PLAN, ORIGIN) if building.name == PLAN else ()))
+        _publish(draft, place, (*produced, *((building.name, CASE) if made.is_accepted else ())), keep=bool(edited))
     return made
 
 
