@@ -3,7 +3,7 @@
 import fnmatch
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,16 +21,18 @@ from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
 from evac.building.recover.drawings import doors_of, plans_of, swing_of, unit_of, use_of, walls_by_spacing
 from evac.building.recover.linework import faces_of, reaching, rooms_of
+from evac.building.recover.treadlines import flights_of, stairs_of
 from evac.building.surface.resolution import LARGEST, SMALLEST, helpful_factor
 
 #: Optional prefix of layer names.
 PREFIX = "jps-"
 #: Maximum nesting depth of blocks, and maximum number of entities after blocks are expanded.
 DEEPEST, MOST_ENTITIES = 30, 500_000
-#: Entity types that are read, besides blocks; texts, dimensions, hatches and images are ignored.
-DRAWN = frozenset(
-    ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "SOLID", "TRACE", "3DFACE", "HATCH"),
-)
+#: Entity types that are read as lines, and those that fill ground, besides blocks and multilines.
+LINES = frozenset(("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HATCH"))
+FILLS = frozenset(("SOLID", "TRACE", "3DFACE"))
+#: Entity types with bodies or surfaces, which are not read, and told.
+BODIES = frozenset(("REGION", "3DSOLID", "BODY", "SURFACE", "MESH", "POLYLINE", "ACAD_PROXY_ENTITY", "HELIX"))
 #: Minimum length of the pieces of a curve, as a share of its extent.
 FINEST = 1e-4
 #: Largest gap between the ends of a polyline that is treated as closed [m].
@@ -41,6 +43,8 @@ THINNEST, THICKEST_OUTLINE, LEAF = 0.02, 0.9, 0.06
 LEAST_PANE = 0.5
 #: Greatest number of findings of a kind with their own places.
 MOST_ALONE = 20
+#: Why entities are left out.
+NAMED, HIDDEN = "since it or their block is named so", "since it is off or frozen"
 #: Units that are tried where doors are too wide or too narrow [m].
 DOUBTED = (1e-3, 1e-2, 0.0254, 1.0, 0.3048, 0.1)
 #: Values of $INSUNITS: name and length of the unit [m].
@@ -84,11 +88,17 @@ class DxfImporter(Importer):
         plan = Plan(path)
         if faults:
             plan.note("warning", f"the file was damaged in {len(faults)} places and is repaired: {faults[0]}, ...")
-        left_out: Counter[str] = Counter()
+        missing = [block.name for block in document.blocks if block.block is not None and block.block.is_xref]
+        if missing:
+            plan.note("warning", f"{', '.join(missing)}: drawn in other files (xref), which are not read; bind them")
+        left_out: Counter[tuple[str, str]] = Counter()
         try:
-            shapes = [*_shapes(document, self._use_of, left_out)]
+            shapes = [*self._shapes(document, left_out)]
         except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # damaged entities
             raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
+        for (layer, why), number in sorted(left_out.items()):
+            kind = "left out" if use_of(layer) == "walls" and why not in (NAMED, HIDDEN) else "found"
+            plan.note(kind, f"layer {layer!r}: {number} entities are left out, {why}")
         has_floor = any(shape.use == "floor" for shape in shapes)
         if has_floor:
             shapes = [shape for shape in shapes if self._given_use(shape.layer)]
@@ -106,10 +116,45 @@ class DxfImporter(Importer):
             raise BuildingError(f"{path}: {_no_floor(document)}")
         for (layer, use), number in sorted(Counter((one.layer, one.use or "nothing") for one in drawn).items()):
             plan.note("found", f"layer {layer!r}: {number} lines are taken as {use}")
-        for layer, number in sorted(left_out.items()):
-            plan.note("found", f"layer {layer!r}: {number} entities are left out, since it or their block is named so")
         self._add_plans(plan, drawn)
         return plan
+
+    def _shapes(self, document: Any, left_out: Counter[tuple[str, str]]) -> "Iterator[Shape]":
+        """Yield the paths of the model space, with blocks expanded; count what is left out by layers and reasons."""
+        from ezdxf.path import from_vertices
+
+        hidden = {one.dxf.name for one in document.layers if one.is_off() or one.is_frozen()}
+        fills: dict[tuple[str, str], list[BaseGeometry]] = {}
+        for layer, names, entity in _entities(document.modelspace(), (), 0, [0]):
+            kind = entity.dxftype()
+            is_line = kind in LINES and (kind != "POLYLINE" or entity.is_2d_polyline or entity.is_3d_polyline)
+            use = self._use_of(layer, names)
+            why = HIDDEN if layer in hidden and not self._given_use(layer) else NAMED if use == "left out" else ""
+            if kind in BODIES and not is_line:
+                why = why or f"since {kind} is not read; explode them"
+            if why and (is_line or kind in FILLS | BODIES):
+                left_out[layer, why] += 1
+            if why or not (is_line or kind in FILLS):
+                continue
+            try:
+                paths = [(path, _frame(path)) for path in _paths(entity)]
+                ground = shapely.Polygon(paths[0][1]) if kind in FILLS and len(paths[0][1]) > 2 else None
+                if ground is not None and ground.area > 0.0:
+                    fills.setdefault((layer, use), []).append(shapely.make_valid(ground))
+                    continue
+                is_fill = kind == "HATCH" and (len(paths) == 1 or any(_crosses_itself(frame) for _, frame in paths))
+                width = float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
+                for path, frame in paths:
+                    if len(frame):
+                        yield Shape(layer, use, path, frame, path.has_curves, is_fill, width)
+            except Exception as error:  # ezdxf raises errors of many types for damaged entities
+                handle = entity.dxf.get("handle", "")
+                text = f"{kind} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
+                raise ValueError(text) from error
+        for (layer, use), parts in fills.items():
+            for ring in shapely.get_rings(shapely.get_parts(shapely.union_all(parts))):
+                path = from_vertices(ring.coords)
+                yield Shape(layer, use, path, _frame(path), False, False, 0.0)
 
     def _use_of(self, layer: str, blocks: tuple[str, ...]) -> str:
         """Return the use of a line, by the options or by likeness of the names of its layer and of the blocks."""
@@ -143,7 +188,7 @@ class DxfImporter(Importer):
         unit = said if factor is None else said * factor
         if SMALLEST <= extent <= LARGEST and factor is not None:
             unit = 1.0
-        arcs = [shape for shape in shapes if shape.is_curve]
+        arcs = [shape for shape in shapes if shape.is_curve and shape.use != "stairs"]
         arcs = [shape for shape in arcs if shape.use == "doors"] or arcs
         swings = [swing for shape in arcs if (swing := swing_of(_corners(shape, 0.0))) is not None]
         by_doors = unit_of(np.array([swing.radius for swing in swings]), [unit, *DOUBTED]) if swings else None
@@ -193,15 +238,17 @@ class DxfImporter(Importer):
                 plan.note("assumed", f"moved by ({move[0]:.2f}, {move[1]:.2f}) above the first plan", name)
             self._add_plan(plan, own, name, self.z + index * self.height)
             self._add_items(plan, own, name)
+            above = f"{self.storey} {numbers[index + 1]}" if number != numbers[-1] else ""
+            _note_stairs(plan, own, name, above)
 
     def _add_plan(self, plan: Plan, drawn: "list[Drawn]", storey: str, z: float) -> None:
         """Add one storey from walls and doors."""
         walls = [one for one in drawn if one.use == "walls" and (one.is_solid or not one.is_fill)]
-        arcs = [one for one in drawn if one.is_curve and one.use != "windows"]
+        arcs = [one for one in drawn if one.is_curve and one.use not in ("windows", "stairs")]
         arcs = [one for one in arcs if one.use == "doors"] or arcs
         swings = [swing for one in arcs if (swing := swing_of(shapely.get_coordinates(one.line))) is not None]
         panes = [one for one in drawn if one.use == "windows"]
-        leaves = [side for one in drawn if not one.is_curve for side in one.sides]
+        leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
         doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if not one.is_curve], leaves)
         swept = shapely.union_all([swing.sector for swing in swings]).buffer(LEAF)
         shapely.prepare(swept)
@@ -227,7 +274,7 @@ class DxfImporter(Importer):
         self._add_storey(plan, storey, [*shapely.get_parts(rooms.floor)], z, lines)
         for number, ends in enumerate(rooms.doors.reshape(-1, 2, 2), start=1):
             plan.door(f"door {number}" if storey == self.storey else f"{storey} door {number}", storey, ends)
-        is_exit = not any(one.use == "exits" for one in drawn)
+        is_exit = z == self.z and not any(one.use == "exits" for one in drawn)
         for number, ends in enumerate(rooms.outer.reshape(-1, 2, 2), start=1):
             name = f"exit door {number}" if storey == self.storey else f"{storey} exit door {number}"
             plan.door(name, storey, ends, outside="exit" if is_exit else "opening")
@@ -335,6 +382,25 @@ def _with_walls(plan: Plan, drawn: list[Drawn]) -> list[Drawn]:
     return [replace(one, use="walls") if not one.use and one.layer in walls else one for one in drawn]
 
 
+def _note_stairs(plan: Plan, drawn: list[Drawn], storey: str, above: str) -> None:
+    """Add a finding and a proposal for each stair that is drawn on a storey, below another one."""
+    sides = [side for one in drawn if one.use not in ("windows", "doors") for side in one.sides]
+    walls = [one.line for one in drawn if one.use == "walls"]
+    for stair in stairs_of(flights_of(sides), walls):
+        (x1, y1), (x2, y2) = stair["lower_edge"].tolist()
+        width = float(np.hypot(x2 - x1, y2 - y1))
+        place = ((x1 + x2) / 2, (y1 + y2) / 2)
+        text = f"the lines of a stair {width:.2f} m wide, which begins at ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f})"
+        if not above:
+            plan.note("left out", f"{text}, with no plan above it", storey, place)
+            continue
+        name = f"stair {len(plan.proposals) + 1}"
+        more = f"to add it, remove the marks # of {name!r} at the end of building.plan.toml"
+        plan.note("warning", f"{text}, is left out; {more}", storey, place)
+        edges = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in stair.items()}
+        plan.proposals.append((plan.findings[-1], {"name": name, "lower": storey, "upper": above} | edges))
+
+
 def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
     """Return the document of a file, and the faults that ezdxf repaired if this is permitted."""
     import ezdxf
@@ -354,29 +420,6 @@ def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
         except Exception:
             raise ValueError(f"not a DXF file: {text_of(first)}") from first
         return document, [text_of(first), *(error.message for error in auditor.errors)]
-
-
-def _shapes(document: Any, use_of: Callable[[str, tuple[str, ...]], str], left_out: Counter[str]) -> Iterator[Shape]:
-    """Yield the paths of the model space, with blocks expanded; count what is left out by layers."""
-    for layer, names, entity in _entities(document.modelspace(), (), 0, [0]):
-        kind = entity.dxftype()
-        if kind not in DRAWN or (kind == "POLYLINE" and not _is_line(entity)):
-            continue
-        use = use_of(layer, names)
-        if use == "left out":
-            left_out[layer] += 1
-            continue
-        try:
-            paths = [(path, _frame(path)) for path in _paths(entity)]
-            is_fill = kind == "HATCH" and (len(paths) == 1 or any(_crosses_itself(frame) for _, frame in paths))
-            width = float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
-            for path, frame in paths:
-                if len(frame):
-                    yield Shape(layer, use, path, frame, path.has_curves, is_fill, width)
-        except Exception as error:  # ezdxf raises errors of many types for damaged entities
-            handle = entity.dxf.get("handle", "")
-            text = f"{kind} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
-            raise ValueError(text) from error
 
 
 def _frame(path: Any) -> FloatArray:
@@ -417,11 +460,6 @@ def _paths(entity: Any) -> Iterator[Any]:
         yield piece
 
 
-def _is_line(polyline: Any) -> bool:
-    """Return whether a polyline is a line and not a mesh."""
-    return bool(polyline.is_2d_polyline or polyline.is_3d_polyline)
-
-
 def _entities(
     space: Any, blocks: tuple[str, ...], depth: int, count: list[int], outer: str = ""
 ) -> Iterator[tuple[str, tuple[str, ...], Any]]:
@@ -434,11 +472,13 @@ def _entities(
             )
         layer = entity.dxf.get("layer", "0")
         layer = outer if layer == "0" and outer else layer
-        if entity.dxftype() != "INSERT":
+        if entity.dxftype() == "INSERT":
+            for part in entity.multi_insert() if entity.mcount > 1 else [entity]:
+                yield from _entities(_expanded(part), (part.dxf.name, *blocks), depth + 1, count, layer)
+        elif entity.dxftype() == "MLINE":
+            yield from ((layer, blocks, line) for line in entity.virtual_entities())
+        else:
             yield layer, blocks, entity
-            continue
-        for part in entity.multi_insert() if entity.mcount > 1 else [entity]:
-            yield from _entities(_expanded(part), (part.dxf.name, *blocks), depth + 1, count, layer)
 
 
 def _expanded(insert: Any) -> Iterator[Any]:

@@ -194,11 +194,13 @@ class _Draft:
         self._folder, self._registry = folder, registry
         keys = {"flat_angle", "walkable_angle", "treads"}
         plan = read if isinstance(read, Plan) and own.scale == 1.0 and own.up == "z" else None
+        self._proposed: list[tuple[Finding, dict[str, Any]]] = []
         self.findings: list[Finding] = []
         self.openings: list[tuple[str, Any]] = []
         if plan is not None:
             keys |= {"weld"}
             self._told = list(plan.findings)
+            self._proposed = plan.proposals
         else:
             mesh = read.surface() if isinstance(read, Plan) else read
             surface = clean(mesh, source, own)
@@ -214,7 +216,7 @@ class _Draft:
         self.kept = own.model_dump(include=keys, exclude_defaults=True)
         self.table = None if plan is None else table_of(plan)
         self.name = MESH if plan is None else PLAN
-        self._build()
+        self._build(comments=self._proposals())
 
     def add(self, exits: Sequence[Mapping[str, Any]], folder: Path) -> None:
         """Add exits [name, segment, level], and the edits that a user has made to the plan of an earlier import.
@@ -240,8 +242,8 @@ class _Draft:
             self.table["exits"] = [*self.table.get("exits", []), more]
         if (folder / ORIGIN).exists():
             self.table = with_former_names(self.table, _table_in(folder / ORIGIN))
-        (self._folder / ORIGIN).write_text(plan_text(self.table), encoding="utf-8", errors="replace")
-        comments: list[str] = []
+        (self._folder / ORIGIN).write_text(plan_text(self.table, self._proposals()), encoding="utf-8", errors="replace")
+        comments = self._proposals()
         if is_edited:
             places = (self._folder / ORIGIN, folder / ORIGIN, folder / PLAN)
             imported, former, edited = (_table_in(place) for place in places)
@@ -249,15 +251,26 @@ class _Draft:
                 if not file.is_absolute() and (folder / file).exists():
                     (self._folder / file).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(folder / file, self._folder / file)
-            self.table, dropped, told = with_edits(imported, former, edited, self._check)
-            comments = [*comments_of((folder / PLAN).read_text(encoding="utf-8-sig")), *dropped]
+            self.table, dropped, told = with_edits(
+                imported, former, edited, lambda own: self._check(own, folder / PLAN)
+            )
+            seen, known = (comments_of((folder / name).read_text(encoding="utf-8-sig")) for name in (PLAN, ORIGIN))
+            own = {one["name"] for one in self.table.get("stairs", ())}
+            done = [finding for finding, given in self._proposed if given["name"] in own]
+            self._proposed = [one for one in self._proposed if one[0] not in done]
+            self._told = [one for one in self._told if one not in done]
+            comments = [*self._proposals(), *(line for line in seen if line not in known), *dropped]
             self._told += told
         is_new = plan_text(self.table, comments) != (self._folder / PLAN).read_text(encoding="utf-8")
         if is_new or self._told != self.findings[: len(self._told)]:
             self._build(comments=comments)
 
-    def _check(self, table: Mapping[str, Any]) -> None:
-        plan = read_storeys(plan_of(table, self._folder / PLAN, self._folder), self._registry)
+    def _proposals(self) -> list[str]:
+        """Return the lines of the plan that add what an importer has seen and left out."""
+        return plan_text({"stairs": [given for _, given in self._proposed]}, head="").splitlines()[1:]
+
+    def _check(self, table: Mapping[str, Any], source: Path) -> None:
+        plan = read_storeys(plan_of(table, source, self._folder), self._registry)
         plan.building(need_exit=False, **self.kept)
 
     def _build(self, more: Mapping[str, Any] | None = None, comments: Sequence[str] = ()) -> None:

@@ -1,10 +1,14 @@
 """DXF drawings as architects draw them: kinds of walls and doors, units, layers of any name, several plans."""
 
+import itertools
 import math
+import re
 
 import ezdxf
+import numpy as np
 import pytest
 import shapely
+from ezdxf.render.forms import cube
 
 import evac
 from evac import import_building
@@ -112,6 +116,55 @@ def windows():
     return drawing
 
 
+def fills():
+    """Walls as triangles, of which 3D faces have a height too."""
+    drawing = Drawing("cm")
+    for number, part in enumerate(shapely.get_parts(shapely.constrained_delaunay_triangles(BODY))):
+        corners = [(100.0 * x, 100.0 * y, 280.0 * (number % 3)) for x, y in part.exterior.coords[:3]]
+        add = drawing.space.add_3dface if number % 2 else drawing.space.add_solid
+        add([*corners, corners[2]], dxfattribs={"layer": "WALLS"})
+    drawing.doors("doors")
+    return drawing
+
+
+def multilines():
+    drawing = Drawing("mm")
+    for corners, width in (([(0.15, 0.15), (2.0, 0.15)], 300), ([(5.4, 0.3), (5.4, 1.0)], 200),
+                           ([(3.0, 0.15), (9.25, 0.15), (9.25, 4.45), (0.15, 4.45), (0.15, 0.15)], 300),
+                           ([(5.4, 1.9), (5.4, 4.3)], 200)):  # fmt: skip
+        given = {"layer": "walls", "scale_factor": width, "justification": 1}
+        drawing.space.add_mline([(1000 * x, 1000 * y) for x, y in corners], dxfattribs=given)
+    drawing.doors("doors")
+    return drawing
+
+
+def frozen_layers():
+    """Walls that were taken away are on a frozen layer, and bearing walls have a French name like doors."""
+    drawing = double_lines("m", None, "MURS PORTEURS", "MENUISERIES")
+    drawing.document.layers.add("old walls").freeze()
+    drawing.rings(shapely.box(3, 0.3, 3.1, 4.3), "old walls")
+    return drawing
+
+
+def far_away():
+    """Coordinates of a map, at which overlays leave lines besides polygons."""
+    drawing = double_lines("m", None, "walls", "doors")
+    for entity in drawing.space:
+        entity.translate(456789.123, 5432100.5, 0.0)
+    return drawing
+
+
+def lines_in_space():
+    """The lower and upper edges of walls, and the vertical lines between them."""
+    drawing = Drawing("mm")
+    corners = [ring.coords for part in shapely.get_parts(BODY) for ring in shapely.get_rings(part)]
+    for (x1, y1), (x2, y2) in [pair for ring in corners for pair in itertools.pairwise(1000 * np.array(ring))]:
+        for begin, end in (((x1, y1, 0), (x2, y2, 0)), ((x1, y1, 2500), (x2, y2, 2500)), ((x1, y1), (x1, y1, 2500))):
+            drawing.space.add_line(begin, end, dxfattribs={"layer": "walls"})
+    drawing.doors("doors")
+    return drawing
+
+
 KINDS = {
     "double lines in metres": lambda: double_lines("m", None, "A-WALL", "A-DOOR"),
     "double lines in millimetres": lambda: double_lines("mm", None, "xref$0$A-Wall-Full", "A-Door"),
@@ -122,6 +175,11 @@ KINDS = {
     "blocks of doors": blocks_of_doors,
     "layers without meaning": unnamed_layers,
     "windows": windows,
+    "fills": fills,
+    "multilines": multilines,
+    "frozen layers": frozen_layers,
+    "far away": far_away,
+    "lines in space": lines_in_space,
 }
 
 
@@ -160,6 +218,52 @@ def test_several_plans_of_one_drawing(tmp_path, plan, storeys):
     assert sum(areas) == pytest.approx(FLOOR * {"": 2.5, "2": 1.5, "2,1": 2.5}[plan], rel=0.02)
     lowest = min(made.building.levels, key=lambda level: level.z_min)
     assert (lowest.polygon.bounds[0] > 15.0) == plan.startswith("2")
+
+
+def test_what_is_drawn_elsewhere_or_as_bodies_is_told(tmp_path):
+    drawing = double_lines("m", None, "walls", "doors")
+    drawing.document.add_xref_def("other.dwg", "columns")
+    drawing.space.add_blockref("columns", (0, 0))
+    cube().render_mesh(drawing.space, dxfattribs={"layer": "walls"})
+    drawing.document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case")
+    told = [one.kind for one in made.findings if "columns: drawn in other files" in one.text or "MESH" in one.text]
+    assert sorted(told) == ["left out", "warning"]
+
+
+def two_plans():
+    """The upper storey has a balcony at the place of the exit."""
+    drawing = Drawing("m")
+    drawing.rings(BODY, "WALL")
+    drawing.rings(shapely.transform(BODY, lambda xy: xy + np.array([20.0, 0.0])), "WALL")
+    drawing.doors("DOOR")
+    drawing.swing((25.5, 1.0), 0.9, 0.0, "DOOR", leaf=0.0)
+    drawing.swing((22.0, 0.3), 1.0, 0.0, "DOOR", leaf=90.0)
+    return drawing
+
+
+@pytest.mark.parametrize("is_u_shaped", [False, True])
+def test_a_drawn_stair_is_proposed_between_two_plans(tmp_path, is_u_shaped):
+    drawing = two_plans()
+    for x in np.arange(1.0, 4.1, 0.28):
+        for y in (2.0, 3.1) if is_u_shaped else (2.0,):
+            drawing.line([(x, y), (x, y + 1.0)], "Treppe")
+    if not is_u_shaped:
+        drawing.line([(4.1, 2.5), (0.9, 2.5)], "Treppe")  # an arrow to the left
+        for y in (2.4, 2.6):
+            drawing.line([(0.9, 2.5), (1.1, y)], "Treppe")
+    drawing.document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
+    assert len([one for one in made.findings if one.kind == "warning" and "'stair 1'" in one.text]) == 1
+    assert (made.is_accepted, [way.name for way in made.building.exits]) == (False, ["floor 1 exit door 1"])
+    file = made.folder / "building.plan.toml"
+    text = file.read_text(encoding="utf-8")
+    start = text.index("# [[stairs]]")
+    file.write_text(text[:start] + re.sub("(?m)^# ?", "", text[start:]), encoding="utf-8")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
+    assert (made.is_accepted, made.fault, [*made.building.stairs]) == (True, "", ["stair 1"])
+    assert not [one for one in made.findings if "remove the marks" in one.text]
+    assert [portal.width for portal in made.building.portals] == [pytest.approx(1.0)] * (4 if is_u_shaped else 2)
 
 
 def test_the_report_says_how_each_layer_is_taken_and_an_option_mends_it(tmp_path):

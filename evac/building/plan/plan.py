@@ -41,6 +41,8 @@ class Plan:
     doors, exits, openings, areas, obstacles : list of Item
     pieces : list of (str, str, tuple)
         Flights and landings added one by one: the stair, the kind and the shape.
+    proposals : list of (Finding, dict)
+        Stairs that an importer has seen and not added: a finding, which is one of `findings`, and arguments of `stair`.
     findings : list of Finding
         Repairs and omissions made when shapes were added, and findings of importers.
 
@@ -66,6 +68,7 @@ class Plan:
         self.areas: list[Item] = []
         self.obstacles: list[Item] = []
         self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
+        self.proposals: list[tuple[Finding, dict[str, Any]]] = []
         self.findings: list[Finding] = []
 
     def __repr__(self) -> str:

@@ -13,14 +13,15 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.building.recover.linework import PARALLEL, THICKEST_WALL
 
-#: Beginnings or ends of words in names of layers and blocks, by use; the first use that fits is taken.
+#: Beginnings or ends of words in names of layers and blocks, by use.
 WORDS = {
     "left out": "dim bema massk cota cotes quot text txt note notiz anno beschr legend title iden foot found stem "
     "light lumi",
     "windows": "window wind windows fenster fenetre fenêtre ventana finestr janela glaz glass glas",
-    "doors": "door tuer tür türen tueren porte puert porta opening oeffnung öffnung jamb gate",
-    "walls": "wall wand waende wände mauer mur murs muro muri muros pared parete cloison partition concr beton column "
-    "stuetze stütze säule saeule pillar pilar poteau colonn plaster putz facade fassade",
+    "doors": "door tuer tür türen tueren porte puert porta menuis opening oeffnung öffnung jamb gate",
+    "walls": "wall wand waende wände mauer mur murs porteur muro muri muros pared parete cloison partition concr beton "
+    "column stuetze stütze säule saeule pillar pilar poteau colonn plaster putz facade fassade",
+    "stairs": "stair strs trepp escal step tread",
 }
 #: Beginnings of words of layers that are left out, unless they are also named like one of these uses.
 OTHERS = (
@@ -46,13 +47,22 @@ APART, LEAST_PLAN = 2.5, 0.25
 
 @cache
 def use_of(name: str) -> str:
-    """Return the use of a layer or block by likeness of its name: a key of `WORDS`; empty if it is not known."""
+    """Return the use of a layer or block by likeness of its name: a key of `WORDS`; empty if it is not known.
+
+    Words that are left out come first, then the longest, since a bearing wall is a "mur porteur".
+    """
     words = [word for word in re.split(r"[\W\d_]+", re.split(r"[$|]", name.lower())[-1]) if word]
-    for use, known in WORDS.items():
-        ends = tuple(known.split())
-        if any(word.startswith(ends) or word.endswith(ends) for word in words):
-            return use
-    return "left out" if any(word.startswith(tuple(OTHERS.split())) for word in words) else ""
+    length = {
+        use: max(
+            (len(end) for end in known.split() for word in words if word.startswith(end) or word.endswith(end)),
+            default=0,
+        )
+        for use, known in WORDS.items()
+    }
+    if length["left out"] or not any(length.values()):
+        is_other = any(word.startswith(tuple(OTHERS.split())) for word in words)
+        return "left out" if length["left out"] or is_other else ""
+    return max(length, key=lambda use: length[use])
 
 
 def paired(lines: Sequence[BaseGeometry]) -> NDArray[np.bool_]:

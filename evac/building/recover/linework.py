@@ -280,7 +280,8 @@ def door_sides(doors: FloatArray, floor: BaseGeometry) -> IndexArray:
     """Return on how many sides (k,) of doors there are rooms; 0 for a door inside a room or across a wall."""
     found = []
     for ends in doors.reshape(-1, 2, 2):
-        near = floor.intersection(shapely.LineString(ends).buffer(3.0 * DOOR_REACH + 1.0, cap_style="square"))
+        reach = shapely.LineString(ends).buffer(3.0 * DOOR_REACH + 1.0, cap_style="square")
+        near = flat_parts(floor.intersection(reach))
         try:
             segment, _ = placed(near, ends, DOOR_REACH)
         except ValueError:
