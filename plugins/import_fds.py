@@ -1,8 +1,9 @@
 """Importer of FDS decks: the floor of each storey from meshes, obstructions and holes, and exits of FDS+Evac."""
 
+import itertools
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,10 @@ from evac.building.plan.plan import Plan
 SECTIONS, CLEAR = (0.3, 1.0, 1.7), 1.8
 #: Greatest thickness of a slab [m], least area of a storey [m2], and heights that are one storey [m].
 THICKEST_SLAB, LEAST_FLOOR, SAME = 0.6, 4.0, 0.3
+#: Least thickness of an obstruction [m]: those without a thickness are walls too.
+THINNEST = 0.05
+#: Groups of FDS+Evac and of complex geometry that are not read.
+LEFT_OUT = ("CORR", "STRS", "ENTR", "EVSS", "GEOM")
 #: Depth of the ground outside of an exit [m]; least area of a part of the ground [m2].
 OUTSIDE, LEAST_PART = 0.1, 0.5
 
@@ -37,18 +42,25 @@ class FdsImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read the deck; raise ValueError if it has no mesh."""
-        lines = [*_namelists(path.read_text(encoding="utf-8", errors="replace"))]
+        text = path.read_text(encoding="utf-8", errors="replace")
+        lines = _repeated([*_namelists(text)])
         of = {group: [one for one in lines if one.group == group and one.box is not None] for group in GROUPS}
         meshes = [one for one in of["MESH"] if "EVAC" not in one.text]
         if not meshes:
             raise ValueError("the deck has no &MESH with XB")
         plan = Plan(path)
         for one in lines:
-            if "MULT_ID" in one.text or one.group in ("CORR", "GEOM", "STRS"):
-                what = f"&{one.group} {one.name} (line {one.number})"
-                plan.note(
-                    "left out", f"{what} is not read: " + ("repeated lines" if "MULT_ID" in one.text else "links")
-                )
+            if one.group in LEFT_OUT or "MULT_ID" in one.text:
+                why = "its &MULT is missing" if "MULT_ID" in one.text else "draw it in building.plan.toml"
+                plan.note("left out", f"&{one.group} {one.name} (line {one.number}) is not read; {why}")
+            elif (
+                one.group == "VENT"
+                and one.box is None
+                and re.search(r"MB\s*=\s*.[XY](MIN|MAX)", one.text)
+                and "OPEN" in one.text
+            ):
+                side = "the ground up to there is read, although it may be outside of the building"
+                plan.note("warning", f"the meshes are open at a side (&VENT, line {one.number}): {side}")
         storeys = [(z, floor) for z, floor in _floors(meshes, of["OBST"], of["HOLE"]) if floor.area >= self.least]
         if not storeys:
             raise ValueError(f"nowhere in the meshes are there {self.least:g} m2 of floor with {CLEAR:g} m above it")
@@ -131,30 +143,76 @@ class Line:
 
 #: Groups that are read.
 GROUPS = ("MESH", "OBST", "HOLE", "VENT", "EXIT", "DOOR", "EVAC")
+#: Numbers of a namelist, such as 1.5 and 2E-3.
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[ED][-+]?\d+)?"
+#: Most copies of a line that is repeated.
+MOST_COPIES = 100_000
 
 
 def _namelists(text: str) -> Iterator[Line]:
-    """Yield the namelists of a deck; quoted texts may contain slashes."""
-    for found in re.finditer(r"(?m)^\s*&(\w{4})\b((?:'[^']*'|\"[^\"]*\"|[^'\"/])*)/", text):
+    """Yield the namelists of a deck up to &TAIL; quoted texts may contain slashes."""
+    text = re.split(r"(?im)^\s*&TAIL\b", text)[0]
+    closed = {
+        found.start(): found for found in re.finditer(r"(?m)^\s*&(\w{4})\b((?:'[^']*'|\"[^\"]*\"|[^'\"/&])*)/", text)
+    }
+    for start in re.finditer(r"(?m)^\s*&(\w{4})\b", text):
+        number = text.count("\n", 0, start.start(1)) + 1
+        found = closed.get(start.start())
+        if found is None:
+            raise ValueError(f"line {number}: &{start[1].upper()} is not closed by a slash")
         own = found[2].upper()
-        number = text.count("\n", 0, found.start(1)) + 1
-        name = re.search(r"\bID\s*=\s*['\"]([^'\"]*)", found[2])
-        given = re.search(r"\bXB\s*=\s*([-+\d.EDed\s,*]+)", own)
-        box = None
-        if given:
-            numbers = [
-                float(word.replace("D", "E")) for word in re.findall(r"[-+]?[\d.]+(?:[ED][-+]?\d+)?", given[1])[:6]
-            ]
-            if len(numbers) != 6 or not np.isfinite(numbers).all():
-                raise ValueError(f"line {number}: XB of &{found[1].upper()} must be six numbers")
-            box = np.sort(np.reshape(numbers, (3, 2)), axis=1).ravel()
+        name = re.search(r"(?i)\bID\s*=\s*['\"]([^'\"]*)", found[2])
+        numbers = _numbers(own, "XB")
+        if numbers and (len(numbers) != 6 or not np.isfinite(numbers).all()):
+            raise ValueError(f"line {number}: XB of &{found[1].upper()} must be six numbers")
+        box = np.sort(np.reshape(numbers, (3, 2)), axis=1).ravel() if numbers else None
         yield Line(found[1].upper(), own, number, name[1] if name else found[1].lower(), box)
+
+
+def _numbers(text: str, key: str) -> list[float]:
+    """Return the numbers that a key of a namelist has; none without it."""
+    found = re.search(rf"(?<![A-Z_]){key}\s*=((?:[\s,]*{NUMBER}(?![\w(]))*)", text)
+    return [float(word.replace("D", "E")) for word in re.findall(NUMBER, found[1])] if found else []
+
+
+def _repeated(lines: list[Line]) -> list[Line]:
+    """Return namelists of which those with a MULT_ID are replaced by their copies."""
+    by_name = {one.name: one for one in lines if one.group == "MULT"}
+    found = []
+    for one in lines:
+        given = re.search(r"MULT_ID\s*=\s*['\"]([^'\"]*)", one.text)
+        mult = next((by_name[name] for name in by_name if given and name.upper() == given[1]), None)
+        if mult is None or one.box is None:
+            found.append(one)
+            continue
+        first = {key: (_numbers(mult.text, key) or [0.0])[0] for key in ("DX0", "DY0", "DZ0", "DX", "DY", "DZ")}
+        spread = np.array((_numbers(mult.text, "DXB") + [0.0] * 6)[:6])
+        spans = []
+        for axis, letter in zip("IJK", "XYZ", strict=True):
+            low = (_numbers(mult.text, f"{axis}_LOWER") or [0.0])[0]
+            high = (_numbers(mult.text, f"{axis}_UPPER") or [low])[0]
+            spans.append([first[f"D{letter}0"] + k * first[f"D{letter}"] for k in range(int(low), int(high) + 1)])
+        shifts = [np.repeat(step, 2) for step in itertools.product(*spans)]
+        count = [int((_numbers(mult.text, f"N_{end}") or [0.0])[0]) for end in ("LOWER", "UPPER")]
+        if spread.any() or count[1]:
+            step = spread if spread.any() else np.repeat([first["DX"], first["DY"], first["DZ"]], 2)
+            shifts = [
+                np.repeat([first["DX0"], first["DY0"], first["DZ0"]], 2) + k * step
+                for k in range(count[0], count[1] + 1)
+            ]
+        if len(found) + len(shifts) > MOST_COPIES:
+            raise ValueError(f"line {mult.number}: &MULT {mult.name} makes more than {MOST_COPIES} lines")
+        text = one.text.replace(given[0], "")
+        found += [replace(one, text=text, box=one.box + shift) for shift in shifts]
+    return found
 
 
 def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> Iterator[tuple[float, BaseGeometry]]:
     """Yield the height and the ground of each storey, the lowest first."""
     domain = np.array([one.box for one in meshes])
     boxes = np.array([one.box for one in obstructions]).reshape(-1, 6)
+    sides = boxes.reshape(-1, 3, 2)[:, :2]
+    sides += np.clip(THINNEST - np.ptp(sides, axis=2), 0.0, None)[:, :, None] / 2 * [-1.0, 1.0]
     slabs = boxes[
         (boxes[:, 5] - boxes[:, 4] <= THICKEST_SLAB)
         & (np.ptp(boxes.reshape(-1, 3, 2)[:, :2], axis=2).min(axis=1) > 1.0)

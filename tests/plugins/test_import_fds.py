@@ -49,10 +49,40 @@ def test_open_vents_are_offered_as_exits(tmp_path):
     assert len(made.building.exits) == 3
 
 
+def test_repeated_lines_thin_walls_and_other_ways_of_writing(tmp_path):
+    (tmp_path / "a.fds").write_text("""! two meshes side by side, as copies of one
+&mult id='row' dx=5.0, i_upper=1 /
+&MESH ID='m/1', IJK=50,40,30
+      XB = 0 5. 0.0,8.0
+           .0,3.0E0, MULT_ID='Row' / a comment with & in it
+!&OBST XB=0.0,10.0,0.0,8.0,0.0,3.0 /
+&MULT ID='columns', DXB=2.0,2.0,0.0,0.0,0.0,0.0, N_LOWER=0, N_UPPER=2 /
+&obst xb=1.0,1.5,1.0,1.5,0,3, mult_id='columns' /
+&OBST XB=5.0,5.0,0.0,8.0,0.0,3.0 / a wall without a thickness
+&HOLE XB=4.9,5.1,3.0,4.0,0.0,2.1 /
+&EXIT ID='out', IOR=1, XB=10.0,10.0,3.0,4.0,0.0,2.0 /
+&STRS ID='up', XB=0,1,0,1,0,3 /
+&TAIL /
+&OBST XB=0.0,10.0,0.0,8.0,0.0,3.0 /
+""")
+    building = read_building(tmp_path / "a.fds")
+    assert [level.polygon.area for level in building.levels] == [pytest.approx(80.0 - 3 * 0.25 - 0.05 * 7.0, rel=1e-3)]
+    assert len([one for one in building.findings if "&STRS up (line 12)" in one.text]) == 1
+
+
+def test_an_open_side_of_the_meshes_is_told(tmp_path):
+    (tmp_path / "a.fds").write_text(DECK)
+    told = [one.text for one in read_building(tmp_path / "a.fds").findings if one.kind == "warning"]
+    assert len([text for text in told if "open at a side (&VENT, line 9)" in text]) == 1
+
+
 @pytest.mark.parametrize(
     ("deck", "message"),
-    [("&HEAD CHID='a' /\n", "no &MESH"), ("&MESH IJK=1,1,1, XB=0,1,0,1,0 /\n", "line 1: XB"),
-     ("&MESH IJK=1,1,1, XB=0,1,0,1,0,1 /\n", "m2 of floor")],
+    [("&HEAD CHID='a' /\n", "no &MESH"),
+     ("&MESH IJK=1,1,1, XB=0,1,0,1,0 /\n", "line 1: XB"),
+     ("&MESH IJK=1,1,1, XB=0,1,0,1,0,1 /\n", "m2 of floor"),
+     ("&MESH XB=0,9,0,9,0,3\n&OBST XB=0,1,0,1,0,3 /\n", "line 1: &MESH is not closed"),
+     ("&MULT ID='m', I_UPPER=999999 /\n&MESH XB=0,9,0,9,0,3, MULT_ID='m' /\n", "line 1: &MULT m makes more")],
 )  # fmt: skip
 def test_a_deck_without_floors_is_refused(tmp_path, deck, message):
     (tmp_path / "a.fds").write_text(deck)
