@@ -80,7 +80,10 @@ class GeojsonImporter(Importer):
             plan.note("found", f"an indoor map of {profile}")
             own = [{**_properties(item), **_labels(item)} for item in objects]
             shapes = [one.shape for one in features]
-            self._add_map(plan, *read_map(profile, [*zip(own, shapes, strict=True)]))
+            storeys, steps, nowhere = read_map(profile, [*zip(own, shapes, strict=True)])
+            for text, shape in nowhere:
+                plan.note("left out", text, place=place_of(shape))
+            self._add_map(plan, storeys, steps)
         else:
             self._add_storeys(plan, features)
         return plan

@@ -67,6 +67,24 @@ def test_imdf(tmp_path, is_archive):
     assert any("機械室" in area.name for area in made.building.areas)
 
 
+def test_units_of_stairs_above_each_other_are_a_stair(tmp_path):
+    features = []
+    for ordinal, level in ((0, "g"), (1, "h")):
+        features += [
+            feature(box(0, 0, 9, 9), id=level, feature_type="level", ordinal=ordinal, name={"en": f"L{ordinal}"}),
+            feature(box(0, 0, 3, 9), id=f"{level}1", feature_type="unit", category="walkway", level_id=level),
+            feature(box(8, 0, 12, 9), id=f"{level}2", feature_type="unit", category="walkway", level_id=level),
+            feature(box(3, 4, 8, 5.5), id=f"{level}3", feature_type="unit", category="stairs", level_id=level),
+        ]
+    features.append(feature(LineString([(0, 1), (0, 2)]), id="o", feature_type="opening", level_id="g"))
+    (tmp_path / "a.geojson").write_text(collection(*features))
+    building = read_building(tmp_path / "a.geojson", need_exit=False)
+    assert [sorted({portal.width for portal in building.portals}), len(building.stairs)] == [
+        [pytest.approx(1.5, abs=0.01)],
+        1,
+    ]
+
+
 def osm(*, door="yes"):
     return collection(
         feature(box(0, 0, 30, 4), indoor="corridor", level="0;1"),
@@ -91,6 +109,31 @@ def test_openstreetmap_with_stairs_and_doors(tmp_path):
     assert [(way.name, way.width) for way in building.exits] == [("0 door 2", pytest.approx(1.0))]
     assert len(building.levels) == 3
     assert ground(building, "0") == pytest.approx(30 * 4 + 60 - 6 * 1.2 - 0.5, rel=0.03)
+
+
+def test_levels_as_ranges_with_a_stair_through_all_of_them(tmp_path):
+    features = [
+        feature(box(0, 0, 30, 10), indoor="corridor", level="0", repeat_on="1-2"),
+        feature(box(0, 10, 10, 20), indoor="room", level="1.0"),
+        feature(box(10, 10, 20, 20), indoor="room", name="attic"),
+        feature(box(4, 4, 10, 6), indoor="area", stairs="yes", level="0-2"),
+        feature(LineString([(0, 1), (0, 2)]), entrance="main"),
+        feature(Point(3, 3), door="yes", level="9"),
+    ]
+    (tmp_path / "a.geojson").write_text(collection(*features))
+    made = import_building([tmp_path / "a.geojson"], tmp_path / "case", people=9)
+    assert (made.fault, made.missing, len(made.building.stairs)) == ("", (), 2)
+    assert sorted({level.z_min for level in made.building.levels if level.kind == "floor"}) == [0.0, 3.0, 6.0]
+    left_out = [one.text for one in made.findings if one.kind == "left out"]
+    assert [text for text in left_out if "'attic' without a level" in text or "on level '9'" in text] == left_out
+    assert len(left_out) == 2
+
+
+@pytest.mark.parametrize("level", ["0-999999999", "999999999999--1"])
+def test_absurd_levels_are_refused(tmp_path, level):
+    (tmp_path / "a.geojson").write_text(collection(feature(box(0, 0, 9, 9), indoor="room", level=level)))
+    with pytest.raises(BuildingError, match="more than 300"):
+        read_building(tmp_path / "a.geojson")
 
 
 def test_without_doors_rooms_that_touch_are_open_to_each_other(tmp_path):

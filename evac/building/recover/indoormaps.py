@@ -1,5 +1,7 @@
 """Indoor maps as GeoJSON: what the features of IMDF, of OpenStreetMap and of wrld3d are."""
 
+import itertools
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,10 +17,14 @@ from evac.base.arrays import FloatArray
 CLOSED = frozenset(("opentobelow", "structure", "column", "elevator", "shaft", "vegetation", "wall", "void", "parking"))
 #: Categories and values of ways that are open to each other without doors.
 WAYS = frozenset(("walkway", "corridor", "area", "lobby", "foyer", "unenclosedarea", "ramp", "stairs", "steps"))
+#: Categories of units of IMDF that are stairs.
+STAIRS = ("stairs", "steps")
 #: Width of doors without a width, of stairs without one [m], and the farthest that a door may be from its wall [m].
 DOOR_WIDTH, STAIR_WIDTH, NEAR = 1.0, 1.5, 1.0
 #: Longest name of a level that is not an identifier.
 LONGEST_NAME = 30
+#: Most levels of one feature.
+MOST_LEVELS = 300
 #: Properties by which the profiles are known.
 PROFILES = {
     "IMDF": ("level_id", "ordinal"),
@@ -57,8 +63,8 @@ def profile_of(names: set[str]) -> str:
 
 def read_map(
     profile: str, features: Sequence[tuple[Mapping[str, Any], BaseGeometry]]
-) -> tuple[list[Storey], list[Steps]]:
-    """Return the storeys of an indoor map, the lowest first, and its stairs.
+) -> tuple[list[Storey], list[Steps], list[tuple[str, BaseGeometry]]]:
+    """Return the storeys of an indoor map, the lowest first, its stairs, and what is on no storey: text and shape.
 
     Parameters
     ----------
@@ -68,29 +74,46 @@ def read_map(
     """
     levels: dict[str, Storey] = {}
     steps: list[Steps] = []
+    nowhere: list[tuple[str, BaseGeometry]] = []
+    shafts: list[tuple[Mapping[str, Any], BaseGeometry, Storey]] = []
     names: dict[str, tuple[str, float]] = {}
     for own, _ in features:
         if "ordinal" in own:
             names[str(own.get("id"))] = (
                 _text(own.get("name")) or f"level {own['ordinal']}",
-                float(own["ordinal"] or 0),
+                _number(own["ordinal"], 0.0),
             )
     for own, shape in features:
         what = _category(profile, own)
         on = _levels(own, names) if profile != "wrld3d" else ["floor"]
-        if not what or not on:
+        if not what:
             continue
+        if not on:
+            nowhere.append((f"{what} {_text(own.get('name'))!r} without a level", shape))
         for name in on:
             label, order = names.get(name, (name, _number(name, float(len(levels)))))
             label = f"level {len(levels)}" if len(label) > LONGEST_NAME else label
             levels.setdefault(name, Storey(label, order))
         if what == "steps" and len(on) > 1:
-            steps.append(_steps(own, shape, on, levels))
+            steps += _steps(own, shape, sorted((levels[name] for name in on), key=lambda one: one.order))
             if shape.geom_type == "LineString":
                 continue
+        if profile == "IMDF" and own.get("category") in STAIRS:
+            shafts.append((own, shape, levels[on[0]]))
         for name in on:
             _add(levels[name], what, _text(own.get("name")), shape, _number(own.get("width"), DOOR_WIDTH))
-    return sorted((one for one in levels.values() if one.rooms or one.ways), key=lambda one: one.order), steps
+    empty = [one for one in levels.values() if not (one.rooms or one.ways)]
+    nowhere += [
+        (f"door {name!r} on level {one.name!r}, which has no room", at) for one in empty for name, at, _ in one.doors
+    ]
+    storeys = sorted((one for one in levels.values() if one not in empty), key=lambda one: one.order)
+    above = dict(zip([one.name for one in storeys], storeys[1:], strict=False))
+    for given, shape, low in shafts:  # a unit on each level: the one above belongs to the same stair
+        for _, other, up in shafts:
+            if above.get(low.name) is up and shape.intersection(other).area > 0.5 * shape.area:
+                steps += _steps(given, shape, [low, up])
+    own = {one.name for one in storeys}
+    return storeys, [one for one in steps if own.issuperset(one.levels)], nowhere
 
 
 def _category(profile: str, own: Mapping[str, Any]) -> str:
@@ -129,16 +152,16 @@ def _add(storey: Storey, what: str, name: str, shape: BaseGeometry, width: float
         storey.ways.append(shape)
 
 
-def _steps(own: Mapping[str, Any], shape: BaseGeometry, on: list[str], levels: Mapping[str, Storey]) -> Steps:
-    """Return the stair of a line, or of a polygon along its longer axis."""
-    low, high = sorted((levels[on[0]], levels[on[-1]]), key=lambda one: one.order)
+def _steps(own: Mapping[str, Any], shape: BaseGeometry, on: Sequence[Storey]) -> list[Steps]:
+    """Return the stairs of a line, or of a polygon along its longer axis, one from each level to the next."""
     is_line = shape.geom_type == "LineString"
     line = shape if is_line else _axis(shape)
     given = _number(own.get("width"), 0.0)
     width = given or (STAIR_WIDTH if is_line else shape.area / max(line.length, 1e-9))
     if own.get("incline") == "down":
         line = line.reverse()
-    return Steps(_text(own.get("name")) or "stair", (low.name, high.name), line, width, "incline" in own)
+    name = _text(own.get("name")) or "stair"
+    return [Steps(name, (low.name, up.name), line, width, "incline" in own) for low, up in itertools.pairwise(on)]
 
 
 def _axis(shape: BaseGeometry) -> BaseGeometry:
@@ -197,10 +220,18 @@ def _levels(own: Mapping[str, Any], names: Mapping[str, Any]) -> list[str]:
     if "level_id" in own:
         return [str(own["level_id"])]
     text = str(own.get("level") if own.get("level") is not None else "0" if own.get("entrance") else "")
-    span = re.fullmatch(r"(-?\d+)-(-?\d+)", text)
-    if span:
-        return [str(number) for number in range(int(span[1]), int(span[2]) + 1)]
-    return [part.strip() for part in text.split(";") if part.strip()]
+    found: list[str] = []
+    for part in re.split(r"\s*[;,]\s*", f"{text};{own.get('repeat_on') or ''}".strip()):
+        span = re.fullmatch(r"(-?\d+)\s*-\s*(-?\d+)", part)
+        if span and abs(int(span[2]) - int(span[1])) > MOST_LEVELS:
+            raise ValueError(f"a feature is on the levels {part}, more than {MOST_LEVELS}")
+        if span:
+            low, high = sorted((int(span[1]), int(span[2])))
+            found += [str(number) for number in range(low, high + 1)]
+        elif part:
+            number = _number(part, math.inf)
+            found.append(part if number == math.inf else f"{number:g}")
+    return list(dict.fromkeys(found))
 
 
 def _text(value: Any) -> str:
@@ -212,6 +243,7 @@ def _text(value: Any) -> str:
 
 def _number(value: Any, default: float) -> float:
     try:
-        return float(str(value))
+        number = float(str(value))
     except ValueError:
         return default
+    return number if math.isfinite(number) else default
