@@ -218,8 +218,9 @@ class DxfImporter(Importer):
         grounds = plans_of([one.line for one in drawn if one.use in ("walls", "windows", "doors")])
         numbers = [*range(1, len(grounds) + 1)]
         if self.plan:
-            chosen = [int(word) for word in re.findall(r"\d+", self.plan)]
-            if not chosen or not set(chosen) <= set(numbers):
+            words = re.split(r"\s*,\s*", self.plan.strip())
+            chosen = [int(word) for word in words if word.isdecimal()]
+            if len(words) > len({*chosen} & {*numbers}):
                 raise ValueError(f"plan = {self.plan!r}: the drawing has {len(grounds)} plans; give numbers, as in 1,2")
             numbers = chosen
         if len(grounds) > 1:

@@ -3,6 +3,7 @@
 import json
 import random
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 from evac import Plan
@@ -11,6 +12,9 @@ from evac.importing.edits import plan_text
 from tests.attacks.commands import call
 from tests.attacks.models import CHANGES, FOREIGN, made_model
 from tests.attacks.seeded import Case, in_turn
+from tests.building.test_indoormaps import osm
+from tests.plugins.test_drawings import double_lines
+from tests.plugins.test_import_fds import DECK
 
 #: Changes of every format, and of building models alone.
 EVERY = ("cut", "garbled", "lines", "numbers", "jitter")
@@ -60,6 +64,14 @@ def _text(name: str) -> str:
         return OBJECT
     if name == "made.geojson":
         return _features()
+    if name == "indoor.geojson":
+        return osm()
+    if name == "made.fds":
+        return DECK
+    if name == "made.dxf":
+        drawing = StringIO()
+        double_lines("mm", None, "A-WALL", "A-DOOR").document.write(drawing)
+        return drawing.getvalue()
     return plan_text(table_of(_plan()))
 
 
@@ -100,6 +112,9 @@ FILES = (
     "made.obj",
     "made.geojson",
     "made.plan.toml",
+    "indoor.geojson",
+    "made.fds",
+    "made.dxf",
     *(name for name in OTHERS if (FOREIGN / name).is_file()),
 )
 KINDS = [f"{change} {name}" for name in FILES for change in (CHANGES if name == "made.ifc" else EVERY)]

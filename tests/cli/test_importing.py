@@ -66,6 +66,36 @@ def test_wrong_arguments_are_named(evac, room, words, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.fixture
+def two_plans(tmp_path):
+    """A drawing of two rooms side by side, of which the second one is larger."""
+    drawing = pytest.importorskip("ezdxf").new()
+    for x, width in ((0, 6), (20, 9)):
+        corners = [(x, 1), (x, 0), (x + width, 0), (x + width, 4), (x, 4), (x, 2)]
+        drawing.modelspace().add_lwpolyline(corners, dxfattribs={"layer": "walls"})
+    drawing.saveas(tmp_path / "plans.dxf")
+
+
+@pytest.mark.parametrize(
+    ("plan", "floors"), [("1", "1, 24.0 m2"), ("2", "1, 36.0 m2"), ("2,1", "2, 60.0 m2"), (None, "2, 60.0 m2")]
+)
+def test_plans_of_a_drawing_are_chosen(evac, two_plans, plan, floors, capsys):
+    words = [] if plan is None else ["--plan", plan]
+    assert evac("import", "plans.dxf", "--out", "case", "--exit", "1", "--partial", *words) == 0
+    assert floors in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("plan", ["3", "0", "1,1", "-1", "1.2", "one", "1,"])
+def test_plans_that_a_drawing_does_not_have_are_refused(evac, two_plans, plan, capsys):
+    assert evac("import", "plans.dxf", "--out", "case", f"--plan={plan}") == 2
+    assert "the drawing has 2 plans" in capsys.readouterr().err
+
+
+def test_other_files_have_no_plans_to_choose(evac, room, capsys):
+    assert evac("import", room, "--out", "case", "--plan", "1") == 2
+    assert "'plan'" in capsys.readouterr().err
+
+
 def test_a_new_case_runs_at_once_and_is_not_overwritten(evac, capsys, tmp_path):
     assert evac("new", "mine") == 0
     assert evac("check", "mine") == 0
