@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evac.analysis.grid import Grid
 from evac.analysis.maps import KERNEL_RADIUS, SPACING
+from evac.analysis.measures import records
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building, Exit, Level, Portal
@@ -108,54 +109,83 @@ def find_congestion(
     --------
     >>> find_congestion(evac.read_trajectory("school-result"), 4.0, 10.0).places  # doctest: +SKIP
     """
-    if not 0.0 < density < math.inf:
-        raise ResultError(f"the density of congestion must be greater than 0, got {density!r}")
-    if least_time is not None and not 0.0 <= least_time < math.inf:
-        raise ResultError(f"the time of congestion must be at least 0, got {least_time!r}")
-    if not len(trajectory):
-        raise ResultError(f"{trajectory.path}: no frame was recorded; the run ended before its first output")
-    time = trajectory.time
-    if least_time is None:
-        least_time = SHARE * float(time[-1] - time[0])
-    building = trajectory.building
-    grids = [_Exceeding(Grid(level, spacing, KERNEL_RADIUS), density) for level in building.levels]
-    spans = np.append(np.diff(time), 0.0)
-    for k, span in enumerate(spans.tolist()):
-        frame = trajectory[k]
-        for level in building.levels:
-            grids[level.index].add(frame["position"][frame["level"] == level.index], frame["time"], span)
-    places = [place for level in building.levels for place in grids[level.index].places(building, level, least_time)]
-    return Congestion(
-        density=density,
-        least_time=least_time,
-        places=tuple(sorted(places, key=lambda place: -place.duration)),
-        longest=max(float(grid.total.max()) for grid in grids),
-        greatest_density=max(float(grid.greatest.max()) for grid in grids),
-    )
+    watched = Exceedance(trajectory, density, spacing)
+    for part in records(trajectory):
+        for level in trajectory.building.levels:
+            here = part.on(level.index)
+            for frames, densities in watched.grids[level.index].densities(here.frame, here.position):
+                watched.add(level.index, frames, densities)
+    return watched.congestion(least_time)
+
+
+class Exceedance:
+    """Where densities exceed a threshold: `add` may watch the densities of `evac.analysis.maps.level_maps`.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    density : float [1/m2]
+    spacing : float [m]
+
+    Raises
+    ------
+    ResultError
+        The density is not positive, or no frame was recorded.
+    """
+
+    def __init__(self, trajectory: Trajectory, density: float = DENSITY, spacing: float = SPACING) -> None:
+        if not 0.0 < density < math.inf:
+            raise ResultError(f"the density of congestion must be greater than 0, got {density!r}")
+        if not len(trajectory):
+            raise ResultError(f"{trajectory.path}: no frame was recorded; the run ended before its first output")
+        self._building, self._density, self._time = trajectory.building, density, trajectory.time
+        self.grids = [Grid(level, spacing, KERNEL_RADIUS) for level in self._building.levels]
+        self._levels = [_Exceeding(grid, density, trajectory.time) for grid in self.grids]
+
+    def add(self, level: int, frames: NDArray[np.int64], densities: FloatArray) -> None:
+        """Add the densities (f, ny, nx) [1/m2] of a level at recorded times (f,), in order."""
+        self._levels[level].add(frames, densities)
+
+    def congestion(self, least_time: float | None = None) -> Congestion:
+        """Return the places that were congested for longer than a time [s]; see `find_congestion`."""
+        if least_time is not None and not 0.0 <= least_time < math.inf:
+            raise ResultError(f"the time of congestion must be at least 0, got {least_time!r}")
+        if least_time is None:
+            least_time = SHARE * float(self._time[-1] - self._time[0])
+        both = list(zip(self._building.levels, self._levels, strict=True))
+        places = [place for level, one in both for place in one.places(self._building, level, least_time)]
+        return Congestion(
+            density=self._density,
+            least_time=least_time,
+            places=tuple(sorted(places, key=lambda place: -place.duration)),
+            longest=max(float(one.total.max()) for one in self._levels),
+            greatest_density=max(float(one.greatest.max()) for one in self._levels),
+        )
 
 
 class _Exceeding:
     """Times for which the density in each cell of a level exceeded the threshold."""
 
-    def __init__(self, grid: Grid, density: float) -> None:
-        self.grid = grid
-        self._density = density
+    def __init__(self, grid: Grid, density: float, time: FloatArray) -> None:
+        self._grid, self._density = grid, density
+        self._time, self._end = time, np.append(time[1:], time[-1])  # a recorded time represents that until the next
         self.total, self._spell, self._longest, self.greatest = np.zeros((4, *grid.shape))
         self._first, self._last = np.full((2, *grid.shape), np.nan)
+        self._before = -1  # number of the last time at which the threshold was exceeded
 
-    def add(self, position: FloatArray, time: float, span: float) -> None:
-        """Add the people of the level at a recorded time, which represent the time `span` after it."""
-        if len(position):
-            density = self.grid.density(position)
-            np.maximum(self.greatest, density, out=self.greatest)
-            exceeded: NDArray[np.bool_] = density > self._density
-        else:
-            exceeded = np.zeros(self.grid.shape, bool)
-        self.total[exceeded] += span
-        self._spell = np.where(exceeded, self._spell + span, 0.0)
-        np.maximum(self._longest, self._spell, out=self._longest)
-        self._first[exceeded & np.isnan(self._first)] = time
-        self._last[exceeded] = time + span
+    def add(self, frames: NDArray[np.int64], densities: FloatArray) -> None:
+        np.maximum(self.greatest, densities.max(axis=0), out=self.greatest)
+        for row in np.flatnonzero((densities > self._density).any(axis=(1, 2))).tolist():
+            k, exceeded = int(frames[row]), densities[row] > self._density
+            span = self._end[k] - self._time[k]
+            self.total[exceeded] += span
+            if k > self._before + 1:
+                self._spell[:] = 0.0
+            self._before = k
+            self._spell = np.where(exceeded, self._spell + span, 0.0)
+            np.maximum(self._longest, self._spell, out=self._longest)
+            self._first[exceeded & np.isnan(self._first)] = self._time[k]
+            self._last[exceeded] = self._end[k]
 
     def places(self, building: Building, level: Level, least_time: float) -> Iterator[Place]:
         """Yield the connected places in which the threshold was exceeded for longer than the least time."""
@@ -166,13 +196,13 @@ class _Exceeding:
             inside = parts == part
             duration = float(self.total[inside].max())
             row, column = np.nonzero(inside & (self.total == duration))
-            centre = self.grid.origin + self.grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
+            centre = self._grid.origin + self._grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
             yield Place(
                 level=level.name,
                 near=_nearest(building, level, centre),
                 x=float(centre[0]),
                 y=float(centre[1]),
-                area=float(inside.sum()) * self.grid.spacing**2,
+                area=float(inside.sum()) * self._grid.spacing**2,
                 density=float(self.greatest[inside].max()),
                 start=float(np.nanmin(self._first[inside])),
                 end=float(np.nanmax(self._last[inside])),

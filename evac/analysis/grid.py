@@ -1,6 +1,7 @@
 """A grid of square cells on the floor of a level: cells covered by bodies, and densities with a Gaussian kernel."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -13,6 +14,9 @@ from evac.building.model.cells import Cells
 
 #: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].
 LEAST_SPACING, MOST_CELLS, MOST_KERNEL = 0.01, 10_000_000, 500
+
+#: Number of cells whose densities are computed together.
+MOST_TOGETHER = 1_000_000
 
 
 class Grid(Cells):
@@ -44,30 +48,56 @@ class Grid(Cells):
         # Share of the kernel around each cell that lies on the floor.
         self._kept = np.maximum(self._smooth(self.on_floor.astype(np.float64)), 0.05)
 
-    def gathered(self, position: FloatArray, values: FloatArray | None = None) -> FloatArray:
-        """Return sum_i values_i / k_i of the points in each cell, (ny, nx), for `smoothed`.
+    def gathered(self, position: FloatArray, *values: FloatArray) -> FloatArray:
+        """Return sum_i values_i / k_i of the points in each cell, (v, ny, nx), for `smoothed`.
 
         Parameters
         ----------
         position : (s, 2) [m]
-        values : (s,), optional
-            Value of each point; by default 1, which gives a density.
+        *values : (s,)
+            Of each point; 1 gives a density.
         """
         cell = self.cell(position)
-        shares = (1.0 if values is None else values) / self._kept.ravel()[cell]
-        return np.bincount(cell, shares, minlength=self._kept.size).reshape(self.shape)
+        kept = self._kept.ravel()[cell]
+        return np.array([np.bincount(cell, one / kept, minlength=self._kept.size) for one in values]).reshape(
+            -1, *self.shape
+        )
 
     def smoothed(self, gathered: FloatArray) -> FloatArray:
-        """Return sum_i values_i K(x - x_i) / k_i in every cell, (ny, nx) [unit of the values / m2]; 0 off the floor."""
+        """Return sum_i values_i K(x - x_i) / k_i [unit of the values / m2] in every cell, (..., ny, nx); 0 off it."""
         return np.where(self.on_floor, self._smooth(gathered) / self.spacing**2, 0.0)
 
-    def density(self, position: FloatArray) -> FloatArray:
-        """Return the density of people at points (s, 2) in every cell, (ny, nx) [1/m2]."""
-        return self.smoothed(self.gathered(position))
+    def densities(
+        self, frame: NDArray[np.int64], position: FloatArray
+    ) -> Iterator[tuple[NDArray[np.int64], FloatArray]]:
+        """Yield the density of people in every cell at recorded times, at some of them together.
+
+        Parameters
+        ----------
+        frame : (s,) int64
+            Number of the recorded time of each point, ascending.
+        position : (s, 2) [m]
+
+        Yields
+        ------
+        (f,) int64, (f, ny, nx) float64 [1/m2]
+            Numbers of the times at which somebody is there, and the densities.
+        """
+        frames, size = np.unique(frame), self._kept.size
+        cell = self.cell(position)
+        weight = 1.0 / self._kept.ravel()[cell]
+        together = max(1, MOST_TOGETHER // size)
+        for start in range(0, len(frames), together):
+            some = frames[start : start + together]
+            first, end = np.searchsorted(frame, [some[0], some[-1] + 1])
+            rows = np.searchsorted(some, frame[first:end]) * size + cell[first:end]
+            gathered = np.bincount(rows, weight[first:end], minlength=len(some) * size)
+            yield some, self.smoothed(gathered.reshape(-1, *self.shape))
 
     def density_at(self, position: FloatArray) -> FloatArray:
         """Return the density of people at points (s, 2) in the cell of each of them, (s,) [1/m2]."""
-        density: FloatArray = self._smooth(self.gathered(position)) / self.spacing**2
+        (gathered,) = self.gathered(position, np.ones(len(position)))
+        density: FloatArray = self._smooth(gathered) / self.spacing**2
         return density.ravel()[self.cell(position)]  # a cell that is cut by a wall may be off the floor
 
     def covered(self, position: FloatArray, radius: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -94,7 +124,8 @@ class Grid(Cells):
     def _smooth(self, values: FloatArray) -> FloatArray:
         from scipy.ndimage import gaussian_filter
 
-        smooth: FloatArray = gaussian_filter(values, self._deviation, mode="constant", truncate=3.5)
+        deviation = [0.0] * (values.ndim - 2) + [self._deviation] * 2
+        smooth: FloatArray = gaussian_filter(values, deviation, mode="constant", truncate=3.5)
         return smooth
 
 

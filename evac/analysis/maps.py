@@ -1,7 +1,7 @@
 """Maps of a run: density, speed, flow, waiting, time to clear, contact pressure and usage on a grid of each level."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.analysis.grid import Grid
-from evac.analysis.measures import FORCE_SPAN, WAITING_SPEED, Measures, Measuring
+from evac.analysis.measures import FORCE_SPAN, WAITING_SPEED, Records, records
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
 from evac.building.model.storeys import level_of
-from evac.trajectory.trajectory import Frame, Trajectory
+from evac.trajectory.trajectory import Trajectory
 
 #: Distance of grid points [m].
 SPACING = 0.2
@@ -24,6 +24,10 @@ KERNEL_RADIUS = 0.7
 
 #: Least kernel density, averaged over time, for a mean speed [1/m2].
 FEWEST = 1e-3
+
+
+#: Gets the densities of a level at recorded times.
+Watch = Callable[[int, NDArray[np.int64], FloatArray], None]
 
 
 class Quantity(NamedTuple):
@@ -159,6 +163,7 @@ def level_maps(
     waiting_speed: float = WAITING_SPEED,
     start: float | None = None,
     end: float | None = None,
+    watch: Watch | None = None,
 ) -> Mapping[str, LevelMaps]:
     """Compute the maps of levels.
 
@@ -176,6 +181,8 @@ def level_maps(
     start, end : float [s], optional
         Use only the recorded times from `start` to `end`. With a single recorded time, maps of density, speed and flow
         are those at that time.
+    watch : callable, optional
+        Gets the index of a level, numbers of recorded times (f,) and the densities then, (f, ny, nx) [1/m2].
 
     Returns
     -------
@@ -204,125 +211,113 @@ def level_maps(
         recorded = f"{trajectory.time[0]:g} to {trajectory.time[-1]:g} s" if len(trajectory) else "nothing"
         raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded: {recorded}")
     time = trajectory.time[rows]
-    sums = {level.index: _Sums(Grid(level, spacing, kernel_radius)) for level in chosen}
-    measuring = Measuring(trajectory.number_of_people, waiting_speed)
-    for now, after, share in _steps(trajectory, rows.astype(np.int32)):
-        found = measuring.add(now["time"], now["person"], now["speed"], now["started"], now["contact_force"])
-        for index, total in sums.items():
-            total.add_people(now, index, share, found)
-            total.add_bodies(now, after, index, trajectory.radius, found.contact_force)
-    return {level.name: sums[level.index].maps(level, time) for level in chosen}
+    sums = [_Sums(Grid(level, spacing, kernel_radius), level, time, trajectory.radius, watch) for level in chosen]
+    for part in records(trajectory, rows.astype(np.int32), waiting_speed):
+        for total in sums:
+            total.add(part.on(total.level.index))
+    return {total.level.name: total.maps() for total in sums}
 
 
-def _steps(trajectory: Trajectory, rows: IntArray) -> Iterator[tuple[Frame, Frame | None, float]]:
-    """Yield each frame, the next one or None, and its weight in means over time."""
-    time = trajectory.time[rows]
-    shares = np.ones(1)
-    if time[-1] > time[0]:
-        edges = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
-        shares = np.diff(edges) / (time[-1] - time[0])
-    after: Frame | None = None
-    later = (trajectory[row] for row in rows.tolist())
-    now = next(later)
-    for share in shares.tolist():
-        after = next(later, None)
-        yield now, after, share
-        now = after if after is not None else now
+def _shares(time: FloatArray) -> FloatArray:
+    """Return the weight of each recorded time in means over time."""
+    if time[-1] == time[0]:
+        return np.ones(len(time))
+    edges = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
+    return np.diff(edges) / (time[-1] - time[0])
 
 
 class _Sums:
-    """Sums over the frames for the maps of one level."""
+    """Sums over the recorded times for the maps of one level."""
 
-    def __init__(self, grid: Grid) -> None:
-        self.grid = grid
-        cells = grid.shape[0] * grid.shape[1]
-        # All except the greatest density are linear in people, and are smoothed once at the end.
-        self.density, self.started, self.max_density, self.speed, self.waiting = np.zeros((5, *grid.shape))
-        self.flow = np.zeros((2, *grid.shape))
-        self.last = np.full(cells, np.nan)
-        self.pressure = np.zeros(cells)
-        self.visits = np.zeros(0, np.int64)  # sorted person * cells + cell of all visits
+    def __init__(self, grid: Grid, level: Level, time: FloatArray, radius: FloatArray, watch: Watch | None) -> None:
+        self.level = level
+        self._grid, self._time, self._radius, self._watch = grid, time, radius, watch
+        self._share = _shares(time)
+        # All except the greatest density are linear in people, and are smoothed once at the end: density, that of
+        # people who have started and their speed, flow along x and y, waiting.
+        self._linear = np.zeros((6, *grid.shape))
+        self._max_density = np.zeros(grid.shape)
+        self._last = np.full(grid.on_floor.size, -np.inf)
+        self._pressure = np.zeros(grid.on_floor.size)
+        self._visits = np.zeros(0, np.int64)  # sorted person * cells + cell of all visits
         self._new_visits: list[NDArray[np.int64]] = []
         self._new = 0  # number of visits that are not merged
 
-    def add_people(self, frame: Frame, level: int, share: float, found: Measures) -> None:
-        """Add one frame to the maps of densities."""
-        here = frame["level"] == level
-        if not here.any():
+    def add(self, here: Records) -> None:
+        """Add the people on the level at some recorded times."""
+        if not len(here.frame):
             return
-        gathered = self.grid.gathered
-        position, started = frame["position"][here], found.started[here]
-        density = gathered(position)
-        np.maximum(self.max_density, self.grid.smoothed(density), out=self.max_density)
-        self.density += share * density
-        self.started += share * gathered(position[started])
-        self.speed += share * gathered(position[started], found.speed[here][started])
-        for axis in range(2):
-            self.flow[axis] += share * gathered(position, frame["velocity"][here, axis])
-        self.waiting += gathered(position, found.waits[here])
+        share = self._share[here.frame]
+        walking = share * here.started
+        flow = share * here.velocity.T
+        self._linear += self._grid.gathered(here.position, share, walking, walking * here.speed, *flow, here.waits)
+        for frames, densities in self._grid.densities(here.frame, here.position):
+            np.maximum(self._max_density, densities.max(axis=0), out=self._max_density)
+            if self._watch is not None:
+                self._watch(self.level.index, frames, densities)
+        body, cell = self._grid.covered(here.position, self._radius[here.person])
+        pressure = here.contact_force / (2.0 * np.pi * self._radius[here.person])
+        np.maximum.at(self._pressure, cell, pressure[body])
+        time = np.append(self._time[:-1], np.inf)[here.frame]
+        self._visit(here.person[body], cell, time[body])
+        self._add_ways(here)
 
-    def add_bodies(
-        self, now: Frame, after: Frame | None, level: int, radius: FloatArray, contact_force: FloatArray
-    ) -> None:
-        """Add the cells covered by the bodies in one frame and between it and the next one."""
-        here = np.flatnonzero(now["level"] == level)
-        if not here.size:
+    def _add_ways(self, here: Records) -> None:
+        """Add the cells that bodies covered between recorded times, in equal parts of at most a cell."""
+        rows = np.flatnonzero(np.isfinite(here.after[:, 0]))
+        if not rows.size:
             return
-        person, position = now["person"][here], now["position"][here]
-        body, cell = self.grid.covered(position, radius[person])
-        pressure = contact_force[here] / (2.0 * np.pi * radius[person])
-        np.maximum.at(self.pressure, cell, pressure[body])
-        self._visit(person[body], cell, np.inf if after is None else now["time"])
-        if after is None:
-            return
-        stays, first, second = np.intersect1d(
-            person, after["person"][after["level"] == level], assume_unique=True, return_indices=True
-        )
-        if not stays.size:
-            return
-        source, target = position[first], after["position"][after["level"] == level][second]
-        parts = math.ceil(float(np.linalg.norm(target - source, axis=1).max()) / self.grid.spacing)
-        for part in range(1, parts):
-            between = source + (part / parts) * (target - source)
-            body, cell = self.grid.covered(between, radius[stays])
-            self._visit(stays[body], cell, now["time"] + (part / parts) * (after["time"] - now["time"]))
+        frame, person, start = here.frame[rows], here.person[rows], here.position[rows]
+        way = here.after[rows] - start
+        longest = np.zeros(len(self._time))
+        np.maximum.at(longest, frame, np.linalg.norm(way, axis=1))
+        parts = np.ceil(longest / self._grid.spacing)[frame]
+        span = np.diff(self._time, append=np.inf)[frame]
+        for part in range(1, int(parts.max())):
+            moves = np.flatnonzero(parts > part)
+            share = part / parts[moves]
+            body, cell = self._grid.covered(start[moves] + share[:, None] * way[moves], self._radius[person[moves]])
+            time = self._time[frame[moves]] + share * span[moves]
+            self._visit(person[moves][body], cell, time[body])
 
-    def _visit(self, person: IntArray, cell: NDArray[np.int64], time: float) -> None:
-        """Record that people cover cells at a time."""
-        self.last[cell] = time
-        self._new_visits.append(np.unique(person * np.int64(self.last.size) + cell))
+    def _visit(self, person: IntArray, cell: NDArray[np.int64], time: FloatArray) -> None:
+        """Record that people cover cells at times."""
+        np.maximum.at(self._last, cell, time)
+        self._new_visits.append(np.unique(person * np.int64(self._last.size) + cell))
         self._new += len(self._new_visits[-1])
-        if self._new > max(1_000_000, len(self.visits)):  # limits how often all visits are sorted
+        if self._new > max(1_000_000, len(self._visits)):  # limits how often all visits are sorted
             self._merge_visits()
 
     def _merge_visits(self) -> None:
-        self.visits = np.unique(np.concatenate([self.visits, *self._new_visits]))
+        self._visits = np.unique(np.concatenate([self._visits, *self._new_visits]))
         self._new_visits, self._new = [], 0
 
-    def maps(self, level: Level, time: FloatArray) -> LevelMaps:
-        """Return the maps after all frames have been added; `time` are their times [s]."""
+    def maps(self) -> LevelMaps:
+        """Return the maps after all people have been added."""
         self._merge_visits()
-        grid = self.grid
-        usage = np.bincount(self.visits % self.last.size, minlength=self.last.size).reshape(grid.shape)
-        started, speed = grid.smoothed(self.started), np.full(grid.shape, np.nan)
-        np.divide(grid.smoothed(self.speed), started, out=speed, where=started > FEWEST)
+        grid = self._grid
+        usage = np.bincount(self._visits % self._last.size, minlength=self._last.size).reshape(grid.shape)
+        density, started, speeds, flow_x, flow_y, waiting = grid.smoothed(self._linear)
+        speed = np.full(grid.shape, np.nan)
+        np.divide(speeds, started, out=speed, where=started > FEWEST)
+        last = np.where(self._last == -np.inf, np.nan, self._last).reshape(grid.shape)
 
         def on_floor(values: FloatArray) -> FloatArray:
             return np.where(grid.on_floor, values, np.nan)
 
         return LevelMaps(
-            level=level.name,
-            index=level.index,
+            level=self.level.name,
+            index=self.level.index,
             spacing=grid.spacing,
             origin=grid.origin,
-            start=float(time[0]),
-            end=float(time[-1]),
-            density=on_floor(grid.smoothed(self.density)),
-            max_density=on_floor(self.max_density),
+            start=float(self._time[0]),
+            end=float(self._time[-1]),
+            density=on_floor(density),
+            max_density=on_floor(self._max_density),
             speed=on_floor(speed),
-            flow=on_floor(np.hypot(grid.smoothed(self.flow[0]), grid.smoothed(self.flow[1]))),
-            waiting=on_floor(grid.smoothed(self.waiting)),
-            time_to_clear=on_floor(self.last.reshape(grid.shape)),
-            contact_pressure=on_floor(self.pressure.reshape(grid.shape)),
+            flow=on_floor(np.hypot(flow_x, flow_y)),
+            waiting=on_floor(waiting),
+            time_to_clear=on_floor(last),
+            contact_pressure=on_floor(self._pressure.reshape(grid.shape)),
             usage=on_floor(usage.astype(np.float64)),
         )

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,12 +10,17 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.saved import taken
+from evac.building.model.elevation import in_space
+from evac.trajectory.trajectory import Trajectory
 
 #: People slower than this wait [m/s].
 WAITING_SPEED = 0.2
 
 #: Contact forces, which vary from step to step, are means over the recorded times of this interval [s].
 FORCE_SPAN = 1.0
+
+#: Number of rows of `Records` above which they are passed on.
+MOST_ROWS = 20_000
 
 #: Largest numbers in a saved state: times [s] and forces [N].
 MOST = 1e12
@@ -110,3 +115,73 @@ class Measuring:
         forces = taken(state, "forces", np.float64, (len(times), *people), -1.0, MOST)
         self._forces = deque(zip(times.tolist(), forces.copy(), strict=True))
         self._last = float(times[-1]) if times.size else math.inf
+
+
+class Records(NamedTuple):
+    """The people inside at consecutive recorded times, a row for each of them and each time.
+
+    Attributes
+    ----------
+    frame : (s,) int64
+        Number of the time among the chosen ones, ascending.
+    person, level : (s,) int32
+    position : (s, 2) float64 [m]
+    after : (s, 2) float64 [m]
+        Position at the next one of the chosen times; NaN of those who are not on the same level then.
+    velocity : (s, 2) float64 [m/s]
+        In plan.
+    speed, started, waits, waited, contact_force
+        As in `Measures`.
+    """
+
+    frame: NDArray[np.int64]
+    person: IntArray
+    level: IntArray
+    position: FloatArray
+    after: FloatArray
+    velocity: FloatArray
+    speed: FloatArray
+    started: NDArray[np.bool_]
+    waits: FloatArray
+    waited: FloatArray
+    contact_force: FloatArray
+
+    def on(self, level: int) -> "Records":
+        """Return those on a level."""
+        here = self.level == level
+        return Records(*(column[here] for column in self))
+
+
+def records(
+    trajectory: Trajectory, frames: IntArray | None = None, waiting_speed: float = WAITING_SPEED
+) -> Iterator[Records]:
+    """Yield all that is measured of people at recorded times, at some of them together.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    frames : (f,) int32, optional
+        Numbers of the recorded times to choose, ascending; by default all.
+    waiting_speed : float [m/s]
+    """
+    measuring = Measuring(trajectory.number_of_people, waiting_speed)
+    chosen = trajectory.rows if frames is None else [trajectory.rows[k] for k in frames.tolist()]
+    parts, count = list[Records](), 0
+    for number, now in enumerate(chosen):
+        person, level, motion = now.person.astype(np.int32), now.level.astype(np.int32), now.motion.astype(np.float64)
+        speed = np.linalg.norm(in_space(trajectory.building, level, motion[:, 2:4]), axis=1)
+        after = np.full((len(person), 2), np.nan)
+        if number + 1 < len(chosen):
+            later = chosen[number + 1]
+            _, here, there = np.intersect1d(person, later.person, assume_unique=True, return_indices=True)
+            stays = level[here] == later.level[there]
+            after[here[stays]] = later.motion[there[stays], :2].astype(np.float64) + trajectory.origin
+        found = measuring.add(now.time, person, speed, now.started, motion[:, 4])
+        place = motion[:, :2] + trajectory.origin
+        parts.append(Records(np.full(len(person), number), person, level, place, after, motion[:, 2:4], *found))
+        count += len(person)
+        if count > MOST_ROWS:
+            yield Records(*map(np.concatenate, zip(*parts, strict=True)))
+            parts, count = [], 0
+    if parts:
+        yield Records(*map(np.concatenate, zip(*parts, strict=True)))

@@ -6,10 +6,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.analysis.measures import Measuring
+from evac.analysis.measures import Records, records
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Level, Portal
-from evac.building.model.elevation import in_space
 from evac.trajectory.trajectory import Trajectory
 
 
@@ -58,27 +57,16 @@ class Queue:
 
 def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
     """Return the queues of a run, sorted by the time for which people waited in total, the longest first."""
-    building, measuring = trajectory.building, Measuring(trajectory.number_of_people)
-    parts: list[tuple[NDArray[np.int64], ...]] = []
-    waits, positions = [np.zeros(0)], [np.zeros((0, 2))]
-    for k, rows in enumerate(trajectory.rows):
-        motion, level = rows.motion.astype(np.float64), rows.level.astype(np.int32)
-        speed = np.linalg.norm(in_space(building, level, motion[:, 2:4]), axis=1)
-        person = rows.person.astype(np.int32)
-        spans = measuring.add(rows.time, person, speed, rows.started, motion[:, 4]).waits
-        here = np.flatnonzero(spans)
-        parts.append((np.full(here.size, k), person[here].astype(np.int64), level[here].astype(np.int64)))
-        waits.append(spans[here])
-        positions.append(motion[here, :2] + trajectory.origin)
+    building = trajectory.building
+    parts = [Records(*(column[part.waits > 0.0] for column in part)) for part in records(trajectory)]
     if not parts:
         return ()
-    frame, person, level = (np.concatenate(column) for column in zip(*parts, strict=True))
-    wait, position = np.concatenate(waits), np.concatenate(positions)
+    waiting = Records(*map(np.concatenate, zip(*parts, strict=True)))
     numbers: dict[tuple[str, int], int] = {}
-    place = np.zeros(len(wait), np.int64)
+    place = np.zeros(len(waiting.frame), np.int64)
     for one in building.levels:
-        here = np.flatnonzero(level == one.index)
-        words, nearest = _places(building, one, position[here])
+        here = np.flatnonzero(waiting.level == one.index)
+        words, nearest = _places(building, one, waiting.position[here])
         keys = [(word, -1 if word.startswith("on stair") else one.index) for word in words]
         place[here] = np.array([numbers.setdefault(key, len(numbers)) for key in keys])[nearest]
     queues = []
@@ -86,18 +74,18 @@ def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
         rows_of = np.flatnonzero(place == number)
         if not rows_of.size:
             continue
-        at_once = np.bincount(frame[rows_of])
+        at_once = np.bincount(waiting.frame[rows_of])
         peak = int(at_once.argmax())
-        then = rows_of[frame[rows_of] == peak]
-        x, y = position[then].mean(axis=0).tolist()
+        then = rows_of[waiting.frame[rows_of] == peak]
+        x, y = waiting.position[then].mean(axis=0).tolist()
         queues.append(
             Queue(
                 place=name,
-                level=building.levels[int(np.bincount(level[then]).argmax())].name,
+                level=building.levels[int(np.bincount(waiting.level[then]).argmax())].name,
                 x=x,
                 y=y,
-                people=len(np.unique(person[rows_of])),
-                waited=float(wait[rows_of].sum()),
+                people=len(np.unique(waiting.person[rows_of])),
+                waited=float(waiting.waits[rows_of].sum()),
                 most=int(at_once[peak]),
                 time=float(trajectory.time[peak]),
             )

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evac.analysis.congestion import DENSITY, SHARE, find_congestion
+from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, level_maps
 from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
@@ -37,8 +37,9 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
     least_time = places.least_time
     if least_time is None:
         least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
-    found = find_congestion(trajectory, places.density, least_time)
-    computed = level_maps(trajectory)
+    watched = Exceedance(trajectory, places.density)
+    computed = level_maps(trajectory, watch=watched.add)
+    found = watched.congestion(least_time)
     numbers = ", with the numbers of the congested places of the table" if found.places else ""
     shown = found.places[:MOST_PLACES]
     caption = f"Maximum density at any recorded time{numbers}."

@@ -125,7 +125,7 @@ def test_holes_are_not_floor():
     body, cell = grid.covered(np.array([[0.9, 2.0]]), np.array([0.6]))
     assert set(body.tolist()) == {0}
     assert (grid.on_floor.ravel()[cell]).all()
-    assert grid.smoothed(grid.gathered(np.array([[0.5, 2.0]]))).sum() * 0.25 == pytest.approx(1.0, abs=0.05)
+    assert grid.smoothed(grid.gathered(np.array([[0.5, 2.0]]), np.ones(1))).sum() * 0.25 == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize(
