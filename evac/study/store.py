@@ -47,7 +47,7 @@ EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("las
 
 
 @dataclass(frozen=True)
-class Entry:
+class StoredRun:
     """Data of a stored run that is kept in memory."""
 
     last_out: float  # [s], infinite if people are left, NaN if the run failed
@@ -80,7 +80,7 @@ def schema_of(points: Sequence[Point]) -> pa.Schema:
     )
 
 
-class Store:
+class RowStore:
     """The rows of one study in a folder.
 
     Parameters
@@ -96,7 +96,7 @@ class Store:
 
     Attributes
     ----------
-    entries : dict of (int, int) to Entry
+    entries : dict of (int, int) to StoredRun
         Entries by point and run. Nothing else is kept in memory, independent of the number of people.
     """
 
@@ -104,7 +104,7 @@ class Store:
         self.move(folder)
         self._points = points
         self.schema = schema_of(points)
-        self.entries: dict[tuple[int, int], Entry] = {}
+        self.entries: dict[tuple[int, int], StoredRun] = {}
         self._file: Any = None
         self._end, self._synced = 0, 0.0
         self._digest = ""  # of the Parquet file
@@ -126,7 +126,7 @@ class Store:
                     self._write(self.schema.serialize())
             offset = self._end
             self._write(self._batch(row).serialize())
-            self.entries[row.point, row.run] = Entry(row.last_out, offset)
+            self.entries[row.point, row.run] = StoredRun(row.last_out, offset)
             if time.monotonic() - self._synced > SYNC_EVERY:
                 os.fsync(self._file.fileno())
                 self._synced = time.monotonic()
@@ -178,7 +178,7 @@ class Store:
             self.close()
             self._stream_path.unlink(missing_ok=True)
         self._end = 0
-        self.entries = {key: Entry(self.entries[key].last_out) for key in wanted}
+        self.entries = {key: StoredRun(self.entries[key].last_out) for key in wanted}
 
     def table(self) -> pa.Table:
         """Return all rows as one table, sorted by point and run."""
@@ -253,7 +253,7 @@ class Store:
         """Note the runs of a batch, which are at an offset in the stream, or -1 if they are in the Parquet file."""
         for point, run, ended, last_out in zip(*(batch.column(name).to_pylist() for name in INDEXED), strict=True):
             endless = math.nan if ended == FAILED else math.inf
-            self.entries[point, run] = Entry(endless if last_out is None else last_out, offset)
+            self.entries[point, run] = StoredRun(endless if last_out is None else last_out, offset)
 
     def _check_schema(self, schema: pa.Schema, path: Path) -> None:
         if not schema.equals(self.schema):

@@ -30,7 +30,7 @@ from evac.study.points import STEP, Point, Seeds
 from evac.study.runs import Order, Row, order_of
 from evac.study.statistics import MEDIAN, Estimate, Statistics, difference, statistics
 from evac.study.stopping import Rule
-from evac.study.store import Store
+from evac.study.store import RowStore
 
 if TYPE_CHECKING:
     import pandas
@@ -72,7 +72,7 @@ class Study:
     def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path) -> None:
         self.points = tuple(points)
         self.seeds, self.rule, self.folder = seeds, rule, folder
-        self._store = Store(self.folder, self.points)
+        self._store = RowStore(self.folder, self.points)
         self._orders: list[Order] = []
         self._wanted = [self._extent(point.index) for point in self.points]
         self._there = list(self._wanted)

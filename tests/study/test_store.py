@@ -12,7 +12,7 @@ from evac.base.errors import ResultError
 from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME
 from evac.study.points import grid
 from evac.study.runs import Row
-from evac.study.store import Store
+from evac.study.store import RowStore
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def row(point, run, people=3):
 
 
 def filled(folder, points, keys):
-    store = Store(folder, points)
+    store = RowStore(folder, points)
     for key in keys:
         store.append(row(*key))
     return store
@@ -66,7 +66,7 @@ def test_rows_are_read_as_they_were_written_in_the_order_wanted(tmp_path, points
 def test_a_file_that_was_cut_anywhere_keeps_its_complete_rows(tmp_path, points):
     """As a kill leaves it, at every length; a row that is appended then is read after those."""
     path = tmp_path / RUNS_STREAM_NAME
-    store = Store(tmp_path, points)
+    store = RowStore(tmp_path, points)
     ends = []
     for run in range(3):
         store.append(row(0, run))
@@ -75,12 +75,12 @@ def test_a_file_that_was_cut_anywhere_keeps_its_complete_rows(tmp_path, points):
     whole = path.read_bytes()
     for length in [0, 1, 7, 8, *range(9, len(whole), 61), *(end - 1 for end in ends), *ends]:
         path.write_bytes(whole[:length])
-        again = Store(tmp_path, points)
+        again = RowStore(tmp_path, points)
         complete = [(0, run) for run, end in enumerate(ends) if end <= length]
         assert list(again.entries) == complete
         again.append(row(1, 0))
         again.close()
-        last = Store(tmp_path, points)
+        last = RowStore(tmp_path, points)
         assert [one["run"] for one in last.rows([*complete, (1, 0)])] == [*range(len(complete)), 0]
 
 
@@ -105,11 +105,11 @@ def damaged(data, generator):
 def test_damage_anywhere_leaves_only_rows_as_they_were_written(tmp_path, points):
     path, keys, generator = tmp_path / RUNS_STREAM_NAME, [(0, 0), (1, 3), (0, 1)], np.random.default_rng(1)
     filled(tmp_path, points, keys).close()
-    whole, written = path.read_bytes(), list(Store(tmp_path, points).rows(sorted(keys)))
+    whole, written = path.read_bytes(), list(RowStore(tmp_path, points).rows(sorted(keys)))
     written = {(row["point"], row["run"]): repr(row) for row in written}
     for _ in range(300):
         path.write_bytes(damaged(whole, generator))
-        store = Store(tmp_path, points)
+        store = RowStore(tmp_path, points)
         assert list(store.entries) == keys[: len(store.entries)]
         for one in store.rows(sorted(store.entries)):
             assert repr(one) == written[one["point"], one["run"]]
@@ -119,7 +119,7 @@ def test_rows_are_forced_to_disk_in_batches(tmp_path, points, monkeypatch):
     now, synced = [100.0], []
     monkeypatch.setattr("evac.study.store.time.monotonic", lambda: now[0])
     monkeypatch.setattr("os.fsync", lambda descriptor: synced.append(now[0]))
-    store = Store(tmp_path, points)
+    store = RowStore(tmp_path, points)
     for run in range(10):
         now[0] += 0.3
         store.append(row(0, run))
@@ -144,7 +144,7 @@ def test_reading_changes_no_file(tmp_path, points):
     filled(tmp_path, points, [(0, 0)]).close()
     path = tmp_path / RUNS_STREAM_NAME
     path.write_bytes(path.read_bytes() + b"half a row")
-    Store(tmp_path, points)
+    RowStore(tmp_path, points)
     assert path.read_bytes().endswith(b"half a row")
 
 
@@ -156,11 +156,11 @@ def test_a_damaged_table_is_refused(tmp_path, points):
         if (data := damaged(whole, generator)) != whole:
             path.write_bytes(data)
             with pytest.raises(ResultError, match=r"runs\.parquet"):
-                Store(tmp_path, points)
+                RowStore(tmp_path, points)
     path.write_bytes(whole)
     (tmp_path / RUNS_DIGEST_NAME).write_bytes(b"\xff")
     with pytest.raises(ResultError, match=r"runs\.digest"):
-        Store(tmp_path, points)
+        RowStore(tmp_path, points)
 
 
 @pytest.mark.parametrize("killed_at", ["runs.digest.new", "runs.new"])
@@ -174,17 +174,17 @@ def test_a_kill_while_rows_are_compacted_loses_none(tmp_path, points, monkeypatc
         return replace(self, target)
 
     for run in (1, 2):  # twice in a row
-        store = Store(tmp_path, points)
+        store = RowStore(tmp_path, points)
         store.append(row(0, run))
         monkeypatch.setattr(Path, "replace", killed)
         with pytest.raises(KeyboardInterrupt):
             store.compact(sorted(store.entries))
         store.close()
         monkeypatch.undo()
-    store = Store(tmp_path, points)
+    store = RowStore(tmp_path, points)
     assert sorted(store.entries) == [(0, 0), (0, 1), (0, 2)]
     store.compact(sorted(store.entries))
-    assert sorted(Store(tmp_path, points).entries) == [(0, 0), (0, 1), (0, 2)]
+    assert sorted(RowStore(tmp_path, points).entries) == [(0, 0), (0, 1), (0, 2)]
 
 
 def test_compacted_rows_are_sorted_whatever_their_order_was(tmp_path, points):
@@ -202,11 +202,11 @@ def test_compacted_rows_are_sorted_whatever_their_order_was(tmp_path, points):
 
 def test_a_compacted_study_takes_more_rows(tmp_path, points):
     filled(tmp_path, points, [(0, 0), (1, 0)]).compact([(0, 0), (1, 0)])
-    store = Store(tmp_path, points)
+    store = RowStore(tmp_path, points)
     assert list(store.entries) == [(0, 0), (1, 0)]
     store.append(row(0, 1))
     store.compact(sorted(store.entries))
-    found = Store(tmp_path, points).table()
+    found = RowStore(tmp_path, points).table()
     assert found.column("point").to_pylist() == [0, 0, 1]
     assert found.column("exit_time").to_pylist()[1] == [2.0, 3.0, 4.0]
 
@@ -214,7 +214,7 @@ def test_a_compacted_study_takes_more_rows(tmp_path, points):
 def test_rows_of_other_parameters_are_refused(tmp_path, points):
     filled(tmp_path, points, [(0, 0)]).close()
     with pytest.raises(ResultError, match=r"runs\.arrows: "):
-        Store(tmp_path, grid(points[0].case, {"simulation.step": [0.01]}))
+        RowStore(tmp_path, grid(points[0].case, {"simulation.step": [0.01]}))
 
 
 def test_memory_does_not_hold_the_people(tmp_path, points):
