@@ -232,3 +232,17 @@ def test_a_mesh_with_y_upwards_is_doubted(house, tmp_path):
     with pytest.raises(BuildingError) as caught:
         house.read(tmp_path, swap=True, exits=[{"name": "a", "z": 0.0, "segment": [[99, 99], [98, 99]]}])
     assert doubts[0] in str(caught.value)
+
+
+def test_walls_that_share_corners_with_their_slabs_are_cut_out(tmp_path):
+    model = Model()
+    for z in (0, 3):
+        model.box(0, 0, z - 0.3, 10, 6, z)
+        model.box(0, 0, z, 10, 0.2, z + 2.7)
+        model.box(4, 0.2, z, 4.2, 6, z + 2.7)
+    model.box(0, 0, 5.7, 10, 6, 6.0)
+    index = {point: k for k, point in enumerate(dict.fromkeys(model.points))}
+    model.faces = [[index[model.points[corner]] for corner in face] for face in model.faces]
+    model.points = list(index)
+    ground = [("floor", z, area) for z in (0.0, 3.0) for area in (23.2, 33.64)]
+    assert sorted(levels(model.read(tmp_path))) == [*ground, ("floor", 6.0, 60.0)]

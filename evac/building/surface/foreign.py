@@ -9,8 +9,8 @@ from evac.base.errors import BuildingError
 from evac.building.geometry.polygons import least_height
 from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
-from evac.building.surface.patches import bodies, cells_of, patches_of
-from evac.building.surface.solids import closed_bodies, walked_on
+from evac.building.surface.patches import bodies, cells_of, closed_bodies, patches_of
+from evac.building.surface.solids import walked_on
 from evac.building.surface.surfacemesh import TriangleMesh
 from evac.building.surface.treads import may_have_treads, with_flights
 from evac.building.surface.welding import weld_points

@@ -119,7 +119,27 @@ def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]
 
 
 def bodies(count: int, triangles: IndexArray) -> IndexArray:
-    """Return the body index of each cell; cells that share vertices belong to one body."""
-    pairs = np.concatenate([triangles[:, :2], triangles[:, 1:]])
-    part: IndexArray = connected_components(count, pairs)[triangles[:, 0]]
-    return part
+    """Return the body index of each cell: cells that share vertices, but closed bodies that touch are told apart."""
+    part: IndexArray = connected_components(count, np.concatenate([triangles[:, :2], triangles[:, 1:]]))[
+        triangles[:, 0]
+    ]
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    _, edge, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    pairs = order[np.isin(edge.ravel()[order], np.flatnonzero(uses == 2))].reshape(-1, 2) // 3
+    shell = connected_components(len(triangles), pairs)
+    is_open = set(part.tolist()) - closed_bodies(triangles, shell, part)
+    return np.unique(np.where(np.isin(part, list(is_open)), part, len(triangles) + shell), return_inverse=True)[1]
+
+
+def closed_bodies(triangles: IndexArray, body: IndexArray, group: IndexArray | None = None) -> set[int]:
+    """Return the bodies that enclose a volume: all of their edges have an even number of cells.
+
+    With groups of bodies, the groups of which all bodies are closed are returned.
+    """
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    _, row, uses = np.unique(
+        np.column_stack([np.repeat(body, 3), sides]), axis=0, return_inverse=True, return_counts=True
+    )
+    group = body if group is None else group
+    return set(group.tolist()) - set(np.repeat(group, 3)[uses[row.ravel()] % 2 == 1].tolist())

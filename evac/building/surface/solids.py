@@ -7,7 +7,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import IndexArray
 from evac.building.geometry.overlays import GRID, flat_parts, place_of
 from evac.building.model.findings import Finding
 from evac.building.surface.patches import Patch
@@ -23,14 +22,6 @@ HIGHEST = 1e3
 PARALLEL = 0.01
 #: Width of slivers that are left by overlays of faces [m].
 SLIVER = 0.01
-
-
-def closed_bodies(triangles: IndexArray, body: IndexArray) -> set[int]:
-    """Return the closed bodies, which enclose a volume: all of their edges have an even number of cells."""
-    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    _, row, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
-    is_open = uses[row.ravel()] % 2 == 1
-    return set(body.tolist()) - set(np.tile(body, 3)[is_open].tolist())
 
 
 def walked_on(
