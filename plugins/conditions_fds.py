@@ -94,6 +94,7 @@ class Fds(ConditionSource):
                 f"{path}: lists no horizontal or volume slices of {', '.join(list(NAMES)[:3])} or volume fractions"
                 f"{seen}; add {lines['extinction']} to the deck, for example; `evac conditions deck` prints all lines"
             )
+        scene.files.extend(block.path for block in blocks)
         self._blocks: dict[str, list[Block]] = {}
         for block in blocks:
             self._blocks.setdefault(NAMES[block.quantity][0], []).append(block)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import ScenarioError, naming, plugin_code
+from evac.base.errors import ScenarioError, fault, naming, plugin_code
 from evac.building.model.building import Building
 from evac.building.model.elevation import ground_of
 from evac.conditions.quantities import QUANTITIES
@@ -120,9 +120,30 @@ class Air:
                 at = source.last
             with plugin_code(f"t = {time:.3f} s: source {source.name!r}", source):
                 values = source.at([quantities[row] for row in rows], at, level, position, height)
+            values = _checked(values, [quantities[row] for row in rows], len(level), source)
             is_known = ~np.isnan(values)
             if is_known.all():
                 found[rows] = values
             else:
                 found[rows] = np.where(is_known, values, found[rows])
         return found
+
+
+def _checked(values: FloatArray, names: Sequence[str], people: int, source: ConditionSource) -> FloatArray:
+    """Return the values (q, n) of a source, which lie in the ranges of quantities or are NaN.
+
+    Raises
+    ------
+    PluginError
+    """
+    what, found = f"source {source.name!r}: at", np.asarray(values, np.float64)
+    if found.shape != (len(names), people):
+        wrong = f"returns values of shape {found.shape}, not {(len(names), people)}"
+        raise fault(what, wrong, "return a row for each quantity, with a value for each place", source, "at")
+    for name, row in zip(names, found, strict=True):
+        own = QUANTITIES[name]
+        outside = (row < own.least) | (row > own.most)
+        if outside.any():
+            limits = f"return values from {own.least:g} to {own.most:g} {own.unit}, NaN where it does not apply"
+            raise fault(what, f"gives {row[outside][0]:g} for {name}", limits, source, "at")
+    return found

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from evac.base.arrays import FloatArray
+from evac.base.errors import fault, plugin_code
 from evac.base.parameters import Configurable
 
 
@@ -50,7 +51,16 @@ def share_in_smoke(
     irritants : (n,) float64, optional
         Fractional irritant concentrations on the scale of incapacitation.
     """
-    speed = np.clip(law.speed(desired, extinction), 0.0, desired)
+    with plugin_code(f"law {law.name!r}: speed", law):
+        found = np.asarray(law.speed(desired, extinction), np.float64)
+    if found.shape != desired.shape or not np.isfinite(found).all():
+        wrong = (
+            f"returns {found.shape} speeds for {desired.shape} people"
+            if found.shape != desired.shape
+            else "is not finite"
+        )
+        raise fault(f"law {law.name!r}: speed", wrong, "return a finite speed for each person", law, "speed")
+    speed = np.clip(found, 0.0, desired)
     share: FloatArray = np.divide(speed, desired, out=np.ones_like(desired), where=desired > 0.0)
     if irritants is not None and not law.is_irritant:
         share = np.clip(share - (1.0 - share_with_irritants(irritants)), 0.0, 1.0)

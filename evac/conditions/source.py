@@ -37,7 +37,8 @@ class SourceScene:
     needed : tuple of str
         The quantities that the case asks for.
     files : list of Path
-        The files asked for with `file`.
+        The files that the values come from, those asked for with `file` and others that a source adds: a run whose
+        files have changed is not resumed.
     """
 
     building: "Building"

@@ -4,7 +4,9 @@ These are versions, processor, files, building and kernels; and for runs that sh
 """
 
 import hashlib
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.folder.digests import differences, digest_of_data, digest_of_file
@@ -35,13 +37,12 @@ def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
 
 
 def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
-    """Return digests of the building, independent of its files, of the data files of behaviours, and of the kernels."""
+    """Return digests of the building, independent of its files, of data files that are read, and of the kernels."""
     folder = simulation.case.folder.resolve()
     files = [path for _, scene in simulation.behaviours for path in scene.files]
-    data = {path.relative_to(folder).as_posix(): digest_of_file(path)[:16] for path in files}
     if simulation.exposure is not None:
-        used = [path for scene in simulation.exposure.air.scenes for path in scene.files]
-        data |= {str(path): digest_of_file(path)[:16] for path in used}
+        files += [path for scene in simulation.exposure.air.scenes for path in scene.files]
+    data = {Path(os.path.relpath(path, folder)).as_posix(): digest_of_file(path)[:16] for path in files}
     # Other links may be closed in a run that is resumed, from which warnings follow.
     building = digest_of_data({**building_to_json(simulation.building), "closed": [], "warnings": []})
     return {"building": {"": building}, "data": data, "kernel": kernels_of(simulation)}

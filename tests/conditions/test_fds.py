@@ -6,6 +6,7 @@ import pytest
 import evac
 from evac.case.reference import as_toml
 from evac.cli.main import main
+from evac.simulation.identity import differences_of, made_of
 from evac.simulation.simulation import Simulation
 from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
 
@@ -200,6 +201,15 @@ def test_a_run_with_slices_is_resumed_with_the_same_bits(tmp_path):
         simulation.advance_tick()
     other.restore(simulation.state())
     np.testing.assert_array_equal(simulation.run().crowd.exit_time, other.run().crowd.exit_time)
+
+
+def test_a_run_whose_slices_have_changed_is_not_resumed(two_planes):
+    before = made_of(Simulation(house(two_planes)))
+    assert differences_of(before, made_of(Simulation(house(two_planes)))) == []
+    slices = two_planes.with_name("fire_02_1.sf")
+    slices.write_bytes(slices.read_bytes()[:-5] + b"\0" + slices.read_bytes()[-4:])
+    (line,) = differences_of(before, made_of(Simulation(house(two_planes))))
+    assert "fire_02_1.sf" in line
 
 
 def test_the_command_prints_the_lines_of_the_deck_before_there_are_data(tmp_path, capsys):

@@ -70,3 +70,32 @@ def test_a_source_that_fails_is_named_with_its_line(documented):
     path.write_text(path.read_text().replace("self.speed * time", "self.speeds * time"))
     with pytest.raises(evac.PluginError, match=r"source 'cloud'.*speeds.*cloud\.py, line"):
         Simulation(car_park(path)).run()
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        ("position[:, 0]", r"source 'cloud': at: returns values of shape \(\d+,\), not \(1, \d+\)"),
+        ("np.full((1, len(level)), np.inf)", "source 'cloud': at: gives inf for extinction"),
+        ("np.full((1, len(level)), -0.5)", r"gives -0\.5 for extinction"),
+    ],
+)
+def test_values_that_no_air_has_are_refused(documented, returned, words):
+    path = documented("Cloud")
+    text = path.read_text()
+    path.write_text(text.replace(text[text.index("return 2.0") :].splitlines()[0], f"return {returned}"))
+    with pytest.raises(evac.PluginError, match=words + r".*cloud\.py, line"):
+        Simulation(car_park(path, smoke={"routes": False})).advance_tick()
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"), [("desired * float('nan')", "finite"), ("desired[:1]", "for each person")]
+)
+def test_speeds_that_nobody_has_are_refused(documented, returned, words):
+    law = documented("Half")
+    text = law.read_text()
+    law.write_text(text.replace(text[text.index("return ") :].splitlines()[0], f"return {returned}"))
+    case = car_park(documented("Cloud"))
+    case = evac.load(case.to_dict(), {"smoke.law": "half"}, plugin_files=[*case.plugin_files, law])
+    with pytest.raises(evac.PluginError, match=rf"law 'half': speed.*half\.py.*{words}"):
+        Simulation(case).advance_tick()
