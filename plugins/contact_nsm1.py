@@ -80,22 +80,28 @@ def _project_euclidean(state, own, tolerance):
     """
     bodies, contacts = state.bodies, state.contacts
     for i in range(bodies.inside):
-        bodies.inverse_mass[i] = 1.0
+        bodies.inverse_mass[i] = 1.0 / bodies.firmness[i]
         bodies.spare[i, 0] = bodies.solved[i, 0]
         bodies.spare[i, 1] = bodies.solved[i, 1]
     for c in range(contacts.number):
         contacts.kept_percussion[c] = contacts.percussion[c]
         contacts.percussion[c] = 0.0
-        contacts.omega[c] = 2.0 if contacts.other[c] >= 0 else 1.0
+    _add_inverse_masses(bodies, contacts)
     solve_once(state, state.parts.stronger, bodies.spare, bodies.solved, INELASTIC, 0.0, tolerance, 4 * own.iterations)
     for i in range(bodies.inside):
-        bodies.inverse_mass[i] = 1.0 / bodies.mass[i]
+        bodies.inverse_mass[i] = 1.0 / bodies.mass[i] / bodies.firmness[i]
     for c in range(contacts.number):
-        i, j = contacts.body[c], contacts.other[c]
         contacts.percussion[c] = contacts.kept_percussion[c]
-        contacts.omega[c] = bodies.inverse_mass[i]
-        if j >= 0:
-            contacts.omega[c] += bodies.inverse_mass[j]
+    _add_inverse_masses(bodies, contacts)
+
+
+@inner
+def _add_inverse_masses(bodies, contacts):
+    """Set the sums of the inverse masses of the bodies in contact."""
+    for c in range(contacts.number):
+        contacts.omega[c] = bodies.inverse_mass[contacts.body[c]]
+        if contacts.other[c] >= 0:
+            contacts.omega[c] += bodies.inverse_mass[contacts.other[c]]
 
 
 class Nsm1(SolvedContactModel):

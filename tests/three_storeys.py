@@ -105,6 +105,7 @@ def crowd_at(position, level, velocity=None, exit_time=None):
         arrival_time=np.zeros(n),
         passing=np.full(n, -1, np.int32),
         ahead=np.zeros((n, 2)),
+        firmness=np.ones(n),
     )
 
 

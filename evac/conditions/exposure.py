@@ -42,6 +42,9 @@ TENABLE, LEAST = 10.0, 1e-6
 #: Columns of the doses over time.
 SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")
 
+#: Factor of the mass of people who have been stopped, whom the push of others does not move.
+FIRMNESS = 1e6
+
 #: Seconds of a minute: rates of doses are per minute.
 MINUTE = 60.0
 
@@ -146,17 +149,16 @@ class Exposure:
             wanted |= {*COUNTED[self._dose.form], "temperature", "radiation"} - {*self._dose.without}
         self.quantities = tuple(name for name in air.quantities if name in wanted)
         self._slows = bool(case.smoke.irritants) and any(name in self.quantities for name in IRRITANTS)
-        height = float(crowd.height.mean())
-        self.routes = RoutesInSmoke(case, air, law, height) if case.smoke.routes else None
+        n = len(crowd.level)
+        self.stopped: BoolArray = np.zeros(n, np.bool_)
+        self.routes = RoutesInSmoke(case, air, law, crowd, self.stopped) if case.smoke.routes else None
         limits = np.array([case.smoke.contrast / max(limit, LEAST) for limit in (TENABLE, case.smoke.visibility)])
-        self._field = SmokeField(air, scene, height, limits) if NAME in air.quantities else None
+        self._field = SmokeField(air, scene, float(crowd.height.mean()), limits) if NAME in air.quantities else None
         self._series = np.zeros((0, 5))  # time, mean and greatest dose of gases, mean and greatest dose of heat
         self._shown = -PERIOD  # time at which the field was updated
         self._uphill = np.array([level.uphill for level in scene.building.levels])
-        n = len(crowd.level)
         self.share, self.gas, self.heat = np.ones(n), np.zeros(n), np.zeros(n)
         self.extinction, self.irritants, self.stopped_at = np.zeros(n), np.zeros(n), np.full(n, np.nan)
-        self.stopped: BoolArray = np.zeros(n, np.bool_)
         self._rates, self._time = np.full((2, n), np.nan), np.nan  # of gases and heat, when they were last found
         self.threshold = np.full(n, np.inf if self._dose is None else self._dose.threshold)
         if self._dose is not None and self._dose.susceptibility == "log-normal":
@@ -229,10 +231,10 @@ class Exposure:
         smoke = air.get("extinction", np.zeros(len(rows)))
         self.extinction[rows] = np.maximum(self.extinction[rows], smoke)
         irritants = irritant_concentration(air) if self._slows else None
-        with plugin_code(f"t = {time:.3f} s: law {self._law.name!r}", self._law):
-            self.share[rows] = share_in_smoke(self._law, self._desired(rows, fields), smoke, irritants)
+        self.share[rows] = share_in_smoke(self._law, self._desired(rows, fields), smoke, irritants)
+        crowd.velocity[np.isfinite(self.stopped_at) & ~self.stopped] = 0.0
         np.isfinite(self.stopped_at, out=self.stopped)
-        self.share[self.stopped] = 0.0
+        self.share[self.stopped], crowd.firmness[self.stopped] = 0.0, FIRMNESS
 
     def dose(self, time: float) -> FloatArray | None:
         """Return the greater one of the doses of each person at a time [s], (n,); None in a case without `[dose]`."""

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
+from scipy.spatial import KDTree
 
-from evac.base.arrays import FloatArray, IndexArray
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.saved import part_of, taken
 from evac.building.model.building import Building
 from evac.conditions.air import Air
@@ -20,12 +21,13 @@ from evac.directions.fields import Fields
 from evac.directions.raster.grids import OWN
 from evac.directions.smoky import Smoky
 from evac.people.groups import reference_speeds
+from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.simulation.scene import Scene
 
-#: Factor of the time through smoke in which people turn back if they have another way.
+#: Factor of the time through smoke in which people turn back, and over people who lie there, if there is another way.
 TURN_BACK = 100.0
 
 
@@ -38,12 +40,14 @@ class RoutesInSmoke:
     air : Air
     law : SmokeLaw
         The law that people follow, too.
-    height : float
-        Mean height of people [m].
+    crowd : Crowd
+    stopped : (n,) bool
+        Whom gases or heat have stopped: others walk round them. The owner changes the array.
     """
 
-    def __init__(self, case: "Case", air: Air, law: SmokeLaw, height: float) -> None:
-        self._settings, self._air, self._law, self._height = case.smoke, air, law, height
+    def __init__(self, case: "Case", air: Air, law: SmokeLaw, crowd: Crowd, stopped: BoolArray) -> None:
+        self._settings, self._air, self._law, self._crowd, self._stopped = case.smoke, air, law, crowd, stopped
+        self._height = float(crowd.height.mean())
         flat, up, down = reference_speeds(case)
         self._flat, self._sloped = flat, 0.5 * (up + down)
         names = ("extinction", *(IRRITANTS if case.smoke.irritants else ()))
@@ -78,6 +82,7 @@ class RoutesInSmoke:
             share[nodes] = self._share_on(level, now)
         if (share < 1.0).any():
             share = _widened(scene.fields, share)
+        self._walk_round(share)
         differs = [np.abs(share[nodes] - before[nodes]).max(initial=0.0) for nodes, *_ in self._nodes]
         changed = set(np.flatnonzero(np.array(differs) > self._settings.noticed).tolist())
         if changed:
@@ -109,6 +114,16 @@ class RoutesInSmoke:
         if self._settings.visibility > 0.0:
             share = np.where(smoke * self._settings.visibility > self._settings.contrast, share / TURN_BACK, share)
         return share
+
+    def _walk_round(self, share: FloatArray) -> None:
+        """Reduce the shares (nodes,) of the speed where others would touch people who have been stopped."""
+        crowd = self._crowd
+        for level in np.unique(crowd.level[self._stopped & (crowd.level >= 0)]).tolist():
+            nodes, places, *_ = self._nodes[level]
+            rows = np.flatnonzero(self._stopped & (crowd.level == level))
+            away, nearest = KDTree(crowd.position[rows]).query(places)
+            touching = away < crowd.radius[rows[nearest]] + crowd.radius.mean()
+            share[nodes[touching]] /= TURN_BACK
 
     def report(self) -> dict[str, float]:
         """Return what the summary of a run says about the solves."""

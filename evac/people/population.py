@@ -236,6 +236,7 @@ class Population:
             "arrival_time": (0.0, FINITE),
             "passing": (-1, building.n_closable - 1),
             "ahead": (-1.0, 1.0),
+            "firmness": (1.0, FINITE),
         }
 
 

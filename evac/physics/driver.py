@@ -62,7 +62,8 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
         given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
         given.take(rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
     bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
-    bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
+    mass = 1.0 if state.traits.overdamped else bodies.mass[:inside]
+    bodies.inverse_mass[:inside] = 1.0 / mass / bodies.firmness[:inside]
     bodies.smallest = bodies.contact_radius[:inside].min(initial=math.inf)
     bodies.inside = inside
     bodies.relaxation_step = 0.0

@@ -64,6 +64,8 @@ class Crowd(Struct):
         none. Written by the scene, and by the contact model for people who pass a link of one direction
     ahead : (n, 2) unit desired direction of people whom a link lets through, instead of that of their route, until they
         have left its line; zero for others. Written by the scene
+    firmness : (n,) factor of the mass with which a person resists contacts and forces: 1, and much more for people whom
+        gases or heat have stopped. Written by the exposure
     """
 
     position: Pairs
@@ -87,6 +89,7 @@ class Crowd(Struct):
     arrival_time: Floats
     passing: Ints
     ahead: Pairs
+    firmness: Floats
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to replace an array, since other holders of the crowd would keep the old one.
@@ -153,6 +156,7 @@ def make_crowd(
         arrival_time=np.zeros(n),
         passing=np.full(n, -1, np.int32),
         ahead=np.zeros((n, 2)),
+        firmness=np.ones(n),
     )
 
 
@@ -236,6 +240,7 @@ class Bodies(Struct):
     contact_force: Floats
     passing: Ints
     ahead: Pairs
+    firmness: Floats
     old_position: Pairs
     old_velocity: Pairs
     old_level: Ints

@@ -11,6 +11,7 @@ import evac
 from evac.cli.main import main
 from evac.export.vtk import people_polydata
 from evac.simulation.simulation import Simulation
+from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
 from tests.conditions.corridor import corridor, prescribed, standing
 from tests.runs import assert_same_bits, run_ticks
 
@@ -109,9 +110,58 @@ def test_a_run_in_smoke_is_resumed_with_the_same_bits(tmp_path):
         np.testing.assert_array_equal(values, rest.exposure[name])
 
 
-def test_full_runs_have_the_same_bits():
-    lean, full = (Simulation(stop_in_the_middle(), full=full) for full in (False, True))
-    assert_same_bits(run_ticks(lean, 400), run_ticks(full, 400))
+def before_a_door(folder, model, walking, strategy="fastest"):
+    """Return a case of people who leave by a door before which gases of slices of FDS stop one of them at once."""
+
+    def gas(x, y, z, time):
+        return 0.2 * (x > 10.0) * (time < 1.5)
+
+    clear = {"CARBON DIOXIDE": 0.0, "OXYGEN": 0.209}
+    slices = [(CO, 1.5, False, gas), (EXTINCTION, 1.5, False, lambda x, y, z, time: 0.1 * time + 0.0 * x)]
+    slices += [
+        (f"{name} VOLUME FRACTION", 1.5, False, lambda x, y, z, t, v=v: v + 0.0 * x) for name, v in clear.items()
+    ]
+    path, _ = write_slices(folder, [(0, 12, 0, 6, 0, 3)], slices, [0.0, 1.0, 2.0, 20.0])
+    plan = {
+        "storeys": [{"name": "f", "polygons": [[[0, 0], [12, 0], [12, 6], [0, 6]]]}],
+        "exits": [{"name": "out", "storey": "f", "segment": [[12, 2], [12, 4]]}],
+        "areas": [{"name": "start", "storey": "f", "polygon": [[1, 1], [7, 1], [7, 5], [1, 5]]}],
+    }
+    stays = {"name": "stays", "level": "f", "positions": [[11.5, 3.0]], "leave": False, "radius": 0.22}
+    table = {
+        "building": {"plan": plan},
+        "contact": {"model": model},
+        "people": [stays, {"name": "p", "number": 20, "area": "start", "speed": 1.2, "strategy": strategy}],
+        "conditions": [{"source": "fds", "file": str(path), "hold": True}],
+        "dose": {"heat": "none", "threshold": 0.05},
+        "simulation": {"duration": 60.0},
+        "behaviours": {"walking": {}} if walking else {},
+    }
+    return evac.load(table)
+
+
+@pytest.mark.parametrize(("model", "walking"), [("dem", False), ("nsm1", False), ("nsm2", False), ("nsm2", True)])
+def test_people_who_are_stopped_before_a_door_are_not_pushed_away_but_passed(tmp_path, model, walking):
+    results = Simulation(before_a_door(tmp_path, model, walking)).run()
+    assert (results.ended, results.exit_status, results.evacuated) == ("everybody out", 3, 20)
+    (stopped,) = results.stopped
+    assert np.abs(results.crowd.position[stopped] - [11.5, 3.0]).max() < 0.01
+    assert np.nanmax(results.crowd.exit_time) < 30.0
+
+
+@pytest.mark.parametrize("walking", [False, True])
+def test_runs_with_slices_and_stopped_people_have_the_same_bits_resumed_full_and_with_threads(tmp_path, walking):
+    case = before_a_door(tmp_path, "nsm2", walking, "quickest").change({"smoke.period": 1.0, "people.p.speed": 2.0})
+    case = case.change({"dose.susceptibility": "log-normal"})
+    whole, first = run_ticks(Simulation(case), 90), run_ticks(Simulation(case), 41)
+    assert first.exposure.stopped.any()
+    assert first.scene.smoky is not None
+    resumed = Simulation(case, threads=2)
+    resumed.restore(first.state())
+    for other in (run_ticks(resumed, 49), run_ticks(Simulation(case, full=True), 90)):
+        assert_same_bits(whole, other)
+        for name, values in whole.results().exposure.items():
+            np.testing.assert_array_equal(values, other.results().exposure[name])
 
 
 @pytest.mark.parametrize(
