@@ -15,11 +15,11 @@ from evac.directions.descent import descend
 from evac.directions.fields import Fields
 from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
+from evac.directions.march.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
 from evac.directions.pockets import Pockets
 from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, lead_through_doors
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import chain
-from evac.directions.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
 
 #: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.
 NOTICED = 0.1

@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.directions.march.waves import find_queues
 from evac.directions.raster.grids import BuildingGrids, LevelGrid
-from evac.directions.waves import find_queues
 
 #: Flow through a metre of a door: mean of the doors of 0.8 to 2.5 m measured by Seyfried et al. (2009), Kretz et al.
 #: (2006) and in Duesseldorf (2006), see `evac evidence people`; and of a stair, where it is 0.88 to 1.16 [1/s/m].

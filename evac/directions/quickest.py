@@ -26,9 +26,9 @@ from evac.base.saved import taken
 from evac.directions.column import Column, Columns
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
+from evac.directions.march.waves import CUT, NOBODY, deposit
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
 from evac.directions.routes import QUICKEST
-from evac.directions.waves import CUT, NOBODY, deposit
 
 #: Least share of a kernel on the floor by which a density is divided, so that a narrow place is not taken for full.
 LEAST_SHARE = 0.2

@@ -9,9 +9,9 @@ from evac.base.errors import counted, plugin_code
 from evac.directions.build import build_fields
 from evac.directions.descent import add_lengths, descend, find_lowest
 from evac.directions.fields import Fields
+from evac.directions.march.waves import deposit, march_waves
 from evac.directions.routes import QUICKEST, STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
-from evac.directions.waves import deposit, march_waves
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
 from evac.people.behaviour import Behaviour, BehaviourScene

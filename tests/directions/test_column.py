@@ -6,8 +6,8 @@ import pytest
 from evac.directions.build import build_fields
 from evac.directions.column import Column
 from evac.directions.gates import Gates
+from evac.directions.march.waves import time_from
 from evac.directions.routes import Route
-from evac.directions.waves import time_from
 
 LEVELS = {0, 1, 2}
 

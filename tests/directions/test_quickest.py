@@ -10,9 +10,9 @@ from evac.building.model.building import Door
 from evac.case.schema import QuickestSettings
 from evac.directions.build import build_fields
 from evac.directions.gates import THROUGH_DOORS
+from evac.directions.march.waves import speed_at
 from evac.directions.quickest import Quickest
 from evac.directions.routes import Route
-from evac.directions.waves import speed_at
 
 QUICKEST = Route((), "quickest")
 

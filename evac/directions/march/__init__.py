@@ -1,1 +1,1 @@
-"""Travel times by fast marching: one field through all levels, or several at the same time in processes."""
+"""Travel times by marches: one field through all levels, several in processes, and routes again during a run."""
