@@ -122,8 +122,10 @@ class Walking(Behaviour):
     firm: forces between people do not act on them.
 
     Bodies that touch have half the depth of the chest as radius, because shoulders turn. If two have wider bodies, such
-    as wheelchairs, the distances at which they stop and the widths are greater by what they are wider together. People
-    who have left count until they are 2 m behind their exit, and wait for each other likewise, without side steps.
+    as wheelchairs, the distances at which they stop and the widths are greater by what they are wider together, and of
+    two on the same route who meet the one behind waits; wide bodies step away from walls where their sides are, and
+    none towards a wall that they touch. People who have left count until they are 2 m behind their exit, and wait for
+    each other likewise, without side steps.
 
     Notes
     -----

@@ -21,10 +21,10 @@ COORDINATES = "plan of the building: x and y in metres, not longitude and latitu
 
 
 class GeojsonExporter(Exporter):
-    """The building as GeoJSON: levels, walls, portals, exits and areas with names, in plan coordinates.
+    """The building as GeoJSON: levels, walls, portals, exits, doors, areas and places with names, in plan coordinates.
 
-    Flights have a polygon with heights for each of their planes. `evac import` reads the file again. Portals and exits
-    have the property ``open`` for the start of the run, and ``changes`` if they open or close later.
+    Flights have a polygon with heights for each of their planes. `evac import` reads the file again. Portals, exits and
+    doors have the property ``open`` for the start of the run, and ``changes`` if they open or close later.
     """
 
     name = "geojson"
@@ -48,13 +48,16 @@ class GeojsonExporter(Exporter):
 
 
 def _surfaces(building: Building) -> Iterable[dict[str, Any]]:
-    """Return the levels and the areas."""
+    """Return the levels, the areas, and the places and lines of the case."""
     for level in building.levels:
         shape = shapely.MultiPolygon(slopes_of(building, level)) if level.kind == "flight" else level.polygon
         more = {"stair": level.stair, "z_min": level.z_min, "z_max": level.z_max, "slope": level.slope}
         yield _feature(shape, level.kind, level.name, [level.name], **more)
     for area in building.areas:
         yield _feature(area.polygon, "area", area.name, [building.levels[area.level].name])
+    for place in building.places:
+        more = {key: getattr(place, key) for key in ("area", "capacity", "exit", "range") if getattr(place, key)}
+        yield _feature(place.shape, place.kind, place.name, [building.levels[place.level].name], **more)
 
 
 def _lines(building: Building, states: list[list[tuple[float, bool]]]) -> Iterable[dict[str, Any]]:

@@ -77,6 +77,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise
     show_building(simulation.building, arguments.verbose)
     show_people(simulation)
+    show_course(case)
     show_warnings(simulation.warnings())
     if arguments.picture is not None:
         from evac.building.model.narrow import narrow_places
@@ -161,6 +162,9 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     if building.areas:
         areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in building.areas]
         show_table("Areas", ("area", "level", "m2"), areas)
+    if building.places:
+        places = [(one.name, one.kind, names[one.level], one.area or one.exit, one.use) for one in building.places]
+        show_table("Places and lines", ("name", "kind", "level", "area or exit", ""), places)
     if building.stairs:
         stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
         show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
@@ -179,6 +183,9 @@ def show_people(simulation: "Simulation") -> None:
     population = simulation.population
     crowd = population.crowd
     lengths = walked_lengths(simulation.fields, simulation.scene.world, crowd)
+    to_place = np.array([bool(route.refuge) for route in simulation.fields.routes])[crowd.route] & (crowd.level >= 0)
+    own = crowd.level[to_place], crowd.position[to_place], crowd.route[to_place], crowd.contact_radius[to_place]
+    lengths[to_place] = simulation.fields.lengths_at(*own)
     with np.errstate(divide="ignore", invalid="ignore"):
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
@@ -187,13 +194,46 @@ def show_people(simulation: "Simulation") -> None:
     for group in population.groups:
         inside = group.rows[crowd.level[group.rows] >= 0]
         levels = ", ".join(sorted({names[index] for index in crowd.level[inside]})) or "they arrive"
-        unimpeded = f"{time[inside].min():.1f} to {time[inside].max():.1f}" if len(inside) else ""
+        goes = inside[np.isfinite(crowd.start_time[inside])]
+        unimpeded = f"{time[goes].min():.1f} to {time[goes].max():.1f}" if len(goes) else ""
         radius = _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()) if len(group.rows) else ""
         rows.append((group.name, len(group.rows), levels, unimpeded, radius))
-    columns = ("group", "people", "levels", "unimpeded time to an exit [s]", "radius [m]")
+    columns = ("group", "people", "levels", "unimpeded time to an exit or place [s]", "radius [m]")
     reach = "Not all fit through the ways to an exit" if simulation.stopping else "All can reach an exit"
     title = f"People: {len(crowd.level)}. {reach}; see warnings for narrow places."
     show_table(title, columns, rows)
+
+
+def show_course(case: "Case") -> None:
+    """Show who arrives when and where, who stays, and the events."""
+    from evac.case.toml import toml_value
+
+    rows = []
+    for group in case.people:
+        came = group.arrive
+        if came is not None:
+            where = came.exit or came.portal or group.area or group.level
+            if came.times is not None:
+                when = f"{len(came.times)} people, {_span(min(came.times), max(came.times))} s"
+            else:
+                when = f"{came.rate:g} people per second, {_span(came.from_ or 0.0, came.to or 0.0)} s"
+            rows.append((group.name, where, when))
+        elif not group.leave:
+            rows.append((group.name, group.area or group.level, "they do not leave"))
+    if rows:
+        show_table("People who arrive or stay", ("group", "place", ""), rows)
+    events = [
+        (
+            one.name or "",
+            f"{one.time:g} s" if one.when is None else toml_value(one.when.model_dump(exclude_defaults=True)),
+            one.kind,
+            one.target,
+            "" if one.value is None else toml_value(one.value),
+        )
+        for one in case.event
+    ]
+    if events:
+        show_table("Events", ("event", "time or condition", "kind", "target", "value"), events)
 
 
 def _span(low: float, high: float) -> str:

@@ -55,6 +55,7 @@ def check_ways(
     crowd: Crowd,
     groups: "tuple[Group, ...]",
     full: Sequence[str] = (),
+    may_wait: bool = False,
 ) -> tuple[Finding, ...]:
     """Check that everybody can reach an exit, by two criteria that must agree.
 
@@ -76,6 +77,8 @@ def check_ways(
     groups : tuple of Group
     full : sequence of str
         Names of the refuges that are full.
+    may_wait : bool
+        Whether people may have no way at the start, because an event opens one later.
 
     Returns
     -------
@@ -88,7 +91,9 @@ def check_ways(
         People cannot reach any permitted exit, or the criteria disagree; names the group, the place and what to
         change.
     """
-    for group, lost in _without_way(fields, crowd, groups):
+    waiting = _without_way(fields, crowd, groups)
+    if waiting and not may_wait:
+        group, lost = waiting[0]
         raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost, full))
     if fields.clearance < fields.packed.spacing:
         return ()

@@ -7,21 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista
 import shapely
+from shapely.geometry.base import BaseGeometry
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.building.model.building import Building, Exit, Level
+from evac.building.model.building import Building, Exit, Level, Place
 from evac.building.model.elevation import elevation
-from evac.building.model.marks import Mark, marks_of
+from evac.building.model.marks import marks_of
 from evac.export.vtk import segments_in_space
 from evac.pictures import palette
 from evac.pictures.camera import Camera, aim
+from evac.pictures.palette import PLACES
 from evac.pictures.view import Label, View
 
 FURNITURE = 4.0  # greatest area of holes drawn as furniture [m2]
 WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
 FLOOR_OPACITY = 0.8  # of floors with storeys below
 MARK_OPACITY = {"slow": 0.15, "barred": 0.35, "one_way": 1.0}
+PLACE_OPACITY = 0.3  # of refuges and assembly areas
+SIGN = 0.15  # radius of the disc of a sign [m]
 ABOVE = 0.03  # height of marks above the ground [m]
 MARGIN = {"left": 0.08, "right": 0.03, "top": 0.12, "bottom": 0.08}  # for text, as shares of the picture
 LEGEND_WIDTH = 0.16
@@ -136,7 +140,7 @@ class _Scene:
             project=self.project,
             scale=self.project.scale,
             elevation=self.elevation,
-            labels=(*self._floor_labels(), *(self._exit_label(exit_) for exit_ in exits)),
+            labels=(*self._floor_labels(), *map(self._exit_label, exits), *map(self._place_label, self._places())),
             outlines=tuple(
                 (self._colour_of(exit_), corners[:, :2]) for exit_ in exits for corners in self._strips(exit_)
             ),
@@ -189,20 +193,32 @@ class _Scene:
                 self._add_link(door.segment.reshape(1, 4), door.level, palette.CLOSED)
         for mark in marks_of(building):
             if mark.level in self.rows:
-                self._add_mark(mark)
+                self._add_flat(mark.level, mark.shape, palette.CLOSED, MARK_OPACITY[mark.kind])
+        for place in self._places():
+            colour = PLACES[place.kind]
+            if place.kind == "line":
+                line = shapely.get_coordinates(place.shape).reshape(1, 4)
+                ends = self.project.place(segments_in_space(building, line, [place.level]).reshape(-1, 3))
+                self._add_ribbon(ends.reshape(-1, 2, 3), ABOVE, colour, colour)
+            else:
+                shape = shapely.buffer(place.shape, SIGN) if place.kind == "sign" else place.shape
+                opacity = 1.0 if place.kind == "sign" else PLACE_OPACITY
+                self._add_flat(place.level, shape, colour, opacity)
+
+    def _places(self) -> list[Place]:
+        return [place for place in self.building.places if place.level in self.rows]
 
     def _colour_of(self, exit_: Exit) -> str:
         return palette.EXIT if self.building.is_open(exit_) else palette.CLOSED
 
-    def _add_mark(self, mark: Mark) -> None:
-        """Add a slow or barred area, or an arrow, just above the ground."""
-        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(mark.shape))
+    def _add_flat(self, level: int, shape: BaseGeometry, colour: str, opacity: float) -> None:
+        """Add a shape in plan, just above the ground of a level."""
+        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
         plan = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
-        z = elevation(self.building, np.full(len(plan), mark.level), plan)
+        z = elevation(self.building, np.full(len(plan), level), plan)
         corners = self.project.place(np.column_stack([plan, z])) + np.array([0.0, 0.0, ABOVE])
         surface = pyvista.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
-        opacity = MARK_OPACITY[mark.kind]
-        self.plotter.add_mesh(surface, color=palette.CLOSED, lighting=False, opacity=opacity, render=False)
+        self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
 
     def _add_link(self, segments: FloatArray, level: int, colour: str) -> None:
         """Add a strip on the segments of an exit or of a closed portal."""
@@ -271,6 +287,14 @@ class _Scene:
         anchor = ("l" if way[0] > 0.7 else "r" if way[0] < -0.7 else "m") + ("a" if way[1] > 0 else "d")
         name = exit_.name if self.building.is_open(exit_) else f"{exit_.name} (closed)"
         return Label(name, place, anchor, self._colour_of(exit_))
+
+    def _place_label(self, place: Place) -> Label:
+        """Return the name of a place or a line, or the exit that a sign shows."""
+        middle = np.array(place.shape.representative_point().coords)
+        point = np.column_stack([middle, elevation(self.building, [place.level], middle)])
+        here = self.project(np.array([place.level], np.int32), point)[0, :2]
+        down = np.array([0.0, 0.01 * self.size[1] if place.kind == "sign" else 0.0])
+        return Label(str(place), here + down, "ma" if place.kind == "sign" else "mm", PLACES[place.kind])
 
 
 @contextmanager

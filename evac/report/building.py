@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from evac.building.model.building import Building, Place
+from evac.building.model.building import Building
 from evac.building.model.links import states_of
 from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
@@ -33,7 +33,7 @@ def building_section(run: Results | None) -> Section:
         ],
         areas=[(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas],
         places=[
-            (place.name, place.kind, levels[place.level].name, place.area or place.exit, _room(place))
+            (place.name, place.kind, levels[place.level].name, place.area or place.exit, place.use)
             for place in building.places
         ],
         closed=run.record.table.building.closed,
@@ -82,13 +82,6 @@ def _stair(building: Building, name: str) -> tuple[object, ...]:
         fixed(math.degrees(max((level.slope for level in flights), default=0.0)), 1),
         fixed(min(widths, default=None), 2),
     )
-
-
-def _room(place: Place) -> str:
-    """Return how many people a place has room for, or from where a sign is seen."""
-    if place.kind == "sign":
-        return f"seen from {place.range:g} m"
-    return "any number" if place.capacity is None else f"{place.capacity} people"
 
 
 def _in_words(states: Sequence[tuple[float, bool]]) -> str:

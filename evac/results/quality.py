@@ -149,7 +149,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
         first = min(results.exposure["stopped_at"][results.stopped].tolist())
         lines.append(f"{_number(fallen)} stopped by gases or heat, the first at {first:.1f} s; they are still inside")
     if results.staying:
-        lines.append(f"{_number(results.staying)} inside do not leave (leave = false)")
+        lines.append(f"{_number(results.staying)} inside did not leave (leave = false)")
     if pushed := len(results.left_by_other_exits):
         lines.append(f"{_number(pushed)} left by an exit that is not on the route: theirs closed, or they were pushed")
     if results.stuck:

@@ -158,7 +158,9 @@ def make_population(
     people = build_population(case, building, ground.fields, case.simulation.seed, behaviours)
     places = Places(case, building, ground.fields.routes, people.crowd)
     places.assign(ground.fields)
-    stopping = check_ways(case.source, building, ground.fields, ground.world, people.crowd, people.groups, places.full)
+    may_wait = any(one.kind in ("open", "strategy") or one.value is False for one in case.event)
+    ways = case.source, building, ground.fields, ground.world, people.crowd, people.groups, places.full, may_wait
+    stopping = check_ways(*ways)
     border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
     with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):
         contact.check_scene(border)

@@ -239,7 +239,7 @@ class Simulation:
         people += rivals(self.case.keeps_distance)
         unused = unused_threads(self._threads, len(crowd.level))
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
-        if self.scene.changes:
+        if self.scene.changes or self.building.closed:
             shut += cut_off(self.scene.building, self.fields, crowd, self.population.groups)
         air = () if self.exposure is None else self.exposure.warnings()
         return (*self.building.warnings, *air, *map(str, (*narrow, *self.stopping)), *people, *shut, *unused)

@@ -9,6 +9,7 @@ import pytest
 
 import evac
 from evac.case.loading import load_case
+from evac.case.presets import shipped_presets
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
 
@@ -92,3 +93,18 @@ def test_recipes_are_taken(text, split_level, monkeypatch):
     assert named <= {group.name for group in simulation.population.groups}
     used = {behaviour.name for behaviour, _ in simulation.behaviours}
     assert set(recipe.get("behaviours", {})) - {"route_choice"} <= used
+
+
+@pytest.mark.parametrize("text", RECIPES, ids=range(len(RECIPES)))
+def test_recipes_are_short(text):
+    assert len([line for line in text.splitlines() if line.strip()]) <= 15
+
+
+@pytest.mark.parametrize("preset", sorted(shipped_presets()))
+def test_every_preset_takes_the_place_of_the_one_in_a_recipe(preset, split_level, monkeypatch):
+    folder, case = split_level
+    monkeypatch.chdir(folder)
+    (recipe,) = (text for text in RECIPES if 'name = "balcony"' in text and 'preset = "wheelchair"' in text)
+    simulation = Simulation(load_case(merged(case, tomllib.loads(recipe.replace('"wheelchair"', f'"{preset}"')))))
+    simulation.advance_tick()
+    assert simulation.population.inside == 2

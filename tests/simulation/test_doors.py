@@ -176,3 +176,12 @@ def test_directions_lead_through_a_door_of_one_direction_on_a_coarse_grid(strate
             cell = (*np.round(place, 3).tolist(),)
             assert cell not in stuck
             stuck.add(cell)
+
+
+def test_people_wait_behind_doors_that_are_closed_at_the_start_until_an_event_opens_one():
+    closed = {"building.closed": ["near", "far"]}
+    simulation = Simulation(flat((4.0, "open", "near"), **closed))
+    assert any("people.p" in line for line in simulation.warnings())
+    assert simulation.run().ended == "everybody out"
+    with pytest.raises(evac.ScenarioError, match=r"people\.p"):
+        Simulation(flat((4.0, "close", "near"), **closed))

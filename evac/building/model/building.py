@@ -184,6 +184,15 @@ class Place:
         """Return what pictures write: the exit that a sign shows, or the name."""
         return f"\u2192 {self.exit}" if self.kind == "sign" else self.name
 
+    @property
+    def use(self) -> str:
+        """How many people there is room for, or from where a sign is seen."""
+        if self.kind == "sign":
+            return f"seen from {self.range:g} m"
+        if self.kind == "line":
+            return "people who pass are counted"
+        return "any number" if self.capacity is None else f"{self.capacity} people"
+
 
 @dataclass(frozen=True)
 class Building:

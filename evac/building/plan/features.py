@@ -10,8 +10,8 @@ from evac.base.parameters import did_you_mean
 from evac.building.plan.plan import Plan
 from evac.building.plan.shapes import geometries
 
-#: Kinds of features that follow from the others.
-DERIVED = ("wall", "portal")
+#: Kinds of features that follow from the others, or belong to a case.
+DERIVED = ("wall", "portal", "door", "refuge", "assembly", "sign", "line")
 #: Kinds of features of an exported building.
 KINDS = ("floor", "flight", "landing", "exit", "door", "area", *DERIVED)
 
