@@ -93,18 +93,31 @@ def check(results: Any) -> None:
 
 
 def check_directions(results: Any) -> None:
-    """Check that nobody passes a portal against its direction, except who was pushed back on its line."""
+    """Check that nobody passes a portal against its direction, except who is on its line and returns, or was pushed."""
     last: dict[int, tuple[int, float]] = {}
     level = {person: int(first) for person, first in enumerate(results.start_level)}
+    to_return: dict[int, tuple[int, float]] = {}  # those whom their speed carried over the line when it got a direction
     for person, portal, time in zip(*(array.tolist() for array in results.crossings), strict=True):
         tick = max(0, math.ceil(time / TICK - 1e-6) - 1)
         origins = dict(results.trajectory.building_at(tick * TICK + 1e-7).one_way)
         before = last.get(person, (-1, -math.inf))
-        if portal in origins and level[person] != origins[portal]:
-            assert before[0] == portal, f"person {person} passed portal {portal} against its direction at {time} s"
-            assert time - before[1] < 5.0, f"person {person} returned through portal {portal} at {time} s"
+        if (ought := to_return.pop(person, None)) is not None:
+            assert ought[0] == portal, f"person {person} passed portal {ought[0]} against its direction at {ought[1]} s"
+            assert time - ought[1] < 5.0, f"person {person} returned through portal {portal} at {time} s"
+        elif portal in origins and level[person] != origins[portal]:
+            if before[0] == portal:
+                assert time - before[1] < 5.0, f"person {person} returned through portal {portal} at {time} s"
+            else:
+                turned = [one.time for one in results.changes if one.kind == "one_way" and one.time <= time]
+                assert turned, f"person {person} passed portal {portal} against its direction at {time} s"
+                assert time - turned[-1] < 0.5, (
+                    f"person {person} passed portal {portal} against its direction, {time} s"
+                )
+                to_return[person] = portal, time
         last[person] = portal, time
         level[person] = results.building.portals[portal].other(level[person])
+    for person, (portal, time) in to_return.items():
+        assert results.time - time < 5.0, f"person {person} passed portal {portal} against its direction at {time} s"
 
 
 def check_doors(results: Any) -> None:
