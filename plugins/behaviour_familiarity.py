@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.base.errors import PluginError, ScenarioError
+from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter
 from evac.base.saved import taken
 from evac.directions.routes import Route
@@ -48,7 +48,7 @@ class Familiarity(Behaviour):
 
     Raises
     ------
-    PluginError
+    ScenarioError
         `knows` is not a table of shares, or `main` not a list of strings.
     ScenarioError
         From `prepare`: people may know no exit, or a sign shows an exit that is in neither list.
@@ -78,15 +78,15 @@ class Familiarity(Behaviour):
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
         if not isinstance(self.main, list | tuple) or not all(isinstance(name, str) for name in self.main):
-            raise PluginError(f"familiarity.main: must be a list of exits, not {self.main!r:.100}")
-        self._shares("familiarity.knows", self.knows)
+            raise ScenarioError(f"behaviours.familiarity.main: must be a list of exits, not {self.main!r:.100}")
+        self._shares("behaviours.familiarity.knows", self.knows)
 
     @staticmethod
     def _shares(key: str, value: Any) -> Mapping[str, float]:
         """Return a table of shares after checking it."""
         is_table = isinstance(value, Mapping)
         if not is_table or not all(type(share) in (int, float) and 0.0 <= share <= 1.0 for share in value.values()):
-            raise PluginError(f"{key}: must be a table of exits and shares from 0 to 1, not {value!r:.100}")
+            raise ScenarioError(f"{key}: must be a table of exits and shares from 0 to 1, not {value!r:.100}")
         return value  # type: ignore[no-any-return]
 
     @property

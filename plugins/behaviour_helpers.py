@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import PluginError, ScenarioError
+from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
 from evac.building.model.building import DOWN, FLAT, UP
@@ -90,7 +90,7 @@ class Helpers(Behaviour):
 
     Raises
     ------
-    PluginError
+    ScenarioError
         `devices`, `areas` or `exits` are not what they must be.
     ScenarioError
         From `prepare`: an area, group or device does not exist; a group has too few helpers; somebody is in none of the
@@ -120,7 +120,7 @@ class Helpers(Behaviour):
         for key in ("areas", "exits"):
             names = getattr(self, key)
             if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
-                raise PluginError(f"helpers.{key}: must be a list of names, not {names!r:.100}")
+                raise ScenarioError(f"behaviours.helpers.{key}: must be a list of names, not {names!r:.100}")
         self._devices = DEVICES | {name: _device(name, one) for name, one in _table(self.devices).items()}
 
     def routes(self) -> tuple[Route, ...]:
@@ -155,6 +155,8 @@ class Helpers(Behaviour):
                     raise ScenarioError(
                         f"people.{group.name}.behaviours.helpers.fetches: no group {wanted!r} has a device; {hint}"
                     )
+                if (scene.crowd.speed[group.rows, 0] <= 0.0).any():
+                    raise ScenarioError(f"people.{group.name}.speed: helpers must be able to walk; raise it above 0")
                 helpers.append(group.rows)
                 may = np.tile(np.isin(self._people, groups[wanted].rows), (len(group.rows), 1))
                 self._may = np.concatenate([self._may, may])
@@ -403,7 +405,7 @@ class Helpers(Behaviour):
 
 def _table(value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise PluginError(f"helpers.devices: must be a table of devices, not {value!r:.100}")
+        raise ScenarioError(f"behaviours.helpers.devices: must be a table of devices, not {value!r:.100}")
     return value
 
 
@@ -411,10 +413,12 @@ def _device(name: str, value: Any) -> Device:
     """Return a device that a case describes."""
     match value:
         case {"flat": float(flat), "up": float(up), "down": float(down), "handlers": int(handlers)} if len(value) == 4:
-            if min(flat, up, down) >= 0.0 and max(flat, up, down) <= FASTEST and handlers >= 1:
+            if flat > 0.0 and min(up, down) >= 0.0 and max(flat, up, down) <= FASTEST and handlers >= 1:
                 return Device(flat, up, down, handlers)
-    speeds = f"flat, up and down in m/s from 0 to {FASTEST:g}"
-    raise PluginError(f"helpers.devices.{name}: must be a table of {speeds}, and handlers, not {value!r:.100}")
+    speeds = f"flat, up and down in m/s, the first one above 0, all up to {FASTEST:g}"
+    raise ScenarioError(
+        f"behaviours.helpers.devices.{name}: must be a table of {speeds}, and handlers, not {value!r:.100}"
+    )
 
 
 evac_interface = 3

@@ -213,6 +213,9 @@ def _known_key(key: Key, root: type[Table]) -> str:
     table = table_at(key[:-1], root)
     known = [field.alias or name for name, field in table.model_fields.items()] if table else []
     word = str(key[-1])
+    for name in known:  # such as `file` for `mesh`, which is described as the file of the building
+        if _meaning((*key[:-1], name), root).startswith(f"{word} "):
+            return f"did you mean {name!r}?"
     for name, field in root.model_fields.items():
         other = table_of(field.annotation)
         if word not in known and other is not None and other is not table and word in other.model_fields:

@@ -209,7 +209,8 @@ def providers(case: "Case") -> list[str]:
 def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:
     """Return the plugins of a kind that are not switched off, each with its parameters."""
     used = {name: table for name, table in tables.items() if table is not False}
-    return [_made(kind, case.registry.get(kind, name), table) for name, table in used.items()]
+    with naming(case.source):
+        return [_made(kind, case.registry.get(kind, name), table) for name, table in used.items()]
 
 
 def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:

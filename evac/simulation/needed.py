@@ -1,11 +1,12 @@
 """Which optional parts a scene needs, and why. Leaving out the others does not change results in any bit."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from evac.base.errors import counted, plugin_code
+from evac.base.errors import ScenarioError, counted, plugin_code
+from evac.base.parameters import did_you_mean
 from evac.directions.build import build_fields
 from evac.directions.descent import add_lengths, descend, find_lowest
 from evac.directions.fields import Fields
@@ -51,13 +52,28 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     wanted, slopes = list(routes_of(case)), [people.steepest for people in case.people if people.steepest is not None]
     wanted += [route for people in case.people for route in routes_to_places(case, people).values()]
     for behaviour in behaviours:
-        with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
-            routes = behaviour.routes()
+        routes = _routes_of(behaviour)
         wanted += [replace(route, steepest=own) for route in routes for own in (route.steepest, *slopes)]
     wanted.extend(_routes_of_events(case))
     if full:
         wanted.extend(Route((), strategy) for strategy in STRATEGIES)
     return tuple(dict.fromkeys(wanted))
+
+
+def _routes_of(behaviour: Behaviour) -> tuple[Route, ...]:
+    with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
+        return tuple(behaviour.routes())
+
+
+def _check_exits(case: "Case", building: "Building", behaviours: Sequence[Behaviour]) -> None:
+    """Refuse routes of behaviours to exits that do not exist, naming the key in which their name is."""
+    known = [one.name for one in building.exits]
+    for behaviour in behaviours:
+        for name in (name for route in _routes_of(behaviour) for name in route.exits if name not in known):
+            given = (case.behaviours.get(behaviour.name) or {}).items()
+            keys = [f".{key}" for key, value in given if isinstance(value, (Mapping, list, tuple)) and name in value]
+            key = f"behaviours.{behaviour.name}{''.join(keys[:1])}"
+            raise ScenarioError(f"{key}: there is no exit {name!r}; {did_you_mean(name, known)}")
 
 
 def _routes_of_events(case: "Case") -> list[Route]:
@@ -103,6 +119,7 @@ def solve_fields(
     anywhere: bool = False,
 ) -> Fields:
     """Return the directions of a building for the routes that people can take; `anywhere` as for `build_fields`."""
+    _check_exits(case, building, behaviours)
     return build_fields(building, **field_settings(case, behaviours, full), threads=threads, anywhere=anywhere)
 
 

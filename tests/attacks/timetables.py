@@ -110,9 +110,7 @@ def check_directions(results: Any) -> None:
             else:
                 turned = [one.time for one in results.changes if one.kind == "one_way" and one.time <= time]
                 assert turned, f"person {person} passed portal {portal} against its direction at {time} s"
-                assert time - turned[-1] < 0.5, (
-                    f"person {person} passed portal {portal} against direction, {time} s"
-                )
+                assert time - turned[-1] < 0.5, f"person {person} passed portal {portal} against direction, {time} s"
                 to_return[person] = portal, time
         last[person] = portal, time
         level[person] = results.building.portals[portal].other(level[person])

@@ -64,6 +64,7 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
     [
         ("simulation.stp=0.1", "simulation.stp: unknown key; did you mean 'step'?"),
         ("duration=3", "duration: unknown key; it belongs to simulation: did you mean 'simulation.duration'?"),
+        ("building.file=a.msh", "building.file: unknown key; did you mean 'mesh'?"),
         ("people.pupils.numbr=3", "people.pupils.numbr: unknown key; did you mean 'number'?"),
         ("people.0.number=-5", "people.pupils.number: must be greater than or equal to 1, got -5"),
         ("people.0.number=2.5", "people.pupils.number: must be a valid integer, got 2.5"),

@@ -105,9 +105,10 @@ def test_a_run_goes_on_with_the_same_bits():
 @pytest.mark.parametrize(
     ("familiarity", "key"),
     [
-        ({"main": ["mian"]}, r"exit 'mian'.*did you mean 'main'"),
-        ({"main": "main"}, r"familiarity\.main: "),
-        ({"main": ["main"], "knows": {"east": 2.0}}, r"familiarity\.knows: "),
+        ({"main": ["mian"]}, r"behaviours\.familiarity\.main: there is no exit 'mian'; did you mean 'main'"),
+        ({"main": ["main"], "knows": {"eats": 0.5}}, r": behaviours\.familiarity\.knows: there is no exit 'eats'"),
+        ({"main": "main"}, r": behaviours\.familiarity\.main: "),
+        ({"main": ["main"], "knows": {"east": 2.0}}, r": behaviours\.familiarity\.knows: "),
         ({"knows": {"east": 0.5}}, r"people\.people\.behaviours\.familiarity\.knows: .*may know no exit"),
         ({"main": ["main"], "own": {"knows": {"west": 0.5}}}, r"people\.people\..*'west' is not in"),
     ],

@@ -15,6 +15,9 @@ from tests.runs import assert_same_bits, run_ticks
 HALL = {"name": "hall", "kind": "assembly", "area": "hall"}
 
 
+SLED = {"flat": 0.7, "up": 0.0, "down": 0.6, "handlers": 2}
+
+
 def ward(*places, patients=None, staff=None, device="evacuation_chair", **parameters):
     """Return a case of patients upstairs, and staff downstairs who fetch them over a stair of 5 m in plan, 3 m high."""
     plan = evac.Plan()
@@ -177,7 +180,10 @@ def test_a_run_goes_on_to_the_same_bits():
         ({"areas": ["office"]}, r"people\.patients: person 0 at .* is in none of behaviours\.helpers\.areas"),
         ({"areas": "ward"}, r"helpers\.areas: must be a list"),
         ({"to": "hall"}, r"behaviours\.helpers\.to: 'hall' is not the area of a place"),
-        ({"devices": {"sled": {"flat": 1.0}}}, r"helpers\.devices\.sled: must be a table"),
+        ({"devices": {"sled": {"flat": 1.0}}}, r": behaviours\.helpers\.devices\.sled: must be a table"),
+        ({"devices": {"sled": SLED | {"flat": 0.0}}}, r": behaviours\.helpers\.devices\.sled: must be a table"),
+        ({"exits": ["dor"]}, r": behaviours\.helpers\.exits: there is no exit 'dor'"),
+        ({"staff": {"speed": 0.0, "speed_up": 0.0, "speed_down": 0.0}}, r": people\.staff\.speed: helpers must"),
         ({"device": "carry", "staff": {"number": 1}}, r"people\.patients: 2 helpers are needed for a person, 1"),
         ({"patients": {"speed": 0.0}}, r"people\.patients\.speed: 0 cannot be scaled"),
         ({"staff": {"behaviours": {"helpers": {"fetches": "x"}}}}, r"people\.staff\..*fetches: no group 'x' has"),
