@@ -150,6 +150,8 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
         lines.append(f"{_number(fallen)} stopped by gases or heat, the first at {first:.1f} s; they are still inside")
     if results.staying:
         lines.append(f"{_number(results.staying)} inside did not leave (leave = false)")
+    for name, entered in results.entered_barred.items():
+        lines.append(f"{_number(len(entered))} entered {name!r} while it was barred, for want of another way")
     if pushed := len(results.left_by_other_exits):
         lines.append(f"{_number(pushed)} left by an exit that is not on the route: theirs closed, or they were pushed")
     if results.stuck:

@@ -115,6 +115,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         stairs=_dumped(summary.stairs),
         doors=[door.model_dump() for door in summary.doors],
         places=summary.places,
+        entered_barred=summary.entered_barred,
         notes=summary.notes,
         stuck=tuple(one.person for one in summary.stuck),
         warnings=tuple(summary.warnings),

@@ -165,6 +165,7 @@ class Summary(Record):
     last_out: Amount | None
     ended: str
     places: tuple[PeopleAt, ...] = ()
+    entered_barred: dict[str, tuple[int, ...]] = {}
     notes: tuple[str, ...] = ()
     waiting_outside: Count = 0
     stuck: list[StuckPlace]

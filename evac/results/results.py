@@ -125,6 +125,8 @@ class Results:
         Name, level and width [m] of the doors between rooms that the file of the building names.
     places : sequence of PeopleAt
         The refuges and assembly areas, with the people who were there at the end.
+    entered_barred : mapping of str to tuple of int
+        The people who entered each area while it was barred, because they had no other way.
     notes : tuple of str
         What behaviours tell about people, such as who was missing when a class was counted.
     stuck : sequence of int
@@ -186,6 +188,7 @@ class Results:
     stairs: Mapping[str, Mapping[str, Any]]
     doors: Sequence[Mapping[str, Any]] = ()
     places: Sequence[PeopleAt] = ()
+    entered_barred: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stuck: Sequence[int] = ()
     warnings: Sequence[str] = ()
@@ -448,6 +451,7 @@ class Results:
             "ended": self.ended,
             "exit_status": self.exit_status,
             "places": [asdict(place) for place in self.places],
+            "entered_barred": {name: list(people) for name, people in self.entered_barred.items()},
             "notes": list(self.notes),
             "stuck": self._stuck_places(),
             "not_started": self.not_started,

@@ -51,7 +51,7 @@ class Loop:
         self.operations = [
             Operation("changes", "behaviours", one.scene.apply_waiting),
             Operation("behaviours", "behaviours", self._decide),
-            Operation("slow areas", "behaviours", one.scene.slow_down, lambda: bool(one.scene.building.slowed)),
+            Operation("areas", "behaviours", one.scene.act_on_areas, lambda: one.scene.has_areas),
             Operation("physics", "physics", self._move),
             Operation("settling", "recording", self._settle),
             Operation(

@@ -27,6 +27,9 @@ from evac.physics.world import make_world, set_open
 from evac.simulation.doorways import begin_to_leave, go_on, let_pass, turn_round
 from evac.simulation.kinds import KINDS, check
 
+#: How people have been in an area since it was barred: not, since before, or they have entered it.
+OUTSIDE, FROM_BEFORE, ENTERED = 0, 1, 2
+
 #: Times that differ by less are the same [s]: a multiple of the tick is rounded.
 AT_ONCE = 1e-9
 
@@ -103,6 +106,7 @@ class Scene:
         self.places: Places | None = None
         self._held: set[int] = set()  # closed links that let people through who stand on their lines
         self._owned: dict[str, LevelField] = {}
+        self._in_barred: dict[str, NDArray[np.uint8]] = {}  # by area, how each person has been in it
         self._solve = solve
 
     @property
@@ -204,6 +208,7 @@ class Scene:
         texts = {name: json.dumps([change.as_row() for change in changes]) for name, changes in rows.items()}
         state: dict[str, NDArray[Any]] = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
         state |= {f"field.{name}": field.values.copy() for name, field in self._owned.items()}
+        state |= {f"barred.{name}": people.copy() for name, people in self._in_barred.items()}
         return state | {"closed": np.array(sorted(self.building.closed), dtype=np.int64)}
 
     def restore(self, state: Mapping[str, NDArray[Any]], time: float) -> None:
@@ -231,6 +236,9 @@ class Scene:
         except BuildingError as error:
             raise SavedError(f"changes: {error}") from error
         self.become(replace(building, closed=frozenset(closed.tolist())))
+        for key in (key for key in state if key.startswith("barred.") and self.people is not None):
+            people = self._in_barred.setdefault(key.removeprefix("barred."), self._nobody())
+            people[:] = taken(state, key, np.uint8, people.shape, OUTSIDE, ENTERED)
 
     def _own_fields(self, fields: Fields) -> Fields:
         """Return fields for this scene alone: others if some of them follow the crowd."""
@@ -256,11 +264,31 @@ class Scene:
             passing[is_free], crowd.ahead[is_free] = -1, 0.0
             self._hold(set(passing[passing >= 0].tolist()))
 
-    def slow_down(self) -> None:
-        """Multiply the speed factors of people in slow areas; behaviours have set or multiplied them before."""
+    @property
+    def has_areas(self) -> bool:
+        """Whether there are slow or barred areas."""
+        return bool(self.building.slowed or self.building.barred)
+
+    def act_on_areas(self) -> None:
+        """Multiply the speed factors of people in slow areas after behaviours have set them; note who enters barred ones."""
         assert self.people is not None
         for name, share in sorted(self.building.slowed):
             self.people.crowd.speed_factor[self.people.rows_in(self.building, name)] *= share
+        for name in self.building.barred:
+            noted, inside = self._in_barred[name], self._nobody().astype(np.bool_)
+            inside[self.people.rows_in(self.building, name)] = True
+            noted[inside & (noted == OUTSIDE)] = ENTERED
+            noted[~inside & (noted == FROM_BEFORE)] = OUTSIDE
+
+    @property
+    def entered(self) -> dict[str, tuple[int, ...]]:
+        """The people who have entered each area while it was barred, because they had no other way."""
+        found = {name: np.flatnonzero(people == ENTERED) for name, people in self._in_barred.items()}
+        return {name: tuple(rows.tolist()) for name, rows in found.items() if len(rows)}
+
+    def _nobody(self) -> NDArray[np.uint8]:
+        assert self.people is not None
+        return np.full(len(self.people.crowd.level), OUTSIDE, np.uint8)
 
     def _hold(self, links: set[int]) -> None:
         """Keep closed links open for those whom they let through, and only these links."""
@@ -290,6 +318,10 @@ class Scene:
         if self.people is not None:
             on_lines = begin_to_leave(before, self.fields, self.people.crowd, closing)
             turn_round(before, self.people.crowd, {link: building.directed[link] for link in turning})
+            for name in building.barred - before.barred:
+                noted = self._in_barred.setdefault(name, self._nobody())
+                rows = self.people.rows_in(building, name)
+                noted[rows[noted[rows] == OUTSIDE]] = FROM_BEFORE
         for link in before.closed ^ building.closed | {link for link, _ in before.one_way ^ building.one_way}:
             self._set_open(link)
         self.hold()

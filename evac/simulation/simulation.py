@@ -330,6 +330,7 @@ class Simulation:
             steps=self.step,
             seed=self.seed,
             places=self.places.found(),
+            entered_barred=self.scene.entered,
             notes=self.deciding.notes(),
             stuck=tuple(self.ending.stuck(self.step, self.population.crowd).tolist()),
             warnings=self.warnings(),

@@ -194,6 +194,22 @@ def test_people_who_must_pass_a_barred_area_behind_a_stair_leave_it_in_its_whole
     assert (simulation.fields.directions_at(flight, places, route)[:, 0] < -0.7).all()
 
 
+def test_who_enters_a_barred_area_is_named_also_in_a_run_that_goes_on():
+    one, other = (Simulation(house(event("bar", "ground", 3.0), event("bar", "first", 4.0))) for _ in range(2))
+    crowd = one.population.crowd
+    run_ticks(one, 30)
+    above = set(np.flatnonzero(crowd.level != 0).tolist())
+    run_ticks(one, 100)
+    other.restore(one.state())
+    for simulation in (one, other):
+        run_ticks(simulation, 100)
+    found = one.results().summary()["entered_barred"]
+    assert found == other.results().summary()["entered_barred"]
+    assert set(found) == {"ground"}
+    assert 5 < len(found["ground"]) <= len(above)
+    assert set(found["ground"]) <= above
+
+
 def test_a_slow_area_ends_and_the_speed_is_as_before():
     _, free = hall()
     _, late = hall(event("slow", "hall", 0.0, value=0.5), event("slow", "hall", 0.1, value=1.0))
