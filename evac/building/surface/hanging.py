@@ -16,9 +16,9 @@ Hanging = dict[tuple[int, int], list[int]]
 
 #: Largest number of rounds of splitting. One is enough for most meshes; an edge split at a vertex that is slightly off
 #: it moves, so that other vertices may then lie on its parts.
-MOST_ROUNDS = 12
+MOST_ROUNDS = 16
 #: After so many rounds, narrow parts are kept: without them, vertices may lie on a side again in every second round.
-PATIENCE = 4
+PATIENCE = 12
 
 
 def split_at_vertices(
@@ -52,12 +52,10 @@ def split_at_vertices(
         If splitting does not terminate because vertices are too close to each other, or no cell is wide enough.
     """
     owner = np.arange(len(triangles))
-    farthest: tuple[float, int] = (0.0, 0)
     for turn in range(MOST_ROUNDS):
         hanging = _hanging_vertices(vertices, triangles, edges, distance)
         if not hanging:
             return triangles, owner, edges
-        farthest = max(max((_distance(vertices, p, edge), p) for edge, on in hanging.items() for p in on), farthest)
         pieces: list[tuple[int, int, int]] = []
         cut_from: list[int] = []
         for row, (a, b, c) in enumerate(triangles.tolist()):
@@ -77,11 +75,10 @@ def split_at_vertices(
             name: np.array([part for a, b in pairs.tolist() for part in _parts(a, b, hanging)], dtype=np.int64)
             for name, pairs in edges.items()
         }
-    off, (x, y, z) = farthest[0], vertices[farthest[1]]
+    x, y, z = vertices[min(min(on) for on in hanging.values())]
     raise BuildingError(
         f"{source}: splitting cells at vertices on their sides does not end around ({x:z.2f}, {y:z.2f}, {z:z.2f}): "
-        f"vertices there lie up to {off:.2g} m beside a side, within building.weld ({distance:g} m); set building.weld "
-        f"to less than {off:.2g}, or repair the mesh there"
+        f"several vertices are nearly within building.weld ({distance:g} m) of one side; repair the mesh there"
     )
 
 

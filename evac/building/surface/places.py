@@ -11,6 +11,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
+from evac.building.geometry.overlays import flat_parts
 from evac.building.geometry.polygons import union
 from evac.building.geometry.segments import between_floors, segment_lengths, sides
 from evac.building.model.building import Area, Building, Exit, Level
@@ -82,7 +83,7 @@ def add_area(building: Building, item: Outline) -> Building:
         raise BuildingError(f"{building.source}: there are two areas named {name!r}; rename one")
     drawn = _polygon(building, item, what)
     level = find_level(building, item, what, drawn)
-    polygon = _plane_part(drawn.intersection(level.polygon))
+    polygon = flat_parts(drawn.intersection(level.polygon))
     if polygon.is_empty:
         raise BuildingError(f"{building.source}: {what} has no part on level {level.name!r}{_extent(level)}")
     findings = building.findings
@@ -234,7 +235,7 @@ def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: s
 
 def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Building:
     """Subtract an obstacle from a level and its areas, and add walls along its outline."""
-    polygon = _plane_part(level.polygon.difference(obstacle))
+    polygon = flat_parts(level.polygon.difference(obstacle))
     if polygon.is_empty:
         raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}; make them smaller")
     new, old = sides(polygon), level.polygon.boundary
@@ -245,7 +246,7 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
     levels = list(building.levels)
     levels[level.index] = replace(level, polygon=polygon.normalize())
     areas = [
-        replace(area, polygon=_plane_part(area.polygon.difference(obstacle))) if area.level == level.index else area
+        replace(area, polygon=flat_parts(area.polygon.difference(obstacle))) if area.level == level.index else area
         for area in building.areas
     ]
     gone = [area.name for area in areas if area.polygon.is_empty]
@@ -256,12 +257,6 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
         )
     building = _with_walls(building, level, np.concatenate([kept, new[is_new]]))
     return replace(building, levels=tuple(levels), areas=tuple(areas))
-
-
-def _plane_part(geometry: BaseGeometry) -> BaseGeometry:
-    """Drop points and lines that an overlay operation may return in addition to polygons."""
-    parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
-    return shapely.union_all(parts) if parts else shapely.Polygon()
 
 
 def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:

@@ -1,7 +1,6 @@
 """Convert the bodies of a building model to a plan: storeys, doors, exits, stairs and obstacles."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, snapped
 from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, ground_of, middle_of, passages_of
 from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
-from evac.building.recover.bodies.floors import Floor, floors_of
+from evac.building.recover.bodies.floors import Floor, Rules, floors_of
 
 #: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
 KINDS = ("space", "slab", "roof", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
@@ -23,19 +22,6 @@ KINDS = ("space", "slab", "roof", "wall", "column", "opening", "door", "window",
 LEAST_ROOM = 0.5
 #: Distance by which areas extend beyond their rooms, less than the thickness of walls [m].
 BEYOND = 0.02
-
-
-@dataclass(frozen=True)
-class Rules:
-    """Assumptions about a building model; see the parameters of the importer that uses them."""
-
-    ground: str
-    exits: str
-    ground_z: float
-    step: float
-    gap: float
-    furniture: bool
-    cut_slabs: bool
 
 
 def plan_of_bodies(
@@ -62,16 +48,7 @@ def plan_of_bodies(
     """
     passages, openings = passages_of(bodies)
     solid = [body for body in bodies if body.kind not in ("opening", "door", "window")]
-    floors = floors_of(
-        [*solid, *openings],
-        passages,
-        storeys,
-        ground=rules.ground,
-        step=rules.step,
-        gap=rules.gap,
-        furniture=rules.furniture,
-        findings=findings,
-    )
+    floors = floors_of([*solid, *openings], passages, storeys, rules, findings)
     if not floors:
         kinds = sorted({body.kind for body in bodies})
         lost = "".join(f"; {one.text}" for one in findings if one.kind == "missing")

@@ -34,6 +34,19 @@ BESIDE = 0.1
 LEAST_VOID = 0.25
 
 
+@dataclass(frozen=True)
+class Rules:
+    """Assumptions about a building model; see the parameters of the importer that uses them."""
+
+    ground: str
+    exits: str
+    ground_z: float
+    step: float
+    gap: float
+    furniture: bool
+    cut_slabs: bool
+
+
 @dataclass
 class Floor:
     """The ground at one height."""
@@ -59,14 +72,10 @@ def floors_of(
     bodies: Sequence[Body],
     passages: Sequence[Body],
     storeys: Sequence[tuple[str, float]],
-    *,
-    ground: str,
-    step: float,
-    gap: float,
-    furniture: bool,
+    rules: Rules,
     findings: list[Finding],
 ) -> list[Floor]:
-    """Return the floors of a building, from bottom to top.
+    """Return the floors of a building, from bottom to top; findings are added to the list.
 
     Parameters
     ----------
@@ -75,20 +84,11 @@ def floors_of(
         Doors and openings that people pass through.
     storeys : sequence of (str, float [m])
         Names and heights, for the names of floors.
-    ground : "auto", "spaces" or "slabs"
-        Source of the floors: spaces intersected with slabs, or slabs without walls. With "auto", slabs are used only
-        if there are no spaces.
-    step : float [m]
-        Ground whose heights differ by at most this is one floor.
-    gap : float [m]
-        Gaps between spaces up to this width are closed.
-    furniture : bool
-        Whether furniture is an obstacle.
+    rules : Rules
     findings : list of Finding
-        To add to.
     """
     low = _low_spaces(bodies, findings)
-    heights = _heights([body for body in bodies if body not in low], ground, step)
+    heights = _heights([body for body in bodies if body not in low], rules)
     names = _names(heights, storeys)
     tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     floors = []
@@ -101,7 +101,7 @@ def floors_of(
         if height.spaces:
             steps = _in_other_spaces(height, tops, heights)
             halls = _halls(height, slabs, bodies, passages, name, findings)
-            made, rooms = united([_of_spaces(height, slabs, name, gap, findings), steps, halls]), _rooms(height)
+            made, rooms = united([_of_spaces(height, slabs, name, rules.gap, findings), steps, halls]), _rooms(height)
             slabs = united([slabs, steps])
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
             continue
@@ -111,9 +111,9 @@ def floors_of(
                 findings.append(Finding("left out", text, name, place_of(slabs)))
                 continue
             made, rooms = slabs, []
-            what = "the file has no spaces" if ground == "auto" else "as set"
+            what = "the file has no spaces" if rules.ground == "auto" else "as set"
             findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
-        made = _without_bodies(made, bodies, height, furniture)
+        made = _without_bodies(made, bodies, height, rules.furniture)
         floors.append(Floor(name, height.z, made, slabs, rooms))
         levels = [z for _, _, z in height.spaces]
         if levels and max(levels) - min(levels) > 0.001:
@@ -159,8 +159,9 @@ def _is_bare(height: "_Height", bodies: Sequence[Body], passages: Sequence[Body]
     return not any(shapely.dwithin(shapely.box(*body.box[:, :2].ravel()), slabs, THICKNESS) for body in beside)
 
 
-def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
-    """Group plans whose heights differ by at most `step` [m] into floors, starting from the largest."""
+def _heights(bodies: Sequence[Body], rules: Rules) -> list[_Height]:
+    """Group plans whose heights differ by at most `rules.step` [m] into floors, starting from the largest."""
+    ground, step = rules.ground, rules.step
     candidates: list[tuple[float, float, Body, BaseGeometry]] = []
     if ground != "slabs":
         spaces = [(body, *face) for body in bodies if body.kind == "space" for face in _lowest(body)]

@@ -103,12 +103,7 @@ def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
     for row, (plan, z) in enumerate(tops):
         over = [higher for higher, top in tops[row + 1 :] if top - z < CLEAR]
         for part in shapely.get_parts(cut(plan, united(over)) if over else plan):
-            box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
-            if (
-                len(box) == 5
-                and part.area >= LEAST_TREAD
-                and np.hypot(*np.diff(box[:3], axis=0).T).min() >= LEAST_DEPTH
-            ):
+            if part.area >= LEAST_TREAD and _depth(part) >= LEAST_DEPTH:
                 faces.append((part, z))
     return sorted(faces, key=lambda face: face[1])
 
