@@ -274,13 +274,18 @@ class DxfImporter(Importer):
         plan.note("assumed", f"walls drawn as one line between two rooms are {self.wall:g} m thick (wall)", storey)
         self._add_storey(plan, storey, [*shapely.get_parts(rooms.floor)], z, lines)
         for number, ends in enumerate(rooms.doors.reshape(-1, 2, 2), start=1):
-            plan.door(f"door {number}" if storey == self.storey else f"{storey} door {number}", storey, ends)
-        is_exit = z == self.z and not any(one.use == "exits" for one in drawn)
+            plan.door(f"{self._prefix(storey)}door {number}", storey, ends)
+        outside = "exit" if z == self.z and not any(one.use == "exits" for one in drawn) else "opening"
         for number, ends in enumerate(rooms.outer.reshape(-1, 2, 2), start=1):
-            name = f"exit door {number}" if storey == self.storey else f"{storey} exit door {number}"
-            plan.door(name, storey, ends, outside="exit" if is_exit else "opening")
+            plan.door(
+                f"{self._prefix(storey)}exit door {number}", storey, ends, outside="exit" if is_exit else "opening"
+            )
         for ends in rooms.openings.reshape(-1, 2, 2):
             plan.opening(storey, ends)
+
+    def _prefix(self, storey: str) -> str:
+        """Return what names of items begin with on one of several storeys."""
+        return "" if storey == self.storey else f"{storey} "
 
     def _add_storey(
         self, plan: Plan, storey: str, ground: list[BaseGeometry], z: float, lines: list[BaseGeometry]
@@ -298,7 +303,7 @@ class DxfImporter(Importer):
         """Add obstacles, exits and areas."""
         for use, word in (("obstacles", "obstacle"), ("exits", "exit"), ("areas", "area")):
             for number, item in enumerate((one for one in drawn if one.use == use), start=1):
-                name = f"{word} {number}" if storey == self.storey else f"{storey} {word} {number}"
+                name = f"{self._prefix(storey)}{word} {number}"
                 place = place_of(item.line)
                 corners = shapely.get_coordinates(item.line)
                 if item.is_closed and item.polygon.area > 0.0 and word == "exit":

@@ -17,7 +17,6 @@ from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.building.geometry.overlays import flat_parts, place_of
 from evac.building.importer import Importer
-from evac.building.plan.features import are_exported, plan_of_features
 from evac.building.plan.outlines import distinct, with_walls
 from evac.building.plan.plan import Plan
 from evac.building.plan.shapes import geometries
@@ -26,6 +25,9 @@ from evac.building.recover.linework import LEAST_ROOM, door_sides, leads_out
 
 #: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
+#: Kinds of features of an exported building, of which some follow from the others.
+DERIVED = ("wall", "portal", "refuge", "assembly", "sign", "line")
+EXPORTED = ("floor", "flight", "landing", "exit", "door", "area", *DERIVED)
 #: Properties of features; others may be there beside them, or with the name or number of a feature alone.
 KNOWN, LABELS = {"kind", "name", "storey", "level", "z"}, {"id", "fid", "objectid", "ogc_fid"}
 #: Thickness of walls between rooms of indoor maps with doors, if none is given [m].
@@ -60,8 +62,8 @@ class GeojsonImporter(Importer):
     def read(self, path: Path) -> Plan:
         """Read the features; raise ValueError if the file is not GeoJSON."""
         documents = [_parsed(text) for text in _texts(path)]
-        if len(documents) == 1 and are_exported(documents[0]):
-            return plan_of_features(documents[0]["features"], path)
+        if len(documents) == 1 and _are_exported(documents[0]):
+            return _plan_of_features(documents[0]["features"], path)
         objects = [item for document in documents for item in _objects(document)]
         names = {name for item in objects for name in _properties(item)}
         profile = "" if "kind" in names else profile_of(names)
@@ -290,6 +292,46 @@ def _feature(number: int, given: Any, profile: str) -> Feature:
     storey = properties.get("storey", properties.get("level"))
     name = properties.get("name")
     return Feature(number, shape, kind, "" if name is None else str(name), "" if storey is None else str(storey), z)
+
+
+def _are_exported(data: Any) -> bool:
+    """Return whether a document is a building as evac exports it."""
+    features = data.get("features") if isinstance(data, Mapping) else None
+    return isinstance(features, list) and any(_properties(one).get("kind") == "floor" for one in features)
+
+
+def _plan_of_features(features: Sequence[Any], source: Path) -> Plan:
+    """Return the plan of a building that evac has exported: floors, flights, landings, exits, doors and areas."""
+    plan = Plan(source, headroom=0.0)
+    for number, feature in enumerate(features, start=1):
+        own = _properties(feature)
+        kind = own.get("kind")
+        if kind not in EXPORTED:
+            raise ValueError(f"feature {number}: unknown kind {kind!r}; {did_you_mean(str(kind), EXPORTED)}")
+        if own.get("open") is False:
+            plan.note("warning", f"{kind} {own.get('name')!r} was closed at the start; building.closed keeps it so")
+        if kind in DERIVED:
+            continue
+        try:
+            shapes = list(geometries(feature))
+            name, level = str(own["name"]), str(own["levels"][0])
+            if kind == "floor":
+                plan.storey(name, shapes, own["z_min"])
+            elif kind == "flight":
+                plan.flight(str(own["stair"]), polygon=shapes)
+            elif kind == "landing":
+                plan.landing(str(own["stair"]), shapes, own["z_min"])
+            elif kind == "exit":
+                lines = [shapely.get_coordinates(line).tolist() for line in shapes]
+                plan.exit(name, level, lines[0] if len(lines) == 1 else lines)
+            elif kind == "door":
+                plan.door(name, level, shapely.get_coordinates(shapes))
+            else:
+                plan.area(name, level, shapes)
+        except (KeyError, IndexError, TypeError) as error:
+            text = f"feature {number}: a {kind} needs name, levels, z_min and stair as evac exports them"
+            raise ValueError(text) from error
+    return plan
 
 
 def _metres_per_degree(latitude: float) -> np.ndarray[Any, np.dtype[np.float64]]:

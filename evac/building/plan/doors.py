@@ -1,15 +1,11 @@
-"""Doors of plans: the floor near them, and the segment along the wall that a door stands for."""
-
-from collections.abc import Sequence
+"""Doors of plans: what they may reach, and the segment along the wall that a door stands for."""
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import FloatArray, IndexArray
+from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
-from evac.building.geometry.overlays import united
 from evac.building.geometry.segments import sides
 from evac.building.plan.outlines import ALONG, along, covered, nearest, normal, written
 from evac.building.plan.planparts import SNAP, Item
@@ -22,53 +18,11 @@ ALIKE = 0.999
 ON_FLOOR = 0.01
 
 
-class Rooms:
-    """The rooms of a storey while doors are opened one after another, with the ground that doors have added.
-
-    Parameters
-    ----------
-    floor : shapely polygon or multipolygon
-    """
-
-    def __init__(self, floor: BaseGeometry) -> None:
-        self._floor = floor
-        self._rooms = shapely.get_parts(floor)
-        self._near_rooms: list[IndexArray] = []
-        self._near_doors: list[IndexArray] = []
-        self._ground: list[list[BaseGeometry]] = []  # of each door so far
-
-    def expect(self, doors: Sequence[Item]) -> None:
-        """Find what is near doors, which are opened in this order: all within reach of a ray from their segments."""
-        spans = []
-        for door in doors:
-            assert door.segment is not None
-            low, high = door.segment.min(axis=0), door.segment.max(axis=0)
-            beyond = door.reach + float(np.hypot(*(door.segment[1] - door.segment[0]))) + SNAP
-            spans.append(np.concatenate([low - beyond, high + beyond]))
-        boxes = shapely.box(*np.reshape(spans, (-1, 4)).T)
-        self._near_rooms, self._near_doors = (_listed(shapely.STRtree(one), boxes) for one in (self._rooms, boxes))
-
-    def near_next(self) -> BaseGeometry:
-        """Return the floor near the next door, and of rooms near it also the rest."""
-        row = len(self._ground)
-        ground = [part for door in self._near_doors[row] if door < row for part in self._ground[door]]
-        return united([*self._rooms[self._near_rooms[row]], *ground])
-
-    def add(self, ground: list[BaseGeometry]) -> None:
-        """Add the ground of the next door."""
-        self._ground.append(ground)
-
-    def floor(self) -> BaseGeometry:
-        """Return the floor of the storey."""
-        ground = [part for door in self._ground for part in door]
-        return united([self._floor, *ground]) if ground else self._floor
-
-
-def _listed(tree: shapely.STRtree, boxes: NDArray[np.object_]) -> list[IndexArray]:
-    """Return the indices of the geometries of a tree near each box, in ascending order."""
-    box, near = tree.query(boxes)
-    order = np.lexsort((near, box))
-    return np.split(near[order], np.searchsorted(box[order], np.arange(1, len(boxes))))
+def expanse(door: Item) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest corner (2,) of all that a door may reach [m]."""
+    assert door.segment is not None
+    beyond = door.reach + float(np.hypot(*(door.segment[1] - door.segment[0]))) + SNAP
+    return door.segment.min(axis=0) - beyond, door.segment.max(axis=0) + beyond
 
 
 def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatArray, str]:

@@ -18,7 +18,7 @@ from evac.building.geometry.overlays import LEAST_AREA, common, cut, place_of, u
 from evac.building.geometry.segments import between_floors
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
-from evac.building.plan.doors import Rooms, placed
+from evac.building.plan.doors import expanse, placed
 from evac.building.plan.outlines import (
     Strip,
     along,
@@ -145,19 +145,23 @@ class _Drawing:
 
     def _open_doors(self) -> None:
         """Open the doors of the plan in order; each meets what is near it of the rooms and of earlier doors."""
-        rooms = {name: Rooms(floor) for name, floor in self.floors.items()}
-        for name, own in rooms.items():
-            own.expect([door for door in self.plan.doors if door.storey == name])
+        parts = {name: [*shapely.get_parts(floor)] for name, floor in self.floors.items()}
+        count = {name: len(own) for name, own in parts.items()}
         for door in self.plan.doors:
-            own, known = rooms[door.storey], len(self.findings)
+            own, known = parts[door.storey], len(self.findings)
+            low, high = expanse(door)
+            bounds = shapely.bounds(own)
+            is_near = (bounds[:, :2] <= high).all(axis=1) & (bounds[:, 2:] >= low).all(axis=1)
             with self._naming(f"door {door.name!r}"):
                 try:
-                    ground = self._open_door(door, own.near_next())
+                    ground = self._open_door(door, united([own[k] for k in np.flatnonzero(is_near)]))
                 except ValueError:  # its message also says what is farther away
                     del self.findings[known:]
-                    ground = self._open_door(door, own.floor())
-            own.add(ground)
-        self.floors = {name: own.floor() for name, own in rooms.items()}
+                    ground = self._open_door(door, united(own))
+            own.extend(ground)
+        for name, own in parts.items():
+            if len(own) > count[name]:
+                self.floors[name] = united([self.floors[name], *own[count[name] :]])
 
     def _open_door(self, door: Item, floor: BaseGeometry) -> list[BaseGeometry]:
         """Return the ground between a door and the rooms on both its sides."""

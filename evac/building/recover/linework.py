@@ -135,14 +135,17 @@ def rooms_of(
         for middle, pair in found
         if not _is_at(_as_lines(across), shapely.LineString(middle.reshape(2, 2)))
     ]
-    sills = [one for one in _bridging(panes, drawn.pieces) if not _is_at(_as_lines(across), one)]
+    ends = shapely.get_coordinates([*panes]).reshape(-1, 4)
+    is_long = segment_lengths(ends) > THICKEST_WALL
+    sills = _joining(reaching(ends[is_long], drawn.pieces), drawn.pieces)  # through frames
+    sills = [one for one in sills if not _is_at(_as_lines(across), one)]
     openings = [_hull(pair).buffer(BETWEEN_PANES) for _, pair in found]
     is_window = [sum(_is_at([one], sill) for sill in sills) > 1 for one in openings]
     found = [one for one, has_panes in zip(found, is_window, strict=True) if not has_panes]
     openings = [one for one, has_panes in zip(openings, is_window, strict=True) if not has_panes]
     glass = [sill for sill in sills if not _is_at(openings, sill)]
     jambs = [side for _, pair in found if len(pair) == 2 for side in (pair[:, :2], pair[:, 2:])]
-    glass += [shapely.LineString(ends) for ends in jambs] + _between([*panes], drawn.pieces)
+    glass += [shapely.LineString(one) for one in jambs] + _joining(ends[~is_long], drawn.pieces)
     ways = np.concatenate([*(pair for _, pair in found), across]).reshape(-1, 4)
     closed = _noded([*drawn.pieces, *_as_lines(ways), *glass])
     mouths = _mouths(drawn.pieces, _floor_of(closed, ways, body), door)
@@ -196,7 +199,7 @@ def reaching(doors: FloatArray, walls: Sequence[BaseGeometry] | Lines) -> FloatA
         step = (door[1] - door[0]) / np.hypot(*(door[1] - door[0]))
         ends = []
         for end, way in ((door[0], -step), (door[1], step)):
-            far = _ahead(pieces, tree, end - BESIDE * way, way, FRAME + BESIDE) or BESIDE
+            far = ahead(pieces, tree, end - BESIDE * way, way, FRAME + BESIDE) or BESIDE
             ends.append(end + (far - BESIDE) * way)
         found.append(np.concatenate(ends))
     return np.array(found).reshape(-1, 4)
@@ -211,26 +214,11 @@ def _is_at(places: Sequence[BaseGeometry], line: BaseGeometry) -> bool:
     )
 
 
-def _bridging(lines: Sequence[BaseGeometry], walls: Lines) -> list[BaseGeometry]:
-    """Return those lines of two points that lie between two walls, extended to them through frames."""
-    long = [line for line in lines if line.length > THICKEST_WALL]
-    if not long or not len(walls):
-        return []
-    ends = reaching(shapely.get_coordinates(long).reshape(-1, 4), walls)
-    near = shapely.STRtree(walls).query(shapely.points(ends.reshape(-1, 2)), predicate="dwithin", distance=BESIDE)[0]
-    is_end = np.isin(np.arange(2 * len(ends)), near).reshape(-1, 2)
-    return _as_lines(ends[is_end.all(axis=1)])
-
-
-def _between(lines: Sequence[BaseGeometry], walls: Lines) -> list[BaseGeometry]:
-    """Return those lines of two points, not longer than walls are thick, that end at walls: the jambs of doors."""
-    short = [line for line in lines if line.length <= THICKEST_WALL]
-    if not short or not len(walls):
-        return []
-    ends = shapely.points(shapely.get_coordinates(short))
-    near = shapely.STRtree(walls).query(ends, predicate="dwithin", distance=BESIDE)[0]
-    is_at = np.isin(np.arange(len(ends)), near)
-    return [line for line, one, other in zip(short, is_at[::2], is_at[1::2], strict=True) if one and other]
+def _joining(ends: FloatArray, walls: Lines) -> list[BaseGeometry]:
+    """Return those of some lines (k, 4) that end at walls on both sides."""
+    points = shapely.points(ends.reshape(-1, 2))
+    near = shapely.STRtree(walls).query(points, predicate="dwithin", distance=BESIDE)[0]
+    return _as_lines(ends[np.isin(np.arange(len(points)), near).reshape(-1, 2).all(axis=1)])
 
 
 def _mouths(pieces: Lines, floor: BaseGeometry, reach: float) -> FloatArray:
@@ -247,7 +235,7 @@ def _mouths(pieces: Lines, floor: BaseGeometry, reach: float) -> FloatArray:
             for side in (np.array([-step[1], step[0]]), np.array([step[1], -step[0]])):
                 way = side / np.hypot(*side)
                 start = nodes[end] - BESIDE * step / np.hypot(*step)
-                far = _ahead(pieces, tree, start, way, reach)
+                far = ahead(pieces, tree, start, way, reach)
                 if far is not None:
                     found.append((*start, *(start + far * way)))
     return np.array(found).reshape(-1, 4)
@@ -258,9 +246,7 @@ def leads_out(doors: FloatArray, floor: BaseGeometry) -> NDArray[np.bool_]:
     thick = floor.buffer(THICKEST_HULL / 2, join_style="mitre").buffer(-THICKEST_HULL / 2, join_style="mitre")
     hull = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(thick)])
     shapely.prepare(hull)
-    step = doors[:, 2:] - doors[:, :2]
-    across = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
-    middle = (doors[:, :2] + doors[:, 2:]) / 2
+    middle, across = _across(doors)
     sides = [shapely.intersects_xy(hull, *(middle + way * THICKEST_HULL * across).T) for way in (1.0, -1.0)]
     found: NDArray[np.bool_] = ~(sides[0] & sides[1])
     return found
@@ -268,9 +254,7 @@ def leads_out(doors: FloatArray, floor: BaseGeometry) -> NDArray[np.bool_]:
 
 def _walled(doors: FloatArray, floor: BaseGeometry, walls: Lines) -> NDArray[np.bool_]:
     """Return which doors (k, 4) with floor on one side have a wall right behind them on the other."""
-    step = doors[:, 2:] - doors[:, :2]
-    across = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
-    middle = (doors[:, :2] + doors[:, 2:]) / 2
+    middle, across = _across(doors)
     out = np.where(shapely.intersects_xy(floor, *(middle + 2.0 * BESIDE * across).T), -1.0, 1.0)[:, None] * across
     rays = shapely.linestrings(np.stack([middle + 2.0 * BESIDE * out, middle + THICKEST_WALL * out], axis=1))
     return np.isin(np.arange(len(doors)), shapely.STRtree(walls).query(rays, predicate="intersects")[0])
@@ -417,7 +401,7 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
             rays.append(([a, b], -(back[0] / np.hypot(*back[0]) + back[1] / np.hypot(*back[1]))))
     for starts, way in rays:
         way = way / np.hypot(*way)
-        hits = [_ahead(pieces, tree, nodes[start], way, door) for start in starts]
+        hits = [ahead(pieces, tree, nodes[start], way, door) for start in starts]
         if all(hit is not None and hit > gap for hit in hits):
             pair = np.array([[*nodes[s], *(nodes[s] + h * way)] for s, h in zip(starts, hits, strict=True) if h])
             middle = pair.mean(axis=0)
@@ -458,7 +442,7 @@ def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
     return alike and abs(float(back[0] @ across)) < 0.5 * lengths[0] * width and min(lengths) > 0.5 * width
 
 
-def _ahead(pieces: Lines, tree: shapely.STRtree, start: FloatArray, way: FloatArray, reach: float) -> float | None:
+def ahead(pieces: Lines, tree: shapely.STRtree, start: FloatArray, way: FloatArray, reach: float) -> float | None:
     """Return the distance from a point to the next wall in a direction [m]; None if there is none within reach."""
     ray = shapely.LineString([start + LEAST_LENGTH * way, start + reach * way])
     hit = pieces[tree.query(ray, predicate="intersects")]
@@ -475,9 +459,14 @@ def _with_floor(lines: Sequence[BaseGeometry] | Lines, floor: BaseGeometry) -> N
     """Return whether there is floor to the left and right (n, 2) of the midpoints of lines of two points."""
     if not len(lines):
         return np.empty((0, 2), dtype=bool)
-    ends = shapely.get_coordinates([*lines]).reshape(-1, 2, 2)
-    step = ends[:, 1] - ends[:, 0]
-    middle, length = ends.mean(axis=1), np.hypot(*step.T)
-    off = BESIDE * np.column_stack([-step[:, 1], step[:, 0]]) / length[:, None]
+    middle, across = _across(shapely.get_coordinates([*lines]).reshape(-1, 4))
     shapely.prepare(floor)
-    return np.stack([shapely.intersects_xy(floor, *(middle + side * off).T) for side in (1.0, -1.0)], axis=1)
+    sides = [shapely.intersects_xy(floor, *(middle + side * BESIDE * across).T) for side in (1.0, -1.0)]
+    return np.stack(sides, axis=1)
+
+
+def _across(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the middles (k, 2) of lines (k, 4), and the unit vectors to their left."""
+    step = ends[:, 2:] - ends[:, :2]
+    left = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
+    return (ends[:, :2] + ends[:, 2:]) / 2, left

@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.geometry.components import connected_components
+from evac.building.recover.linework import ahead
 
 #: Spacing of treads, their length, and how far their middles are beside each other at most [m].
 GOING, WIDTH, BESIDE = (0.2, 0.42), (0.7, 4.0), 0.15
@@ -128,10 +129,8 @@ def _room_ahead(first: DrawnFlight, second: DrawnFlight, walls: shapely.STRtree)
     start = ends[np.argmax(ends @ way)]
     middle = ends.mean(axis=0)
     start = middle + ((start - middle) @ way + 0.05) * way
-    ray = shapely.LineString([start, start + WIDTH[1] * way])
-    hit = walls.geometries[walls.query(ray, predicate="intersects")]
-    point = shapely.Point(start)
-    return 0.05 + float(shapely.distance(shapely.intersection(ray, hit), point).min()) if len(hit) else np.inf
+    far = ahead(walls.geometries, walls, start, way, WIDTH[1])
+    return np.inf if far is None else 0.05 + far
 
 
 def _ends(lines: Sequence[BaseGeometry]) -> FloatArray:
