@@ -277,9 +277,7 @@ class DxfImporter(Importer):
             plan.door(f"{self._prefix(storey)}door {number}", storey, ends)
         outside = "exit" if z == self.z and not any(one.use == "exits" for one in drawn) else "opening"
         for number, ends in enumerate(rooms.outer.reshape(-1, 2, 2), start=1):
-            plan.door(
-                f"{self._prefix(storey)}exit door {number}", storey, ends, outside="exit" if is_exit else "opening"
-            )
+            plan.door(f"{self._prefix(storey)}exit door {number}", storey, ends, outside=outside)
         for ends in rooms.openings.reshape(-1, 2, 2):
             plan.opening(storey, ends)
 

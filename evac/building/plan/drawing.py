@@ -1,6 +1,6 @@
 """Conversion of a plan to a surface mesh: doors join rooms, obstacles and stairs are cut out, exits are opened."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -409,13 +409,8 @@ def _divided(
     tags: tuple[str, ...], ground: BaseGeometry, tag: str, outline: BaseGeometry
 ) -> list[tuple[tuple[str, ...], BaseGeometry]]:
     """Divide a piece of ground by an outline; the part inside gets an additional tag."""
-    parts: list[tuple[tuple[str, ...], BaseGeometry]] = []
-    make: Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
-    for own, make in ((tags, cut), ((*tags, tag), common)):
-        part = make(ground, outline)
-        if not part.is_empty:
-            parts.append((own, part))
-    return parts
+    parts = [(tags, cut(ground, outline)), ((*tags, tag), common(ground, outline))]
+    return [(own, part) for own, part in parts if not part.is_empty]
 
 
 def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
 """Plans: a building given storey by storey as polygons, with stairs, doors, exits, areas and obstacles."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -112,8 +112,7 @@ class Plan:
             The name is already used, or the shape is invalid.
         """
         what = f"storey {name!r}"
-        if name in self.storeys:
-            raise BuildingError(f"{self.source}: there are two storeys named {name!r}; rename one")
+        self._check_new("storeys", name, self.storeys)
         if (polygons is None) == (file is None):
             raise BuildingError(f"{self.source}: {what}: give either polygons or file, and not both")
         self._number(what, "z", z)
@@ -173,8 +172,7 @@ class Plan:
             The name is already used, or the arguments do not define a stair.
         """
         what = f"stair {name!r}"
-        if any(stair.name == name for stair in self.stairs):
-            raise BuildingError(f"{self.source}: there are two stairs named {name!r}; rename one")
+        self._check_new("stairs", name, [stair.name for stair in self.stairs])
         if upper_edge is None and length is None:
             raise BuildingError(f"{self.source}: {what}: give upper_edge or length")
         if turn not in (None, "left", "right") or (turn is not None and upper_edge is not None):
@@ -287,8 +285,7 @@ class Plan:
             The name is already used, or the shape is invalid.
         """
         what = f"exit {name!r}"
-        if any(way.name == name for way in self.exits):
-            raise BuildingError(f"{self.source}: there are two exits named {name!r}; rename one")
+        self._check_new("exits", name, [way.name for way in self.exits])
         if (segment is None) == (polygon is None):
             raise BuildingError(f"{self.source}: {what}: give either segment or polygon, and not both")
         if segment is None:
@@ -315,8 +312,7 @@ class Plan:
         BuildingError
             The name is already used, or the shape is invalid.
         """
-        if any(area.name == name for area in self.areas):
-            raise BuildingError(f"{self.source}: there are two areas named {name!r}; rename one")
+        self._check_new("areas", name, [area.name for area in self.areas])
         self.areas.append(Item(name, storey, polygons=self._polygons(f"area {name!r}", storey, polygon)))
 
     def obstacle(self, name: str, storey: str, polygon: Shape) -> None:
@@ -401,6 +397,10 @@ class Plan:
         from evac.building.surface.meshfile import write_surface
 
         write_surface(self.surface(), Path(path))
+
+    def _check_new(self, kind: str, name: str, known: Collection[str]) -> None:
+        if name in known:
+            raise BuildingError(f"{self.source}: there are two {kind} named {name!r}; rename one")
 
     def _polygons(self, what: str, storey: str | None, given: Shape) -> tuple[BaseGeometry, ...]:
         try:

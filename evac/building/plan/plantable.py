@@ -3,6 +3,7 @@
 import inspect
 import tomllib
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -103,10 +104,11 @@ def table_of(plan: Plan) -> dict[str, Any]:
         else:
             table["landings"].append({"stair": stair, "polygon": _wkt(values[0]), "z": values[1]})
     table["doors"] = [_item(one) | {"reach": one.reach, "outside": one.outside} for one in plan.doors]
-    table["exits"] = [_exit([one for one in plan.exits if one.name == name]) for name in _names(plan.exits)]
-    table["openings"] = [_item(one) for one in plan.openings]
-    table["areas"] = [_item(one) for one in plan.areas]
-    table["obstacles"] = [_item(one) for one in plan.obstacles]
+    table["exits"] = [
+        _exit([one for one in plan.exits if one.name == name]) for name in dict.fromkeys(one.name for one in plan.exits)
+    ]
+    for section in ("openings", "areas", "obstacles"):
+        table[section] = [_item(one) for one in getattr(plan, section)]
     return {key: value for key, value in table.items() if value != []}
 
 
@@ -127,24 +129,11 @@ def _check_keys(what: str, item: Any, method: Any) -> None:
 
 
 def _stair(stair: Stair) -> dict[str, Any]:
-    given = {
-        "name": stair.name,
-        "lower": stair.lower,
-        "lower_edge": stair.lower_edge.tolist(),
-        "upper": stair.upper,
-        "upper_edge": None if stair.upper_edge is None else stair.upper_edge.tolist(),
-        "length": stair.length,
-        "direction": None if stair.direction is None else np.asarray(stair.direction).tolist(),
-        "landing": stair.landing,
-        "landings": stair.landings if stair.landing is not None else None,
-        "turn": stair.turn,
-        "gap": stair.gap,
-    }
-    return {key: value for key, value in given.items() if value is not None}
-
-
-def _names(items: list[Item]) -> list[str]:
-    return list(dict.fromkeys(item.name for item in items))
+    given = {one.name: getattr(stair, one.name) for one in fields(stair)}
+    if stair.landing is None:
+        del given["landings"]
+    values = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in given.items()}
+    return {key: value for key, value in values.items() if value is not None}
 
 
 def _exit(items: list[Item]) -> dict[str, Any]:
