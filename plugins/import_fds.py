@@ -1,6 +1,5 @@
 """Importer of FDS decks: the floor of each storey from meshes, obstructions and holes, and exits of FDS+Evac."""
 
-import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -43,7 +42,7 @@ class FdsImporter(Importer):
     def read(self, path: Path) -> Plan:
         """Read the deck; raise ValueError if it has no mesh."""
         text = path.read_text(encoding="utf-8", errors="replace")
-        lines = _repeated([*_namelists(text)])
+        lines = [*_repeated([*_namelists(text)])]
         of = {group: [one for one in lines if one.group == group and one.box is not None] for group in GROUPS}
         meshes = [one for one in of["MESH"] if "EVAC" not in one.text]
         if not meshes:
@@ -175,36 +174,35 @@ def _numbers(text: str, key: str) -> list[float]:
     return [float(word.replace("D", "E")) for word in re.findall(NUMBER, found[1])] if found else []
 
 
-def _repeated(lines: list[Line]) -> list[Line]:
-    """Return namelists of which those with a MULT_ID are replaced by their copies."""
-    by_name = {one.name: one for one in lines if one.group == "MULT"}
-    found = []
+def _repeated(lines: list[Line]) -> Iterator[Line]:
+    """Yield namelists, of which those with a MULT_ID are replaced by their copies."""
+    copies = {one.name.upper(): one for one in lines if one.group == "MULT"}
     for one in lines:
         given = re.search(r"MULT_ID\s*=\s*['\"]([^'\"]*)", one.text)
-        mult = next((by_name[name] for name in by_name if given and name.upper() == given[1]), None)
-        if mult is None or one.box is None:
-            found.append(one)
+        if given is None or one.box is None or given[1] not in copies:
+            yield one
             continue
-        first = {key: (_numbers(mult.text, key) or [0.0])[0] for key in ("DX0", "DY0", "DZ0", "DX", "DY", "DZ")}
-        spread = np.array((_numbers(mult.text, "DXB") + [0.0] * 6)[:6])
-        spans = []
-        for axis, letter in zip("IJK", "XYZ", strict=True):
-            low = (_numbers(mult.text, f"{axis}_LOWER") or [0.0])[0]
-            high = (_numbers(mult.text, f"{axis}_UPPER") or [low])[0]
-            spans.append([first[f"D{letter}0"] + k * first[f"D{letter}"] for k in range(int(low), int(high) + 1)])
-        shifts = [np.repeat(step, 2) for step in itertools.product(*spans)]
-        count = [int((_numbers(mult.text, f"N_{end}") or [0.0])[0]) for end in ("LOWER", "UPPER")]
-        if spread.any() or count[1]:
-            step = spread if spread.any() else np.repeat([first["DX"], first["DY"], first["DZ"]], 2)
-            shifts = [
-                np.repeat([first["DX0"], first["DY0"], first["DZ0"]], 2) + k * step
-                for k in range(count[0], count[1] + 1)
-            ]
-        if len(found) + len(shifts) > MOST_COPIES:
-            raise ValueError(f"line {mult.number}: &MULT {mult.name} makes more than {MOST_COPIES} lines")
         text = one.text.replace(given[0], "")
-        found += [replace(one, text=text, box=one.box + shift) for shift in shifts]
-    return found
+        yield from (replace(one, text=text, box=one.box + move) for move in _moves(copies[given[1]]))
+
+
+def _moves(mult: Line) -> FloatArray:
+    """Return by how much the sides of each copy of a line are moved (n, 6) [m]."""
+
+    def first(key: str) -> float:
+        return float(np.clip((_numbers(mult.text, key) or [0.0])[0], -1e9, 1e9))
+
+    origin, step = ([first(f"D{axis}{end}") for axis in "XYZ"] for end in ("0", ""))
+    low, high = ([int(first(f"{axis}_{end}")) for axis in "IJKN"] for end in ("LOWER", "UPPER"))
+    spread = np.array((_numbers(mult.text, "DXB") + [0.0] * 6)[:6])
+    count = np.maximum(np.subtract(high, low) + 1, 1)
+    if count.prod(dtype=float) > MOST_COPIES:
+        raise ValueError(f"line {mult.number}: &MULT {mult.name} makes more than {MOST_COPIES} lines")
+    grid = np.meshgrid(*(np.arange(start, start + n) for start, n in zip(low, count, strict=True)), indexing="ij")
+    *along, number = (axis.ravel() for axis in grid)
+    times = np.stack(along, axis=1) + (0 if spread.any() else number[:, None])
+    moves: FloatArray = np.repeat(origin + times * step, 2, axis=1) + number[:, None] * spread
+    return moves
 
 
 def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> Iterator[tuple[float, BaseGeometry]]:

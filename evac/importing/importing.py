@@ -133,8 +133,8 @@ def import_building(
         if edited:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
             if chosen and building.name == MESH:
-                names = ", ".join(repr(one["name"]) for one in chosen)
-                findings.append(Finding("warning", f"{names}: not among the exits in {CASE}, which is kept; add them"))
+                ways = ", ".join(repr(one["name"]) for one in chosen)
+                findings.append(Finding("warning", f"{ways}: not among the exits in {CASE}, which is kept; add them"))
         rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
         findings = sorted(with_missing(written, [*findings, *assumed]), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)

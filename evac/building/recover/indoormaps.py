@@ -112,8 +112,8 @@ def read_map(
         for _, other, up in shafts:
             if above.get(low.name) is up and shape.intersection(other).area > 0.5 * shape.area:
                 steps += _steps(given, shape, [low, up])
-    own = {one.name for one in storeys}
-    return storeys, [one for one in steps if own.issuperset(one.levels)], nowhere
+    known = {one.name for one in storeys}
+    return storeys, [one for one in steps if known.issuperset(one.levels)], nowhere
 
 
 def _category(profile: str, own: Mapping[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """Stairs that are drawn in plan: treads as parallel lines, and the arrow that points upwards."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -31,6 +32,12 @@ class DrawnFlight:
     lines: int
     is_directed: bool
 
+    @property
+    def way(self) -> FloatArray:
+        """The vector (2,) from its foot to its head [m]."""
+        way: FloatArray = (self.head - self.foot).mean(axis=0)
+        return way
+
     def turned(self) -> "DrawnFlight":
         """Return the flight that ascends the other way."""
         return replace(self, foot=self.head, head=self.foot)
@@ -43,7 +50,8 @@ def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
     ----------
     lines : sequence of LineString of two points [m]
     """
-    ends = np.unique(np.round(np.sort(_ends(lines).view("f8,f8"), axis=1).view(np.float64), 2), axis=0)
+    ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
+    ends = np.unique(np.round(np.sort(ends.view("f8,f8"), axis=1).view(np.float64), 2), axis=0)
     step = ends[:, 2:] - ends[:, :2]
     length = np.hypot(*step.T)
     is_tread = (length > WIDTH[0]) & (length < WIDTH[1])
@@ -66,10 +74,10 @@ def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
         spacing = np.diff(place)
         if len(place) < LEAST_LINES or np.ptp(spacing) > 2.0 * REGULAR * spacing.mean():
             continue
-        half, at = np.median(wide[own]) / 2, np.median(middle[own] @ along)
+        half, at = float(np.median(wide[own])) / 2, float(np.median(middle[own] @ along))
         foot, head = (
             np.round(np.stack([(at + side * half) * along + far * across for side in (-1, 1)]), 3)
-            for far in place[[0, -1]]
+            for far in place[[0, -1]].tolist()
         )
         arrow = _arrow(foot, head, ends)
         found.append(DrawnFlight(*((head, foot) if arrow < 0 else (foot, head)), len(place), arrow != 0))
@@ -85,7 +93,7 @@ def stairs_of(flights: Sequence[DrawnFlight], walls: Sequence[BaseGeometry]) -> 
     walls : sequence of LineString [m]
         Its half landing is at the end of two flights that is nearer to a wall, unless an arrow says where.
     """
-    left, found = [*flights], []
+    left, found = [*flights], list[dict[str, Any]]()
     tree = shapely.STRtree([*walls])
     while left:
         one = left.pop(0)
@@ -95,51 +103,42 @@ def stairs_of(flights: Sequence[DrawnFlight], walls: Sequence[BaseGeometry]) -> 
             continue
         left.remove(beside)
         first, second = (beside, one) if one.is_directed and not beside.is_directed else (one, beside)
-        if (first.head - first.foot).sum(axis=0) @ (second.head - second.foot).sum(axis=0) > 0.0:
+        if first.way @ second.way > 0.0:
             first, second = (first, second.turned()) if not second.is_directed else (first.turned(), second)
         far = [_room_ahead(first, second, tree), _room_ahead(first.turned(), second.turned(), tree)]
         if not (first.is_directed or second.is_directed) and far[1] < far[0]:
             first, second = first.turned(), second.turned()
             far.reverse()
-        length = float(np.hypot(*(first.head - first.foot).mean(axis=0)))
-        depth = {"landing": round(far[0], 2)} if far[0] < WIDTH[1] else {}
-        way = np.round((first.head - first.foot).mean(axis=0) / length, 4)
-        found.append(
-            {"lower_edge": first.foot, "upper_edge": second.head, "length": round(length, 3), "direction": way, **depth}
-        )
+        way = first.way
+        stair = {"lower_edge": first.foot, "upper_edge": second.head, "length": round(float(np.hypot(*way)), 3)}
+        stair["direction"] = np.round(way / np.hypot(*way), 4)
+        found.append(stair | ({"landing": round(far[0], 2)} if far[0] < WIDTH[1] else {}))
     return found
 
 
 def _are_beside(one: DrawnFlight, other: DrawnFlight) -> bool:
     """Return whether two flights are those of a U-shaped stair."""
     hulls = [shapely.convex_hull(shapely.MultiPoint([*flight.foot, *flight.head])) for flight in (one, other)]
-    ways = [flight.head.mean(axis=0) - flight.foot.mean(axis=0) for flight in (one, other)]
-    length = [float(np.hypot(*way)) for way in ways]
+    length = [float(np.hypot(*flight.way)) for flight in (one, other)]
     off = (other.foot + other.head - one.foot - one.head).mean(axis=0) / 2
-    is_along = abs(float(ways[0] @ ways[1])) > 0.99 * length[0] * length[1]
-    is_level = abs(float(off @ ways[0])) < 0.5 * length[0] * min(length)
+    is_along = abs(float(one.way @ other.way)) > 0.99 * length[0] * length[1]
+    is_level = abs(float(off @ one.way)) < 0.5 * length[0] * min(length)
     return is_along and is_level and hulls[0].distance(hulls[1]) < BETWEEN and min(length) > 0.5 * max(length)
 
 
 def _room_ahead(first: DrawnFlight, second: DrawnFlight, walls: shapely.STRtree) -> float:
     """Return how far the next wall is from the end of a first flight, ahead of it [m]; infinite if it is far away."""
+    way = first.way / np.hypot(*first.way)
     ends = np.concatenate([first.head, second.foot])
-    way = (first.head - first.foot).mean(axis=0)
-    way = way / np.hypot(*way)
-    start = ends[np.argmax(ends @ way)]
     middle = ends.mean(axis=0)
-    start = middle + ((start - middle) @ way + 0.05) * way
+    start = middle + (((ends - middle) @ way).max() + TIP) * way
     far = ahead(walls.geometries, walls, start, way, WIDTH[1])
-    return np.inf if far is None else 0.05 + far
-
-
-def _ends(lines: Sequence[BaseGeometry]) -> FloatArray:
-    return shapely.get_coordinates([*lines]).reshape(-1, 4)
+    return math.inf if far is None else TIP + far
 
 
 def _arrow(foot: FloatArray, head: FloatArray, ends: FloatArray) -> int:
     """Return 1 for an arrow that points from the foot of a flight to its head, -1 for one that points back."""
-    run = head.mean(axis=0) - foot.mean(axis=0)
+    run = (head - foot).mean(axis=0)
     body = shapely.convex_hull(shapely.MultiPoint([*foot, *head]))
     lines = shapely.linestrings(ends.reshape(-1, 2, 2))
     is_near = shapely.dwithin(lines, body, HEAD)
