@@ -103,7 +103,8 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
     scripts = "\n".join(_read(name) for name in SCRIPTS)
     streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
     streams |= {"floors": zlib.compress(floors.tobytes(), 9)} | motion.streams()
-    words = texts(account) | {"title": html.escape(account.title), "poster": poster(motion, account.group)}
+    title = html.escape(account.title or "Evacuation")
+    words = texts(account) | {"title": title, "poster": poster(motion, account.group)}
     head, tail = _template(words).split("<!--data-->")
     with replacing(path, "the replay") as new, new.open("w", encoding="utf-8", errors="backslashreplace") as file:
         file.write(head)

@@ -122,6 +122,49 @@ def test_people_are_seen_in_the_first_view_and_labels_cover_nobody(browser, page
         assert (change[y, x] >= TOLD_APART).mean() >= 0.9
 
 
+@pytest.mark.parametrize(("width", "view"), [(1280, "3d"), (1280, "section"), (390, "3d")])
+def test_the_building_is_in_the_picture_and_names_of_storeys_are_at_their_heights(browser, page, width, view):
+    browser.open(page, width, 800)
+    browser.run(f"replay.act.view('{view}'); replay.act.seek(20)")
+    browser.settle()
+    corners = np.array(browser.run("replay.layout.corners().map((corner) => replay.camera.project(corner))"))
+    assert np.abs(corners[:, :2]).max() <= 1.0
+    free = browser.run("1 - 2 * document.getElementById('tools').offsetHeight / replay.stage.canvas.clientHeight")
+    assert corners[:, 1].max() < free
+    rows = browser.run(
+        """(() => {
+          const { layout, camera } = replay, { levels } = layout.building, view = document.getElementById("view");
+          const top = view.getBoundingClientRect().top;
+          return [...document.querySelectorAll("#labels .storey")].filter(({ style }) => style.visibility === "visible")
+            .map((span) => {
+              const storey = layout.storeys.findIndex(({ name }) => name === span.textContent);
+              const level = levels.findIndex((one) => one.kind === "floor" && one.storey === storey);
+              const [x1, y1, x2, y2] = layout.boxes[level], box = span.getBoundingClientRect();
+              const at = [[x1, y1], [x2, y1], [x1, y2], [x2, y2]].map(([x, y]) => camera.project(
+                layout.place(level, x, y, layout.storeys[storey].z)));
+              const ys = at.map(([, y]) => top + (1 - y) / 2 * view.clientHeight);
+              return [Math.min(...ys), (box.top + box.bottom) / 2, Math.max(...ys)];
+            });
+        })()"""
+    )
+    low, middle, high = np.array(rows).T
+    assert len(rows) >= 2
+    assert (low - 1 <= middle).all()
+    assert (middle <= high + 1).all()
+
+
+def test_what_scrolls_can_be_reached_with_keys_and_the_page_has_a_title(browser, page):
+    browser.open(page, 390, 800)
+    unreachable = browser.run(
+        """[...document.querySelectorAll("body *")].filter((one) => one.scrollHeight > one.clientHeight + 1
+             && one.clientHeight && /auto|scroll/.test(getComputedStyle(one).overflowY)
+             && one.tabIndex < 0 && !one.querySelector("button, select, input, [tabindex]")).map(({ id }) => id)"""
+    )
+    assert unreachable == []
+    assert browser.run("document.title")
+    assert browser.text("h1") == browser.run("document.title")
+
+
 def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser, page):
     browser.open(page)
     browser.run("replay.act.view('section'); replay.act.seek(40)")

@@ -1,6 +1,7 @@
 // The view: a target on the floor, a direction, and the height of what is seen.
 
 const FIELD = 0.42;  // Vertical angle of view [rad]: long, so that sizes compare.
+const FILLED = 0.94;  // Of the picture, by the building.
 
 class Camera {
   constructor() {
@@ -69,6 +70,21 @@ class Camera {
     if (this.isFlat) return;
     const most = Math.max(...points.map((point) => Math.max(...this.project(point).slice(0, 2).map(Math.abs))));
     if (Number.isFinite(most) && most > 0.96) this.size *= most / 0.96;
+    this.update();
+  }
+
+  // Shows all of the points, and leaves shares of the picture free at the left and at the top.
+  makeRoom(points, left, top) {
+    const bounds = (i) => {
+      this.update();
+      const values = points.map((point) => this.project(point)[i]);
+      return [Math.min(...values), Math.max(...values)];
+    };
+    for (let turn = 0; turn < 4; turn++) {
+      this.zoom(Math.max(...[left, top].map((share, i) => (bounds(i)[1] - bounds(i)[0]) / (2 * (FILLED - share)))));
+      const [[x1, x2], [y1, y2]] = [bounds(0), bounds(1)];
+      this.pan(left - (x1 + x2) / 2, -top - (y1 + y2) / 2);
+    }
     this.update();
   }
 

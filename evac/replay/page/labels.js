@@ -1,5 +1,6 @@
 // Names of exits, stairs, storeys and places over the picture.
 
+const SCALE = [-160, -48, 0, 0];  // Left, top, right and bottom of the scale bar, from the lower right corner [pixels].
 const CELL = 6;  // Side of the parts of the picture that are taken or free [pixels].
 
 class Labels {
@@ -9,15 +10,14 @@ class Labels {
     this.layout = layout;
     this.cells = new Cells();
     const { building, grain } = record;
-    this.items = building.exits.map((exit, index) => {
+    this.items = (layout.storeys.length > 1 ? layout.storeys : []).map((storey, index) => {
+      const level = building.levels.findIndex((one) => one.storey === index && one.kind === "floor");
+      return { kind: "storey", index, name: storey.name, level, at: [layout.box[0], layout.box[1], storey.z], lift: 0 };
+    });
+    building.exits.forEach((exit, index) => {
       const s = 6 * Math.floor(exit.segments.length / 12);
       const [x1, y1, z1, x2, y2, z2] = exit.segments.slice(s, s + 6).map((value) => value * grain);
-      return { kind: "exit", index, name: exit.name, level: exit.level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.1 };
-    });
-    layout.storeys.forEach((storey, index) => {
-      if (layout.storeys.length < 2) return;
-      const level = building.levels.findIndex((one) => one.storey === index && one.kind === "floor");
-      this.items.push({ kind: "storey", index, name: storey.name, level, at: [layout.box[0], layout.box[1], storey.z], lift: 0 });
+      this.items.push({ kind: "exit", index, name: exit.name, level: exit.level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.1 });
     });
     building.stairs.forEach((stair, index) => {
       const level = stair.levels[Math.floor(stair.levels.length / 2)];
@@ -40,6 +40,9 @@ class Labels {
     return item;
   }
 
+  // Room that the names of storeys need beside the building.
+  margin() { return Math.max(0, ...this.items.map(({ kind, span }) => kind === "storey" ? span.offsetWidth + 2 * GAP : 0)); }
+
   rename(item, text) {
     if (item.text === text) return;
     item.span.textContent = item.text = text;
@@ -56,6 +59,7 @@ class Labels {
     this.aim = aim;
     cells.clear(width, height, heightOfTools());
     cells.markPeople(camera, people);
+    if (camera.isFlat) cells.mark(...SCALE.map((value, i) => value + (i % 2 ? height : width)));
     for (const item of selected ? [this.who, ...this.items] : [...this.items, this.who]) {
       const box = this.boxOf(item, camera, closed, selected, density), { style } = item.span;
       if (box) {
@@ -78,13 +82,13 @@ class Labels {
       item.span.className = isClosed ? "closed" : "exit";
       this.rename(item, isClosed ? `${item.name} (closed)` : item.name);
     }
-    const boxes = isWho ? new Map() : item.boxes, places = SIDES[item.kind] ?? SIDES.any;
+    const boxes = isWho ? new Map() : item.boxes, places = SIDES[item.kind === "storey" && camera.isFlat && !layout.isSection ? "plan" : item.kind] ?? SIDES.any;
     const fits = (side) => {
       if (!boxes.has(side)) boxes.set(side, this.boxAt(item, isWho ? selected.at : this.anchor(item, camera), side, camera, density));
       const box = boxes.get(side);
       return box && cells.isFree(...box);
     };
-    item.side = (item.side ? [item.side, ...places] : places).find(fits);  // The last one first, so that it does not jump.
+    item.side = (places.includes(item.side) ? [item.side, ...places] : places).find(fits);  // The last one first, so that it does not jump.
     return item.side ? boxes.get(item.side) : null;
   }
 
@@ -101,12 +105,14 @@ class Labels {
     return isHidden ? null : [left, top, left + w, top + h];
   }
 
-  // The point that a label names: of a storey, its corner on the left.
+  // The point that a label names: of a storey, its corner on the left; in a section, the middle of its left end.
   anchor(item, camera) {
     const { layout } = this;
     if (item.kind === "storey") {
       const [x1, y1, x2, y2] = layout.boxes[item.level], z = item.at[2];
       const corners = [[x1, y1], [x2, y1], [x1, y2], [x2, y2]].map(([x, y]) => layout.place(item.level, x, y, z));
+      const xs = corners.map(([x]) => x), ys = corners.map(([, y]) => y);
+      if (camera.isFlat) return [Math.min(...xs), layout.isSection ? (Math.min(...ys) + Math.max(...ys)) / 2 : Math.max(...ys), 0];
       return corners.reduce((left, one) => camera.project(one)[0] < camera.project(left)[0] ? one : left);
     }
     const [x, y, z] = layout.place(item.level, ...item.at);
@@ -121,7 +127,8 @@ const SIDES = {
   any: [[0, 0], ...around(1)],
   who: [[0, -0.5], [0, -1], [1, -1], [-1, -1], [1, 0], [-1, 0], [0, -2], [0, -3], [1, 1], [-1, 1], [0, 2]],
   exit: [...around(1), ...around(2), ...around(3), ...around(4)],
-  storey: [[-1, 0], [-1, -1], [-1, 1], [-2, 0], [-1, -2], [-1, 2], [-3, 0]],
+  plan: [[1, 1], [-1, 1]],
+  storey: [[-1, 0], [-2, 0], [-3, 0], [1, 0]],  // At its height.
 };
 
 // Which parts of the picture are taken.

@@ -50,9 +50,7 @@ async function start() {
     camera.isFlat = state.view !== "3d";
     if (camera.isFlat) camera.azimuth = 0;
     camera.fit(layout.corners(), 1.08);
-    const share = Math.min(0.3, heightOfTools() / canvas.clientHeight);
-    camera.zoom(1 / (1 - share));
-    camera.pan(0, -share);
+    camera.makeRoom(layout.corners(), Math.min(0.2, state.storey < 0 && state.view !== "plan" ? labels.margin() / canvas.clientWidth : 0), Math.min(0.3, heightOfTools() / canvas.clientHeight));
     redraw();
   }
 
