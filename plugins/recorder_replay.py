@@ -33,7 +33,9 @@ class ReplayRecorder(Recorder):
             from evac.replay.motion import MotionPacker
 
             people, building = len(simulation.population.crowd.radius), simulation.scene.ground.building
-            self.motion = MotionPacker(people, building, simulation.scene.fields_of_behaviours.get(SMOKE))
+            self.motion = MotionPacker(
+                people, building, simulation.scene.fields_of_behaviours.get(SMOKE), simulation.case.smoke.contrast
+            )
         self._recorded = -1.0
 
     def record(self, simulation: "Simulation") -> None:

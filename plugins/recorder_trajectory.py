@@ -111,6 +111,7 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
         "arriving": [one.name for one in simulation.case.people if one.arrive is not None],
         "radius": population.crowd.radius.tolist(),
         "height": population.crowd.height.tolist(),
+        "contrast": simulation.case.smoke.contrast,
         "building": building_to_json(simulation.scene.ground.building),
     }
 

@@ -23,6 +23,9 @@ COMFORT = 3.0
 #: Order of the fast marching scheme.
 ORDER = 2
 
+#: Visibility times extinction coefficient of smoke, for things that reflect light.
+CONTRAST = 3.0
+
 #: Least relative speed of people in a crowd, for the strategy "quickest".
 LEAST_FLOOR = 0.01
 

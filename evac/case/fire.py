@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from evac.base.defaults import FARTHEST
+from evac.base.defaults import CONTRAST, FARTHEST
 from evac.base.keys import Name, Real, Switch, Table, key, wrong
 from evac.case.schema import LONGEST_RUN
 
@@ -79,7 +79,7 @@ class SmokeSettings(Table):
     contrast: Real = key(
         "visibility times extinction coefficient: 3 for things that reflect light, 8 for lit signs",
         "",
-        3.0,
+        CONTRAST,
         ge=1,
         le=20,
     )

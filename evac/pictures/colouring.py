@@ -102,9 +102,9 @@ def _smoke(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float
 
 
 def _visibility(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
-    """Return a function that gives the visibility of things that reflect light where people are [m]."""
+    """Return a function that gives the visibility where people are [m]."""
     smoke, _ = _smoke(trajectory)
-    return lambda frame: palette.VISIBLE / np.maximum(smoke(frame), CLEAR), 0.0
+    return lambda frame: trajectory.contrast / np.maximum(smoke(frame), CLEAR), 0.0
 
 
 def _dose(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:

@@ -31,9 +31,9 @@ PLACES = {"refuge": "#1f5fa8", "assembly": EXIT, "sign": EXIT, "line": "#7a3b9c"
 MAPS = {"speed": "viridis", "density": "plasma", "contact force": "plasma", "waiting time": "cividis", "smoke": "greys"}
 
 
-#: Name of the field of smoke that a trajectory may have; depth of smoke through which a floor is seen [m]: the veil
-#: hides 1 - exp(-K depth) of it; and the visibility of things that reflect light, times K.
-SMOKE, DEPTH, VISIBLE = "extinction", 0.5, 3.0
+#: Name of the field of smoke that a trajectory may have; and depth of smoke through which a floor is seen [m]: the veil
+#: hides 1 - exp(-K depth) of it.
+SMOKE, DEPTH = "extinction", 0.5
 
 #: Colours at equal distances along each map, to be interpolated (from matplotlib).
 STOPS = {

@@ -145,7 +145,7 @@ class Renderer:
             pen.legend(view.side, colours.legend)
         pen.scale_bar(view.scale)
         if self._smoke is not None:
-            pen.swatches("smoke [1/m]", self._smoke.scale())
+            pen.swatches("smoke at the mean height of heads [1/m]", self._smoke.scale())
         return np.array(picture)
 
 

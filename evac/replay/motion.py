@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from evac.analysis.measures import Measuring
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.defaults import CONTRAST
 from evac.base.saved import SavedError, part_of, taken
 from evac.building.model.building import Building, Level
 from evac.building.model.cells import LevelField
@@ -90,6 +91,8 @@ class MotionPacker:
         Building as it is before all changes.
     smoke : LevelField, optional
         The field of smoke, if there is one.
+    contrast : float
+        Visibility times extinction coefficient.
 
     Attributes
     ----------
@@ -99,9 +102,11 @@ class MotionPacker:
         Origin of positions in plan.
     """
 
-    def __init__(self, people: int, building: Building, smoke: LevelField | None = None) -> None:
+    def __init__(
+        self, people: int, building: Building, smoke: LevelField | None = None, contrast: float = CONTRAST
+    ) -> None:
         corners = building.vertices[:, :2]
-        self.frames, self.building, self.field = 0, building, smoke
+        self.frames, self.building, self.field, self.contrast = 0, building, smoke, contrast
         self._smoke = np.zeros(0 if smoke is None else smoke.size, np.uint8)  # in the previous frame
         self.origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         self._planes = [level_plane(building, level) for level in building.levels]

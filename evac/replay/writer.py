@@ -142,7 +142,7 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
         raise ResultError(f"every: the time between two states must be greater than 0, got {every:g}")
     has_smoke = palette.SMOKE in [field.name for field in trajectory.level_fields]
     smoke = trajectory.field(palette.SMOKE) if has_smoke else None
-    motion = MotionPacker(trajectory.number_of_people, trajectory.building, smoke)
+    motion = MotionPacker(trajectory.number_of_people, trajectory.building, smoke, trajectory.contrast)
     chosen = _chosen(trajectory.time, every)
     for k in range(len(trajectory)):
         frame = trajectory[k]
@@ -221,7 +221,7 @@ def _smoke(motion: MotionPacker) -> dict[str, Any] | None:
     if motion.field is None:
         return None
     grids = [[*(cells.origin - motion.origin).tolist(), *cells.shape[::-1]] for cells in motion.field.cells]
-    return {"size": motion.field.spacing, "grids": grids, "depth": palette.DEPTH, "visible": palette.VISIBLE}
+    return {"size": motion.field.spacing, "grids": grids, "depth": palette.DEPTH, "contrast": motion.contrast}
 
 
 def _scale(scale: Scale) -> dict[str, Any]:

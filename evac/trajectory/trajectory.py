@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
+from evac.base.defaults import CONTRAST
 from evac.base.errors import ResultError, usable_path
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
@@ -160,6 +161,11 @@ class Trajectory:
     def has_dose(self) -> bool:
         """Whether the doses of people are recorded."""
         return len(self.header["fields"]) == len(FIELDS_WITH_DOSE)
+
+    @property
+    def contrast(self) -> float:
+        """Visibility times extinction coefficient in the case: 3 for things that reflect light, 8 for lit signs."""
+        return float(self.header.get("contrast", CONTRAST))
 
     @cached_property
     def _first_seen(self) -> NDArray[np.int64]:
@@ -345,6 +351,9 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     header, schema, start = read_start(path, data)
     if (names := header.get("fields")) not in (list(FIELDS), list(FIELDS_WITH_DOSE)):
         raise damaged(path, f"the header's fields are {names!r:.200}; they must be {list(FIELDS)}, or those and dose")
+    contrast = header.get("contrast", CONTRAST)
+    if not isinstance(contrast, int | float) or not 1.0 <= contrast <= 20.0:
+        raise damaged(path, f"the header's contrast is {contrast!r:.200}; it must be a number from 1 to 20")
     if not isinstance(header.get("arriving", []), list):
         raise damaged(path, f"the header's arriving is {header['arriving']!r:.200}; it must be a list of groups")
     try:

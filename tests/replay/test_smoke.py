@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import evac
+from evac.pictures import palette
+from evac.pictures.colouring import colouring
 from evac.replay.writer import replay_trajectory
 from tests.conditions.corridor import corridor, prescribed
 
@@ -16,7 +18,7 @@ def result(tmp_path_factory):
     smoke = prescribed(area="west", times=[0, 10], values=values, hold=True)
     positions = ((0.5, 1.0), (45.0, 1.0), (80.0, 1.0))
     case = corridor(smoke, positions=positions, dose={"heat": "none"})
-    case = case.change({"building.areas": [area], "simulation.duration": 15.0})
+    case = case.change({"building.areas": [area], "simulation.duration": 15.0, "smoke.contrast": 8.0})
     return evac.run(case, tmp_path_factory.mktemp("smoke") / "result")
 
 
@@ -42,7 +44,12 @@ def test_the_page_has_the_smoke_and_the_doses_of_the_trajectory(browser, result)
         expected = [smoke.at([0], at[None])[k, 0] for at in frame["position"]]
         assert found["dose"] == pytest.approx(frame["dose"], abs=0.00051)
         assert found["smoke"] == pytest.approx(expected, abs=0.03)
-        assert found["seen"] == pytest.approx(3.0 / np.maximum(found["smoke"], 1e-6))
+        assert found["seen"] == pytest.approx(8.0 / np.maximum(found["smoke"], 1e-6))
+        visibility = colouring(trajectory, "visibility").of(frame)[:, 0]
+        share = np.minimum(np.array(found["seen"]) / 30.0, 1.0)
+        assert np.abs(visibility - 255 * palette.scale("speed")[(255 * share).astype(int)]).max() < 8
+    for place in ("#legend", "#layer-legend"):
+        assert "mean height of heads" in browser.text(place)
 
 
 def test_the_layer_is_seen_where_smoke_is(browser, result):

@@ -93,7 +93,7 @@ async function start() {
       stage.setScale(layered(ramp(map), map.isVeiled));
       if (!isAir) stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
       const name = isNow ? "Density" : layer[0].toUpperCase() + layer.slice(1);
-      by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors.slice(0, 3)), map, top, "transparent")}`;
+      by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors.slice(0, 3)), map, top, "transparent")}${isAir ? noteOf(aboutAir(layer, about.smoke)) : ""}`;
     } else by("layer-legend").innerHTML = `<div class="ends"><span>Computing maps: ${Math.round(100 * maps.share)} %</span></div>`;
     felt = 0;
     redraw();

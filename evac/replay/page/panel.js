@@ -43,7 +43,7 @@ class Panel {
   showLegend(quantity, service, highlighted, highlight) {
     if (quantity !== "group") {
       const scale = this.people.scaleOf(quantity, service);
-      by("legend").innerHTML = bar(onFloor({ ...scale, isVeiled: false }, [0, 0, 0]), scale, scale.top, this.record.colours.nothing);
+      by("legend").innerHTML = bar(onFloor({ ...scale, isVeiled: false }, [0, 0, 0]), scale, scale.top, this.record.colours.nothing) + (AIR.includes(quantity) ? noteOf(aboutAir(quantity, this.record.smoke)) : "");
       return;
     }
     const list = document.createElement("ul");
@@ -117,6 +117,8 @@ class Panel {
 // Lines of exits, stairs and levels in charts: colours of the theme that colour-blind people tell apart, then dashes.
 const LINES = 6, DASHES = ["none", "7 3", "2 3"];
 const lineStyle = (index) => `stroke:var(--line-${1 + index % LINES});stroke-dasharray:${DASHES[Math.floor(index / LINES) % DASHES.length]}`;
+
+const noteOf = (text) => `<div class="below">${text}</div>`;
 
 // The bar of a scale with its colours, and numbers or levels of service below it.
 function bar(stops, { unit, least, below, edges, letters }, top, nothing) {

@@ -1,6 +1,7 @@
 // Smoke at head height, as codes of extinction coefficients in the cells of a field (evac/replay/motion.py).
 
 const AIR = ["smoke at heads", "visibility"];  // What it gives, of people and on floors.
+const aboutAir = (quantity, { contrast }) => quantity === AIR[1] ? `${contrast} / K, K being the smoke at the mean height of heads` : "At the mean height of heads";
 
 class Smoke {
   constructor(bytes, { smoke, building }, frames, density) {
@@ -33,7 +34,7 @@ class Smoke {
 
   // A quantity of an extinction coefficient.
   of(quantity, extinction) {
-    return quantity === "visibility" ? this.visible / Math.max(extinction, 1e-6) : extinction;
+    return quantity === "visibility" ? this.contrast / Math.max(extinction, 1e-6) : extinction;
   }
 
   // A quantity at a place of a level.
