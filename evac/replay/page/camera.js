@@ -34,8 +34,8 @@ class Camera {
 
   // Place on the screen, from -1 to 1, and depth.
   project([x, y, z]) {
-    const m = this.matrix, [a, b, c, w] = [0, 1, 2, 3].map((i) => m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i]);
-    return [a / w, b / w, c / w];
+    const m = this.matrix, w = m[3] * x + m[7] * y + m[11] * z + m[15];
+    return [(m[0] * x + m[4] * y + m[8] * z + m[12]) / w, (m[1] * x + m[5] * y + m[9] * z + m[13]) / w, (m[2] * x + m[6] * y + m[10] * z + m[14]) / w];
   }
 
   // The ray through a place on the screen: where it starts, and its direction.
@@ -50,42 +50,35 @@ class Camera {
   // Shows all of the points, with a margin for names.
   fit(points, margin) {
     this.update();
-    const middle = [0, 1, 2].map((i) => {
-      const values = points.map((point) => point[i]);
-      return (Math.min(...values) + Math.max(...values)) / 2;
-    });
-    this.reach = Math.max(1, ...points.map((point) => Math.hypot(...point.map((value, i) => value - middle[i]))));
-    const spans = [this.right, this.up].map((axis) => {
-      const values = points.map((point) => dot(axis, point));
-      return [Math.min(...values), Math.max(...values)];
-    });
-    this.target = middle;
-    for (const [axis, [low, high]] of [[this.right, spans[0]], [this.up, spans[1]]]) {
-      const shift = (low + high) / 2 - dot(axis, this.target);
-      this.target = this.target.map((value, i) => value + shift * axis[i]);
-    }
+    const middle = [0, 1, 2].map((i) => centre(range(points, (point) => point[i])));
+    this.reach = Math.max(1, range(points, ([x, y, z]) => Math.hypot(x - middle[0], y - middle[1], z - middle[2]))[1]);
+    const spans = [this.right, this.up].map((axis) => range(points, (point) => dot(axis, point)));
+    const shifts = [this.right, this.up].map((axis, k) => centre(spans[k]) - dot(axis, middle));
+    this.target = middle.map((value, i) => value + shifts[0] * this.right[i] + shifts[1] * this.up[i]);
     const [wide, tall] = spans.map(([low, high]) => high - low);
     this.size = margin * Math.max(tall, wide / this.aspect, 2);
     this.update();
     if (this.isFlat) return;
-    const most = Math.max(...points.map((point) => Math.max(...this.project(point).slice(0, 2).map(Math.abs))));
+    const most = Math.max(...this.bounds(points).flat().map(Math.abs));
     if (Number.isFinite(most) && most > 0.96) this.size *= most / 0.96;
     this.update();
   }
 
+  // Least and greatest place of points on the screen, across and up.
+  bounds(points) {
+    const at = points.map((point) => this.project(point));
+    return [0, 1].map((i) => range(at, (place) => place[i]));
+  }
+
   // Shows all of the points, and leaves shares of the picture free at the left and at the top.
   makeRoom(points, left, top) {
-    const bounds = (i) => {
-      this.update();
-      const values = points.map((point) => this.project(point)[i]);
-      return [Math.min(...values), Math.max(...values)];
-    };
     for (let turn = 0; turn < 4; turn++) {
-      this.zoom(Math.max(...[left, top].map((share, i) => (bounds(i)[1] - bounds(i)[0]) / (2 * (FILLED - share)))));
-      const [[x1, x2], [y1, y2]] = [bounds(0), bounds(1)];
-      this.pan(left - (x1 + x2) / 2, -top - (y1 + y2) / 2);
+      this.zoom(Math.max(...this.bounds(points).map(([low, high], i) => (high - low) / (2 * (FILLED - (i ? top : left))))));
+      this.update();
+      const [across, up] = this.bounds(points).map(centre);
+      this.pan(left - across, -top - up);
+      this.update();
     }
-    this.update();
   }
 
   pan(dx, dy) {
@@ -107,6 +100,18 @@ class Camera {
     this.target = this.target.map((value, i) => value + k * (this.aspect * x * this.right[i] + y * this.up[i]));
     this.size = size;
   }
+}
+
+const centre = ([low, high]) => (low + high) / 2;
+
+function range(points, of) {
+  let low = Infinity, high = -Infinity;
+  for (const point of points) {
+    const value = of(point);
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return [low, high];
 }
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
