@@ -112,7 +112,7 @@ def find_congestion(
     watched = Exceedance(trajectory, density, spacing)
     for part in records(trajectory):
         for level in trajectory.building.levels:
-            here = part.on(level.index)
+            here = part.chosen(part.level == level.index)
             for frames, densities in watched.grids[level.index].densities(here.frame, here.position):
                 watched.add(level.index, frames, densities)
     return watched.congestion(least_time)

@@ -91,8 +91,8 @@ class Grid(Cells):
             some = frames[start : start + together]
             first, end = np.searchsorted(frame, [some[0], some[-1] + 1])
             rows = np.searchsorted(some, frame[first:end]) * size + cell[first:end]
-            gathered = np.bincount(rows, weight[first:end], minlength=len(some) * size)
-            yield some, self.smoothed(gathered.reshape(-1, *self.shape))
+            gathered = np.bincount(rows, weight[first:end], minlength=len(some) * size).reshape(-1, *self.shape)
+            yield some, self.smoothed(gathered.astype(np.float64, copy=False))
 
     def density_at(self, position: FloatArray) -> FloatArray:
         """Return the density of people at points (s, 2) in the cell of each of them, (s,) [1/m2]."""

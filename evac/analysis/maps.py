@@ -214,7 +214,7 @@ def level_maps(
     sums = [_Sums(Grid(level, spacing, kernel_radius), level, time, trajectory.radius, watch) for level in chosen]
     for part in records(trajectory, rows.astype(np.int32), waiting_speed):
         for total in sums:
-            total.add(part.on(total.level.index))
+            total.add(part.chosen(part.level == total.level.index))
     return {total.level.name: total.maps() for total in sums}
 
 
@@ -223,7 +223,8 @@ def _shares(time: FloatArray) -> FloatArray:
     if time[-1] == time[0]:
         return np.ones(len(time))
     edges = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
-    return np.diff(edges) / (time[-1] - time[0])
+    shares: FloatArray = np.diff(edges) / (time[-1] - time[0])
+    return shares
 
 
 class _Sums:

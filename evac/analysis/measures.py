@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -146,10 +146,14 @@ class Records(NamedTuple):
     waited: FloatArray
     contact_force: FloatArray
 
-    def on(self, level: int) -> "Records":
-        """Return those on a level."""
-        here = self.level == level
-        return Records(*(column[here] for column in self))
+    def chosen(self, rows: NDArray[np.bool_]) -> "Records":
+        """Return some of the rows, (s,) bool."""
+        return Records._make(column[rows] for column in self)
+
+
+def joined(parts: Iterable[Records]) -> Records:
+    """Return the rows of all parts, of which there is one at least."""
+    return Records._make(map(np.concatenate, zip(*parts, strict=True)))
 
 
 def records(
@@ -181,7 +185,7 @@ def records(
         parts.append(Records(np.full(len(person), number), person, level, place, after, motion[:, 2:4], *found))
         count += len(person)
         if count > MOST_ROWS:
-            yield Records(*map(np.concatenate, zip(*parts, strict=True)))
+            yield joined(parts)
             parts, count = [], 0
     if parts:
-        yield Records(*map(np.concatenate, zip(*parts, strict=True)))
+        yield joined(parts)

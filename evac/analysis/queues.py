@@ -1,12 +1,12 @@
 """Queues: where people waited, for how long, and how many of them at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.analysis.measures import Records, records
+from evac.analysis.measures import joined, records
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Level, Portal
 from evac.trajectory.trajectory import Trajectory
@@ -35,6 +35,8 @@ class Queue:
         Greatest number who waited at once.
     time : float [s]
         When that was first.
+    at_once : (f,) int64
+        Number who waited at each recorded time.
     """
 
     place: str
@@ -45,6 +47,7 @@ class Queue:
     waited: float
     most: int
     time: float
+    at_once: NDArray[np.int64] = field(repr=False, compare=False)
 
     def __str__(self) -> str:
         """Return a sentence without its end."""
@@ -58,10 +61,10 @@ class Queue:
 def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
     """Return the queues of a run, sorted by the time for which people waited in total, the longest first."""
     building = trajectory.building
-    parts = [Records(*(column[part.waits > 0.0] for column in part)) for part in records(trajectory)]
+    parts = [part.chosen(part.waits > 0.0) for part in records(trajectory)]
     if not parts:
         return ()
-    waiting = Records(*map(np.concatenate, zip(*parts, strict=True)))
+    waiting = joined(parts)
     numbers: dict[tuple[str, int], int] = {}
     place = np.zeros(len(waiting.frame), np.int64)
     for one in building.levels:
@@ -74,7 +77,7 @@ def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
         rows_of = np.flatnonzero(place == number)
         if not rows_of.size:
             continue
-        at_once = np.bincount(waiting.frame[rows_of])
+        at_once = np.bincount(waiting.frame[rows_of], minlength=len(trajectory))
         peak = int(at_once.argmax())
         then = rows_of[waiting.frame[rows_of] == peak]
         x, y = waiting.position[then].mean(axis=0).tolist()
@@ -88,6 +91,7 @@ def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
                 waited=float(waiting.waits[rows_of].sum()),
                 most=int(at_once[peak]),
                 time=float(trajectory.time[peak]),
+                at_once=at_once,
             )
         )
     return tuple(sorted(queues, key=lambda queue: -queue.waited))

@@ -100,7 +100,7 @@ def draw_plans(
         panel.set_axis_off()
         panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
         panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
-        _draw_levels(panel, building, shown, is_filled, has_widths)
+        draw_levels(panel, building, shown, is_filled, has_widths)
         axes.append(panel)
     if title is not None:
         _write_title(figure, title, size)
@@ -121,7 +121,7 @@ def _arrangement(count: int, width: float, height: float, greatest: tuple[float,
     return best
 
 
-def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_filled: bool, has_widths: bool) -> None:
+def draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_filled: bool, has_widths: bool) -> None:
     """Draw floors, walls, portals, exits and the names of exits."""
     rows = [level.index for level in levels]
     if is_filled:

@@ -15,9 +15,10 @@ from matplotlib.patches import PathPatch
 
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
+from evac.building.model.storeys import storeys
 from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
-from evac.pictures.floorplan import Plans, draw_plans, outline
+from evac.pictures.floorplan import Plans, draw_levels, draw_plans, outline
 from evac.pictures.scales import MAPS as SCALES
 from evac.pictures.scales import SERVICES, Scale, high_value, round_up
 from evac.results.reading import recorded_flows
@@ -100,6 +101,52 @@ def draw_map(
     if scale.below:
         plans.figure.text(plans.side[0], 0.02, f"no colour: {scale.below}", color=palette.TEXT, fontsize=9)
     return plans.figure
+
+
+def draw_cut(
+    figure: Figure,
+    box: tuple[float, float, float, float],
+    trajectory: Trajectory,
+    quantity: str,
+    maps: Mapping[str, LevelMaps],
+    level: str,
+    middle: tuple[float, float],
+    reach: float,
+) -> None:
+    """Draw the map of one quantity around a place, on the plan of its storey.
+
+    Parameters
+    ----------
+    figure : Figure
+    box : tuple of float
+        Left, bottom, width and height of the square plan with its colour bar, as fractions of the figure.
+    trajectory, quantity, maps
+        As for `draw_map`; colours are the same for all places of the run.
+    level : str
+    middle : tuple of float [m]
+    reach : float [m]
+        Distance from the middle to the edges.
+    """
+    left, bottom, width, height = box
+    axes = figure.add_axes((left, bottom, 0.8 * width, height))
+    axes.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
+    axes.set(xticks=[], yticks=[])
+    building = trajectory.building_at(next(iter(maps.values())).end)
+    shown = next(levels for _, levels in storeys(building) if level in [one.name for one in levels])
+    draw_levels(axes, building, shown, is_filled=False, has_widths=False)
+    for text in axes.texts:
+        text.set_clip_on(True)
+    scale = SCALES[quantity]
+    top, colours, norm = (
+        scale.end(high_value([one.array(quantity) for one in maps.values()])),
+        _colours(scale),
+        Normalize(0.0, 1.0),
+    )
+    drawn = {one.name: _drawn(maps[one.name], quantity, scale, top) for one in shown}
+    side = left + 0.8 * width, bottom, 0.2 * width, height
+    plans = Plans(figure, (axes,), (tuple(shown),), side)
+    _draw_grids(plans, drawn, maps, colours, norm)
+    _add_scale(plans, ScalarMappable(norm, colours), scale, top)
 
 
 def draw_difference(first: Trajectory, other: Trajectory, quantity: str, dpi: int = 120) -> Figure:

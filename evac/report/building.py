@@ -1,7 +1,7 @@
 """The building and its levels: plans, and tables of all that has a name."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
@@ -27,11 +27,11 @@ def building_section(run: Results | None) -> Section:
         plans=figures.plans(building),
         stairs=[_stair(building, name) for name in building.stairs],
         exits=[(e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)]) for e in building.exits],
-        doors=[
-            (door.name, levels[door.level].name, fixed(door.width, 2), states[building.n_links + k])
+        doors=_alike(
+            (levels[door.level].name, fixed(door.width, 2), states[building.n_links + k], door.name)
             for k, door in enumerate(building.doors)
-        ],
-        areas=[(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas],
+        ),
+        areas=_alike((levels[area.level].name, fixed(area.polygon.area, 1), area.name) for area in building.areas),
         places=[
             (place.name, place.kind, levels[place.level].name, place.area or place.exit, place.use)
             for place in building.places
@@ -43,7 +43,7 @@ def building_section(run: Results | None) -> Section:
 
 
 def levels_section(trajectory: Trajectory) -> Section:
-    """Return the appendix with the levels of the building of a run and their portals, without the inside of stairs."""
+    """Return the appendix with the levels of a building and their portals, without those of stairs that stay open."""
     building = trajectory.building
     levels, states = building.levels, [_in_words(found) for found in states_of(building, trajectory.changes)]
     return section(
@@ -64,9 +64,17 @@ def levels_section(trajectory: Trajectory) -> Section:
         portals=[
             (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index])
             for p in building.portals
-            if any(levels[k].stair is None for k in p.levels)
+            if states[p.index] != "open" or all(levels[k].stair is None for k in p.levels)
         ],
     )
+
+
+def _alike(rows: Iterable[tuple[str | None, ...]]) -> list[tuple[object, ...]]:
+    """Return one row for all those that differ only in the name at their end, with their number and names."""
+    names: dict[tuple[str | None, ...], list[str]] = {}
+    for *alike, name in rows:
+        names.setdefault(tuple(alike), []).append(str(name))
+    return [(*alike, len(found), ", ".join(found)) for alike, found in names.items()]
 
 
 def _stair(building: Building, name: str) -> tuple[object, ...]:

@@ -1,16 +1,22 @@
-"""Congestion and maps of a run."""
+"""Bottlenecks, congestion and maps of a run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, level_maps
+from evac.analysis.queues import find_queues
 from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.results import Results
 
 #: Greatest number of places in the table, those congested longest.
 MOST_PLACES = 10
+
+#: Greatest number of queues with a map and a curve, those in which people waited longest in total.
+MOST_QUEUES = 4
+
+TITLE = "Bottlenecks and congestion"
 
 #: The maps that a report has unless others are asked for.
 MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
@@ -30,27 +36,36 @@ USUAL = Places()
 
 
 def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
-    """Return the sections on congestion and on maps."""
+    """Return the sections on bottlenecks and on maps."""
     trajectory = run.trajectory
     if trajectory is None or not len(trajectory):
-        return (section("congestion", "Congestion", found=None, is_missing=True),)
+        return (section("congestion", TITLE, found=None, is_missing=True),)
     least_time = places.least_time
     if least_time is None:
         least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
     watched = Exceedance(trajectory, places.density)
-    computed = level_maps(trajectory, watch=watched.add)
+    maps = level_maps(trajectory, watch=watched.add)
     found = watched.congestion(least_time)
-    numbers = ", with the numbers of the congested places of the table" if found.places else ""
-    shown = found.places[:MOST_PLACES]
-    caption = f"Maximum density at any recorded time{numbers}."
-    sections = [
+    queues = find_queues(trajectory)
+    pictures = [
+        figures.map_picture(
+            trajectory, name, maps, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.", places.service
+        )
+        for name in places.maps
+    ]
+    return (
         section(
             "congestion",
-            "Congestion",
+            TITLE,
             found=found,
             others=len(found.places) - MOST_PLACES,
             radius=KERNEL_RADIUS,
             trajectory=trajectory,
+            queues=[
+                figures.bottleneck(trajectory, queue, maps, number)
+                for number, queue in enumerate(queues[:MOST_QUEUES], 1)
+            ],
+            other_queues=len(queues) - MOST_QUEUES,
             places=[
                 (
                     str(number),
@@ -63,16 +78,8 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
                     fixed(place.duration, 1),
                     fixed(place.longest_spell, 1),
                 )
-                for number, place in enumerate(shown, 1)
+                for number, place in enumerate(found.places[:MOST_PLACES], 1)
             ],
-            picture=figures.map_picture(trajectory, "max_density", computed, caption, shown, places.service),
-        )
-    ]
-    pictures = [
-        figures.map_picture(
-            trajectory, name, computed, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.", (), places.service
-        )
-        for name in places.maps
-        if name != "max_density"
-    ]
-    return (*sections, *([section("maps", f"{APPENDIX}maps", pictures=pictures)] if pictures else []))
+        ),
+        *([section("maps", f"{APPENDIX}maps", pictures=pictures)] if pictures else []),
+    )

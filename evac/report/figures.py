@@ -4,22 +4,21 @@ import base64
 import io
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from evac.analysis.congestion import Place
 from evac.analysis.maps import LevelMaps
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
-from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import draw_difference, draw_map
+from evac.pictures.map_pictures import draw_cut, draw_difference, draw_map
 from evac.pictures.pictures import Curve, curves_figure, runs_figure
 from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
@@ -27,13 +26,16 @@ from evac.results.answer import time_of_share
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
-PLANS = (6.8, 7.6)
+PLANS = (6.8, 4.1)
 
 #: Shares of the people out at which the course of a run is shown [%].
 SHARES_OUT = (25, 50, 75, 95)
 
 #: Sizes of rendered pictures [pixels].
 COVER_SIZE, COURSE_SIZE = (820, 560), (640, 480)
+
+#: Distance from the middle of a bottleneck to the edges of its map [m].
+REACH = 5.0
 
 #: Of maps, which are made of cells, when they are printed [1/inch].
 DPI = 120
@@ -45,7 +47,7 @@ class Picture(NamedTuple):
     source: str  # address that contains the picture
     caption: str
     words: str  # what it shows, for those who cannot see it
-    kind: str  # class of the page: "drawing", "map", "cover" or "course"
+    kind: str  # class of the page: "drawing", "map", "place", "cover" or "course"
 
 
 def _picture(file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing") -> Picture:
@@ -168,30 +170,34 @@ def difference_picture(first: Trajectory, other: Trajectory, quantity: str, name
     """Return the map of the difference of a quantity, other - first."""
     what = SCALES[quantity]
     caption = f"{what.label}: difference of {name} from the first design; where only one has a floor, nothing is drawn."
+    return _mapped(draw_difference(first, other, quantity, dpi=DPI), caption)
+
+
+def bottleneck(trajectory: Trajectory, queue: Queue, maps: Mapping[str, LevelMaps], number: int) -> Picture:
+    """Return the map of the waiting around a queue, beside the number of those who waited in it over time."""
+    figure = Figure((6.8, 2.15))
+    draw_cut(figure, (0.0, 0.02, 0.39, 0.96), trajectory, "waiting", maps, queue.level, (queue.x, queue.y), REACH)
+    axes = figure.add_axes((0.53, 0.2, 0.46, 0.72))
+    axes.fill_between(trajectory.time, queue.at_once, step="post", color=palette.CLOSED, alpha=0.3, linewidth=0)
+    axes.step(trajectory.time, queue.at_once, where="post", color=palette.CLOSED, linewidth=0.8)
+    axes.set(xlim=(0.0, trajectory.time[-1]), ylim=(0.0, None))
+    axes.set_xlabel("time [s]", fontsize=8)
+    axes.set_ylabel("people who wait", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    words = str(queue)
+    return _mapped(figure, f"{number}. {words[0].upper()}{words[1:]}.", "place")
+
+
+def _mapped(figure: Figure, caption: str, class_: str = "map") -> Picture:
+    """Return a figure with a map, which is made of cells."""
     file = io.BytesIO()
-    figure = draw_difference(first, other, quantity, dpi=DPI)
-    figure.savefig(file, format="png", metadata={"Software": None})
-    return _picture(file, "png", caption, caption, "map")
+    figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
+    return _picture(file, "png", caption, caption, class_)
 
 
 def map_picture(
-    trajectory: Trajectory,
-    quantity: str,
-    maps: Mapping[str, LevelMaps],
-    caption: str,
-    places: Sequence[Place] = (),
-    service: str = "",
+    trajectory: Trajectory, quantity: str, maps: Mapping[str, LevelMaps], caption: str, service: str = ""
 ) -> Picture:
-    """Return the map of one quantity, with the numbers of congested places."""
-    figure = draw_map(trajectory, quantity, maps, dpi=DPI, service=service)
-    shown = storeys(trajectory.building)
-    for axes, (_, levels) in zip(figure.axes[: len(shown)], shown, strict=True):
-        names = {level.name for level in levels}
-        for number, place in enumerate(places, 1):
-            if place.level in names:
-                mark = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": palette.CLOSED}
-                style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold"}
-                axes.text(place.x, place.y, str(number), color=palette.CLOSED, bbox=mark, zorder=9, **style)
-    file = io.BytesIO()
-    figure.savefig(file, format="png", metadata={"Software": None})
-    return _picture(file, "png", caption, caption, "map")
+    """Return the map of one quantity."""
+    return _mapped(draw_map(trajectory, quantity, maps, dpi=DPI, service=service), caption)

@@ -1,11 +1,16 @@
 """The model: what computed the results, with which parameters, and how to repeat it."""
 
+import base64
+import hashlib
 from collections.abc import Mapping
 from typing import Any
 
 from evac.case.toml import case_text
 from evac.report.templates import APPENDIX, Section, section, told
 from evac.results.record import CaseTable
+
+#: Greatest number of lines of a case that is printed, on two or three pages.
+MOST_LINES = 450
 
 #: What keys of [simulation] and [directions] are.
 WORDS = {
@@ -57,5 +62,15 @@ def _named(key: str) -> str:
 
 
 def case_section(case: Mapping[str, Any]) -> Section:
-    """Return the appendix with the whole case."""
-    return section("case", f"{APPENDIX}the case", text=case_text(case))
+    """Return the appendix with the whole case, which is attached to the page, and printed if it is short."""
+    text = case_text(case)
+    data = text.encode("utf-8")
+    return section(
+        "case",
+        f"{APPENDIX}the case",
+        text=text,
+        lines=text.count("\n"),
+        is_printed=text.count("\n") <= MOST_LINES,
+        file=base64.b64encode(data).decode(),
+        digest=hashlib.sha256(data).hexdigest(),
+    )

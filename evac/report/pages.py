@@ -56,10 +56,11 @@ def page(head: Head, labels: Labels, sections: Iterable[Section]) -> str:
     head : Head
     labels : Labels
     sections : iterable of Section
-        In order; they are numbered, after the fields to fill in. Appendices are put behind the others, and the
-        checklist is the first of them.
+        In order; they are numbered, after the fields to fill in. Appendices are put behind the others, the
+        checklist is the first of them, and space for remarks the last.
     """
-    given = [section("purpose", "Project and purpose"), *sections]
+    remarks = section("remarks", f"{APPENDIX}remarks of the reviewer")
+    given = [section("purpose", "Project and purpose"), *sections, remarks]
     body = [part for part in given if not part.title.startswith(APPENDIX)]
     appendices = [part for part in given if part.title.startswith(APPENDIX)]
     numbers = {"project": "head"} | {part.id: str(number) for number, part in enumerate(body, 1)}

@@ -32,4 +32,4 @@ def test_doors_are_listed_or_asked_for(with_door):
     assert (row[-1] == "nothing") == with_door
     assert ("doors between rooms" in row[-1]) != with_door
     if with_door:
-        assert shown.table("Doors between rooms")[1:] == [["inner", "floor", "0.95", "open"]]
+        assert shown.table("Doors between rooms")[1:] == [["floor", "0.95", "open", "1", "inner"]]

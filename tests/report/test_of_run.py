@@ -1,13 +1,16 @@
 """The report of a run: its numbers are those of the files, nothing in it comes from a network, all text is escaped."""
 
+import base64
 import csv
 import json
+import re
 import tomllib
 
 import numpy as np
 import pytest
 
 import evac
+from evac.analysis.queues import find_queues
 from evac.base.errors import ResultError
 from evac.case.loading import load_case
 from evac.case.toml import case_text
@@ -65,7 +68,7 @@ def test_text_of_files_and_options_is_escaped(page, text):
 
 
 def test_links_lead_to_sections_and_ids_are_unique(page):
-    targets = {target.removeprefix("#") for target in page.of("href")}
+    targets = {target.removeprefix("#") for target in page.of("href") if target.startswith("#")}
     ids = page.of("id")
     assert targets <= set(ids)
     assert len(ids) == len(set(ids))
@@ -119,13 +122,17 @@ def test_occupants_as_set_and_as_drawn(page, people):
 def test_the_building_has_levels_exits_widths_and_areas(page):
     assert page.table("Levels")[1] == ["room", "floor", "0.00", "0.00", "-", "25.0"]
     assert page.table("Exits, with")[1][:2] == ["door", "room"]
-    assert page.table("Areas in which")[1] == ["room", "room", "25.0"]
+    assert page.table("Areas in which")[1] == ["room", "25.0", "1", "room"]
 
 
 def test_the_case_of_the_appendix_is_the_case(page, summary, tmp_path, finished):
     table = tomllib.loads(case_text(summary["case"]))
     assert table == summary["case"]
     assert case_text(summary["case"]) in page.text
+    (attached,) = [target for target in page.of("href") if not target.startswith("#")]
+    head, _, data = attached.partition(",")
+    assert head == "data:text/plain;charset=utf-8;base64"
+    assert base64.b64decode(data).decode() == case_text(summary["case"])
     shipped = load_case("square_room")
     (tmp_path / "case.toml").write_text(case_text(summary["case"]), encoding="utf-8")
     (tmp_path / shipped.mesh.name).write_bytes(shipped.mesh.read_bytes())
@@ -199,6 +206,13 @@ def test_annexes_follow_the_body(page):
     ]
     words = [one for one in page.of("alt") if "% of the people are out" in one]
     assert [one.split()[0] for one in words] == ["25", "50", "75", "95"]
+
+
+def test_each_bottleneck_has_a_map_and_a_curve(page, finished):
+    queues = find_queues(evac.read_trajectory(finished))
+    assert queues
+    words = [one for one in page.of("alt") if re.match(r"\d\. (Before|On)", one)]
+    assert [one[3:].lower() for one in words] == [f"{queue}.".lower() for queue in queues[:4]]
 
 
 def test_people_left_inside_are_marked_on_the_plan(tmp_path):

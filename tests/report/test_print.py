@@ -1,0 +1,56 @@
+"""The report on paper: its pages are full, and the case can be copied from it."""
+
+import re
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+
+from evac.report.of_run import run_report
+from evac.results.reading import read_results
+from tests.replay.browser import find_chromium
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Chromium is looked for by its name on Unix")
+
+
+@pytest.fixture(scope="module")
+def printed(finished, tmp_path_factory):
+    """The pages of a report, printed by Chromium."""
+    pdf = pytest.importorskip("pypdfium2")
+    if find_chromium() is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
+    folder = tmp_path_factory.mktemp("printed")
+    (folder / "report.html").write_text(run_report(finished), encoding="utf-8")
+    options = ["--headless=new", "--no-sandbox", "--no-pdf-header-footer", f"--user-data-dir={folder / 'profile'}"]
+    target = f"--print-to-pdf={folder / 'report.pdf'}"
+    page = (folder / "report.html").as_uri()
+    subprocess.run([find_chromium(), *options, target, page], check=True, capture_output=True, timeout=120)
+    return list(pdf.PdfDocument(folder / "report.pdf"))
+
+
+def text_of(page):
+    return page.get_textpage().get_text_range().replace("\r\n", "\n")
+
+
+def test_no_page_is_less_than_half_full(printed):
+    filled = []
+    for page in printed:
+        image = np.asarray(page.render(scale=0.5).to_pil().convert("L")) < 225
+        top, bottom = (round(image.shape[0] * edge / 297) for edge in (17, 279))  # without the number of the page
+        filled.append(np.flatnonzero(image[top:bottom].any(axis=1)).max() / (bottom - top))
+    assert len(printed) <= 25
+    assert min(filled) >= 0.5
+
+
+def test_the_body_has_ten_pages_at_most(printed):
+    (annex,) = [k for k, page in enumerate(printed) if re.search("^Appendix A: ", text_of(page), re.MULTILINE)]
+    assert annex < 10
+
+
+def test_the_case_copied_from_the_paper_is_the_case(printed, finished):
+    text = "\n".join(map(text_of, printed))
+    _, _, rest = text.partition("attached to this page: case.toml.\n")
+    case = re.split("^Appendix [A-Z]: ", rest, maxsplit=1, flags=re.MULTILINE)[0]
+    assert tomllib.loads(case) == read_results(finished).settings
