@@ -71,6 +71,7 @@ def levels_figure(
     marks: Sequence[Mark] = (),
     title: str | None = "",
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
+    part: slice = slice(None),
 ) -> Figure:
     """Return the plan of every storey: walls, portals, exits, doors, areas and stairs, with names and widths.
 
@@ -85,9 +86,10 @@ def levels_figure(
         Segments to number.
     title : str or None
     greatest : tuple of float
+    part : slice
         As for `draw_plans`.
     """
-    plans = draw_plans(building, title, has_widths=True, greatest=greatest)
+    plans = draw_plans(building, title, has_widths=True, greatest=greatest, part=part)
     listed = list(enumerate((finding for finding in findings if finding.kind != "found"), start=1))
     panels = [[level.index for level in levels] for levels in plans.levels]
     for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):

@@ -50,6 +50,7 @@ def draw_plans(
     has_scale_bar: bool = True,
     has_widths: bool = False,
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
+    part: slice = slice(None),
 ) -> Plans:
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
@@ -71,6 +72,8 @@ def draw_plans(
         Whether the widths of portals and exits are written beside them.
     greatest : tuple of float
         Greatest width and height of all plans together [inches].
+    part : slice
+        Which of the plans, counted from the lowest storey.
 
     Raises
     ------
@@ -81,6 +84,7 @@ def draw_plans(
         panels = [(name, tuple(shown)) for name, shown in storeys(building)]
     else:
         panels = [(shown.name, (shown,)) for shown in (level_of(building, level) for level in levels)]
+    panels = panels[part]
     # All plans have the same limits, so that places above one another have the same position in each.
     x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, shown in panels for level in shown]).tolist()
     pad = 0.03 * max(x2 - x1, y2 - y1) + 0.2  # for the names of exits

@@ -15,6 +15,7 @@ from evac.analysis.maps import LevelMaps
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
+from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
@@ -27,6 +28,9 @@ from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
 PLANS = (6.8, 4.1)
+
+#: Greatest number of storeys in a picture.
+TOGETHER = 6
 
 #: Shares of the people out at which the course of a run is shown [%].
 SHARES_OUT = (25, 50, 75, 95)
@@ -63,9 +67,8 @@ def drawing(figure: Figure, caption: str, words: str) -> Picture:
     return _picture(file, "svg+xml", caption, words)
 
 
-def plans(building: Building) -> Picture:
-    """Return the plans of all storeys, with the names and widths of exits, portals and areas."""
-    figure = levels_figure(building, title=None, greatest=PLANS)
+def plans(building: Building) -> list[Picture]:
+    """Return the plans of all storeys, a few in each picture, with the names and widths of exits, portals and areas."""
     caption = (
         "Plans of the storeys at one scale, with coordinates [m]. Green: exits with their names and clear widths;"
         " dashed lines: portals between levels with their clear widths; violet: areas in which people can start."
@@ -73,7 +76,10 @@ def plans(building: Building) -> Picture:
     )
     if building.places:
         caption += " Blue areas: refuges; green areas: assembly areas; green squares: signs, with their exits."
-    return drawing(figure, caption, "plans of the storeys")
+    parts = [slice(first, first + TOGETHER) for first in range(0, len(storeys(building)), TOGETHER)]
+    drawn = [levels_figure(building, title=None, greatest=PLANS, part=part) for part in parts]
+    captions = [caption, *("Plans of the storeys above them." for _ in parts[1:])]
+    return [drawing(figure, words, "plans of the storeys") for figure, words in zip(drawn, captions, strict=True)]
 
 
 def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
@@ -175,9 +181,9 @@ def difference_picture(first: Trajectory, other: Trajectory, quantity: str, name
 
 def bottleneck(trajectory: Trajectory, queue: Queue, maps: Mapping[str, LevelMaps], number: int) -> Picture:
     """Return the map of the waiting around a queue, beside the number of those who waited in it over time."""
-    figure = Figure((6.8, 2.15))
-    draw_cut(figure, (0.0, 0.02, 0.39, 0.96), trajectory, "waiting", maps, queue.level, (queue.x, queue.y), REACH)
-    axes = figure.add_axes((0.53, 0.2, 0.46, 0.72))
+    figure = Figure((6.8, 1.8))
+    draw_cut(figure, (0.0, 0.02, 0.33, 0.96), trajectory, "waiting", maps, queue.level, (queue.x, queue.y), REACH)
+    axes = figure.add_axes((0.47, 0.24, 0.52, 0.7))
     axes.fill_between(trajectory.time, queue.at_once, step="post", color=palette.CLOSED, alpha=0.3, linewidth=0)
     axes.step(trajectory.time, queue.at_once, where="post", color=palette.CLOSED, linewidth=0.8)
     axes.set(xlim=(0.0, trajectory.time[-1]), ylim=(0.0, None))
