@@ -11,6 +11,7 @@ from evac.building.model.building import Building
 from evac.building.model.elevation import ground_of
 from evac.conditions.quantities import QUANTITIES
 from evac.conditions.source import AT_ONCE, HEAD, ConditionSource, SourceScene
+from evac.contract.registry import create
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -22,12 +23,11 @@ class Air:
     Parameters
     ----------
     case : Case
+        Its tables `[[conditions]]` name the sources.
     building : Building
-    sources : sequence of ConditionSource
-        One for each table `[[conditions]]`.
     heads : dict of str to float
         Mean height of the heads of each group above the floor [m].
-    needed : sequence of str
+    needed : tuple of str
         Quantities that the case asks for.
 
     Attributes
@@ -36,6 +36,8 @@ class Air:
         Those that at least one source provides.
     given : list of set of str
         Those that at least one source provides somewhere on each level.
+    sources : list of ConditionSource
+        One for each table `[[conditions]]`.
     scenes : list of SourceScene
         What each source may use, with the files that it has asked for.
     """
@@ -44,13 +46,15 @@ class Air:
         self,
         case: "Case",
         building: Building,
-        sources: Sequence[ConditionSource],
         heads: dict[str, float],
-        needed: Sequence[str],
+        needed: tuple[str, ...],
     ) -> None:
-        self._where = case.source
-        self.sources, self._settings = list(sources), case.conditions
-        self.scenes = [SourceScene(building, case.folder, one, heads, tuple(needed)) for one in case.conditions]
+        self._where, self._settings = case.source, case.conditions
+        self.sources: list[ConditionSource] = [
+            create("source", case.registry.get("condition_source", one.source), one.parameters)
+            for one in case.conditions
+        ]
+        self.scenes = [SourceScene(building, case.folder, one, heads, needed) for one in case.conditions]
         self._given: list[frozenset[str]] = []
         self.given: list[set[str]] = [set() for _ in building.levels]
         for index, (source, scene) in enumerate(zip(self.sources, self.scenes, strict=True)):

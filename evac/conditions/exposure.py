@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.arrays import FloatArray, IndexArray
 from evac.base.distributions import generator_for
-from evac.base.errors import ScenarioError, plugin_code
+from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import part_of, taken
 from evac.building.model.building import DOWN, FLAT, UP
@@ -27,17 +27,20 @@ from evac.conditions.quantities import IRRITANTS, QUANTITIES
 from evac.conditions.routes import RoutesInSmoke
 from evac.conditions.smokefield import NAME, PERIOD, SmokeField
 from evac.conditions.source import AT_ONCE, HEAD
+from evac.contract.registry import create
 from evac.directions.fields import Fields
 from evac.people.population import Group
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.case.case import Case
-    from evac.case.fire import DoseSettings
     from evac.simulation.scene import Scene
 
 #: Visibility below which a storey is commonly regarded as untenable, and the least that is distinguished from 0 [m].
 TENABLE, LEAST = 10.0, 1e-6
+
+#: Doses above which people are counted.
+TOLD = (0.3, 1.0)
 
 #: Columns of the doses over time.
 SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")
@@ -71,7 +74,8 @@ def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
 
 def law_of(case: "Case") -> SmokeLaw:
     """Return the law of the speed in smoke of a case."""
-    law: SmokeLaw = _made(case, "law", "smoke_law", case.smoke.law, case.smoke.tables.get(case.smoke.law, {}))
+    name = case.smoke.law
+    law: SmokeLaw = create("law", case.registry.get("smoke_law", name), case.smoke.tables.get(name, {}))
     return law
 
 
@@ -80,37 +84,15 @@ def heads_of(case: "Case") -> dict[str, float]:
     return {people.name: HEAD * people.height.mean() for people in case.people}
 
 
-def _made(case: "Case", word: str, kind: str, name: str, table: Mapping[str, Any]) -> Any:
-    """Return a plugin with its parameters."""
-    cls = case.registry.get(kind, name)
-    with plugin_code(f"{word} {name!r}: cannot be made", cls):
-        return cls(**table)
-
-
-def exposure_of(case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> "Exposure":
-    """Return the exposure of the people of a case, with its sources and its law of speed in smoke.
-
-    The field of smoke is added to the scene.
-
-    Raises
-    ------
-    EvacError
-        A source cannot be read, or lacks a quantity, or a plugin fails.
-    """
-    law = law_of(case)
-    sources = [_made(case, "source", "condition_source", one.source, one.parameters) for one in case.conditions]
-    air = Air(case, scene.building, sources, heads_of(case), quantities_needed(case, law))
-    return Exposure(case, air, law, scene, crowd, groups)
-
-
 class Exposure:
     """The doses of all people, and the share of their speed that smoke leaves them.
+
+    The field of smoke is added to the scene.
 
     Parameters
     ----------
     case : Case
-    air : Air
-    law : SmokeLaw
+        One with conditions.
     scene : Scene
     crowd : Crowd
     groups : sequence of Group
@@ -122,8 +104,8 @@ class Exposure:
         Has routes solved again, unless the case has ``smoke.routes = false``.
     share : (n,) float64
         Share of the desired speed that smoke leaves each person; 0 for those who have been stopped.
-    gas, heat : (n,) float64
-        Doses.
+    doses : (2, n) float64
+        Of gases, and of heat.
     extinction, irritants : (n,) float64
         Greatest extinction coefficient [1/m], and greatest fractional irritant concentration, so far.
     stopped_at : (n,) float64
@@ -133,46 +115,50 @@ class Exposure:
 
     Raises
     ------
-    ScenarioError
-        A quantity is needed that no source provides, or none of those on a level.
+    EvacError
+        A source cannot be read, a quantity is needed that no source provides, or none of those on a level, or a plugin
+        fails.
     """
 
-    def __init__(
-        self, case: "Case", air: Air, law: SmokeLaw, scene: "Scene", crowd: Crowd, groups: Sequence[Group]
-    ) -> None:
-        self._case, self.air, self._law, self._crowd = case, air, law, crowd
-        self._dose: DoseSettings | None = case.dose
+    def __init__(self, case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> None:
+        self._case, self._crowd, self._dose, self._law = case, crowd, case.dose, law_of(case)
+        self._needed = quantities_needed(case, self._law)
         self._levels = [level.name for level in scene.building.levels]
+        self.air = air = Air(case, scene.building, heads_of(case), self._needed)
         self._check_needed()
         wanted = {"extinction", *IRRITANTS}
         if self._dose is not None:
             wanted |= {*COUNTED[self._dose.form], "temperature", "radiation"} - {*self._dose.without}
         self.quantities = tuple(name for name in air.quantities if name in wanted)
-        self._slows = bool(case.smoke.irritants) and any(name in self.quantities for name in IRRITANTS)
+        self._slows = case.smoke.irritants and any(name in self.quantities for name in IRRITANTS)
+        self._uphill = np.array([level.uphill for level in scene.building.levels])
         n = len(crowd.level)
-        self.stopped: BoolArray = np.zeros(n, np.bool_)
-        self.routes = RoutesInSmoke(case, air, law, crowd, self.stopped) if case.smoke.routes else None
+        self.share, self.doses, self.stopped = np.ones(n), np.zeros((2, n)), np.zeros(n, np.bool_)
+        self.extinction, self.irritants, self.stopped_at = np.zeros(n), np.zeros(n), np.full(n, np.nan)
+        self._rates, self._time = np.full((2, n), np.nan), np.nan  # of the doses, when they were last found
+        self._series = np.zeros((0, len(SERIES)))
+        self._shown = -PERIOD  # time at which the field was updated
+        self.routes = RoutesInSmoke(case, air, self._law, crowd, self.stopped) if case.smoke.routes else None
         limits = np.array([case.smoke.contrast / max(limit, LEAST) for limit in (TENABLE, case.smoke.visibility)])
         self._field = SmokeField(air, scene, float(crowd.height.mean()), limits) if NAME in air.quantities else None
-        self._series = np.zeros((0, 5))  # time, mean and greatest dose of gases, mean and greatest dose of heat
-        self._shown = -PERIOD  # time at which the field was updated
-        self._uphill = np.array([level.uphill for level in scene.building.levels])
-        self.share, self.gas, self.heat = np.ones(n), np.zeros(n), np.zeros(n)
-        self.extinction, self.irritants, self.stopped_at = np.zeros(n), np.zeros(n), np.full(n, np.nan)
-        self._rates, self._time = np.full((2, n), np.nan), np.nan  # of gases and heat, when they were last found
-        self.threshold = np.full(n, np.inf if self._dose is None else self._dose.threshold)
-        if self._dose is not None and self._dose.susceptibility == "log-normal":
-            own = case.simulation.population_seed
-            seed = case.simulation.seed if own is None else own
+        self.threshold = self._thresholds(groups)
+
+    def _thresholds(self, groups: Sequence[Group]) -> FloatArray:
+        """Return the dose at which each person stops (n,), from a generator of its own."""
+        dose, simulation = self._dose, self._case.simulation
+        found = np.full(len(self.share), np.inf if dose is None else dose.threshold)
+        if dose is not None and dose.susceptibility == "log-normal":
+            seed = simulation.seed if simulation.population_seed is None else simulation.population_seed
             for group in groups:
                 names = ("people", group.name, "susceptibility")
                 drawn = [generator_for(seed, *names, str(k)).standard_normal() for k in range(len(group.rows))]
-                self.threshold[group.rows] *= np.exp(self._dose.sigma * np.array(drawn))
+                found[group.rows] *= np.exp(dose.sigma * np.array(drawn))
+        return found
 
     def _check_needed(self) -> None:
         """Refuse levels on which sources provide some quantities, but not all that are needed."""
         for level, given in zip(self._levels, self.air.given, strict=True):
-            lacking = [name for name in quantities_needed(self._case, self._law) if name not in given]
+            lacking = [name for name in self._needed if name not in given]
             if lacking and (given or not self.air.quantities):
                 name = lacking[0]
                 what = f"[smoke] law {self._law.name!r}" if name == "extinction" else "[dose]"
@@ -209,16 +195,12 @@ class Exposure:
             self._shown = time
             if self._field is not None:
                 self._field.update(time)
-            here = ~np.isnan(crowd.arrival_time)
-            if self._dose is not None and here.any():
-                row = np.array(
-                    [time, *(find(own[here]) for own in (self.gas, self.heat) for find in (np.mean, np.max))]
-                )
+            doses = self.doses[:, ~np.isnan(crowd.arrival_time)]
+            if self._dose is not None and doses.size:
+                row = [time, *np.column_stack([doses.mean(axis=1), doses.max(axis=1)]).ravel()]
                 self._series = np.vstack([self._series, row])
-        owed = self._owed(time)
         out = crowd.level < 0
-        self.gas[out] += owed[0, out]
-        self.heat[out] += owed[1, out]
+        self.doses[:, out] += self._owed(time)[:, out]
         self._rates[:, out] = np.nan
         rows = np.flatnonzero(~out)
         level, position = crowd.level[rows], crowd.position[rows]
@@ -238,7 +220,7 @@ class Exposure:
 
     def dose(self, time: float) -> FloatArray | None:
         """Return the greater one of the doses of each person at a time [s], (n,); None in a case without `[dose]`."""
-        return None if self._dose is None else np.maximum(*np.stack([self.gas, self.heat]) + self._owed(time))
+        return None if self._dose is None else (self.doses + self._owed(time)).max(axis=0)
 
     def _owed(self, time: float) -> FloatArray:
         """Return the doses (2, n) since the air was last read, at constant rates; of people who are out, up to then."""
@@ -270,18 +252,16 @@ class Exposure:
             self.irritants[rows] = np.maximum(self.irritants[rows], irritant_concentration(air, scale))
         heat = heat_rate(dose.heat, air) if dose.heat != "none" and "temperature" in air else np.zeros(len(rows))
         rates = np.stack([gas_rate(dose.form, dose.activity, air), heat]) / MINUTE
-        before = self._rates[:, rows]
+        before = np.where(np.isnan(self._rates[:, rows]), rates, self._rates[:, rows])
         span = 0.0 if np.isnan(self._time) else time - self._time
-        gained = 0.5 * span * (np.where(np.isnan(before), rates, before) + rates)
+        gained = 0.5 * span * (before + rates)
+        left = self.threshold[rows] - self.doses[:, rows]
+        self.doses[:, rows] += gained
         self._rates[:, rows] = rates
-        for taken_so_far, gain in zip((self.gas, self.heat), gained, strict=True):
-            left = self.threshold[rows] - taken_so_far[rows]
-            taken_so_far[rows] += gain
-            reached = (gain >= left) & (left > 0.0)
-            reached |= (left <= 0.0) & np.isnan(self.stopped_at[rows])
-            since = np.divide(np.maximum(left, 0.0), gain, out=np.zeros_like(gain), where=gain > 0.0)
-            at = time - span + span * np.minimum(since, 1.0)
-            self.stopped_at[rows[reached]] = np.fmin(self.stopped_at[rows[reached]], at[reached])
+        reached = (gained >= left) & ((left > 0.0) | np.isnan(self.stopped_at[rows]))
+        since = np.divide(np.maximum(left, 0.0), gained, out=np.zeros_like(gained), where=gained > 0.0)
+        at = np.where(reached, time - span + span * np.minimum(since, 1.0), np.nan)
+        self.stopped_at[rows] = np.fmin(self.stopped_at[rows], np.fmin(*at))
 
     def warnings(self) -> tuple[str, ...]:
         """Return what the sources do not cover, and when their values end before the end of the longest run."""
@@ -296,7 +276,7 @@ class Exposure:
     def results(self, time: float) -> dict[str, Any]:
         """Return what the results of a run say at a time: ``exposure``, columns of people.csv, and ``conditions``."""
         dose, inside = self._dose, self._crowd.level >= 0
-        gas, heat = np.stack([self.gas, self.heat]) + self._owed(time)
+        doses = dict(zip(("gas", "heat"), self.doses + self._owed(time), strict=True))
         report: dict[str, Any] = {
             "sources": [one.source for one in self._case.conditions],
             "law": self._law.name,
@@ -316,17 +296,12 @@ class Exposure:
                 "threshold": dose.threshold,
                 "susceptibility": dose.susceptibility,
                 "not_in_data": [name for name in counted if name not in self.quantities],
-                "gas_above_0.3": int((gas >= 0.3).sum()),
-                "gas_above_1": int((gas >= 1.0).sum()),
-                "heat_above_0.3": int((heat >= 0.3).sum()),
-                "heat_above_1": int((heat >= 1.0).sum()),
-                "greatest_gas": float(gas.max(initial=0.0)),
-                "greatest_heat": float(heat.max(initial=0.0)),
+                **{f"{kind}_above_{dose:g}": int((own >= dose).sum()) for kind, own in doses.items() for dose in TOLD},
+                **{f"greatest_{kind}": float(own.max(initial=0.0)) for kind, own in doses.items()},
                 "stopped": int((self.stopped & inside).sum()),
             }
         exposure = {
-            "gas_dose": gas,
-            "heat_dose": heat,
+            **{f"{kind}_dose": own for kind, own in doses.items()},
             "greatest_extinction": self.extinction.copy(),
             "greatest_irritants": self.irritants.copy(),
             "stopped_at": self.stopped_at.copy(),
@@ -343,19 +318,20 @@ class Exposure:
             found[name] = dict(zip(("untenable", "turns_back"), known, strict=True))
         return found
 
+    @property
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays that the next ticks depend on."""
+        first = {} if self._field is None else {"first": self._field.first}
+        names = ("share", "doses", "extinction", "irritants", "stopped_at")
+        return {name: getattr(self, name) for name in names} | {"rates": self._rates, **first}
+
     def state(self, scene: "Scene") -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
-        names = "share", "gas", "heat", "extinction", "irritants", "stopped_at"
-        state: dict[str, NDArray[Any]] = {name: getattr(self, name).copy() for name in names}
         routes = {} if self.routes is None else self.routes.state(scene)
-        state |= {f"routes.{name}": values for name, values in routes.items()}
         return (
-            state
-            | {"rates": self._rates.copy(), "time": np.array(self._time), "shown": np.array(self._shown)}
-            | {
-                "series": self._series,
-                "first": np.zeros((0, 0)) if self._field is None else self._field.first.copy(),
-            }
+            {name: array.copy() for name, array in self._arrays.items()}
+            | {f"routes.{name}": values for name, values in routes.items()}
+            | {"time": np.array(self._time), "shown": np.array(self._shown), "series": self._series}
         )
 
     def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
@@ -366,18 +342,12 @@ class Exposure:
         SavedError
             An array is not what `state` returns.
         """
-        shape = self.share.shape
-        self.share[:] = taken(state, "share", np.float64, shape, 0.0, 1.0)
-        for name in ("gas", "heat", "extinction", "irritants", "stopped_at"):
-            values = getattr(self, name)
-            values[:] = taken(state, name, np.float64, shape, 0.0, np.inf, nan=name == "stopped_at")
+        for name, array in self._arrays.items():
+            most, nan = 1.0 if name == "share" else np.inf, name in ("stopped_at", "rates", "first")
+            array[...] = taken(state, name, array.dtype, array.shape, 0.0, most, nan=nan)
         np.isfinite(self.stopped_at, out=self.stopped)
-        self._rates[:] = taken(state, "rates", np.float64, self._rates.shape, 0.0, np.inf, nan=True)
         self._shown = float(taken(state, "shown", np.float64, (), -PERIOD, np.inf))
-        self._series = taken(state, "series", np.float64, (None, 5), 0.0, np.inf)
-        if self._field is not None:
-            first = self._field.first
-            first[:] = taken(state, "first", np.float64, first.shape, 0.0, np.inf, nan=True)
+        self._series = taken(state, "series", np.float64, (None, len(SERIES)), 0.0, np.inf)
         if self.routes is not None and "routes.counts" in state:  # not if a changed case has added them
             with part_of(state, "routes.") as own:
                 self.routes.restore(own, scene)

@@ -6,7 +6,7 @@ import importlib.metadata
 import importlib.util
 import inspect
 import sys
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -334,6 +334,12 @@ def _module_of(path: Path, text: bytes) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def create(word: str, cls: Any, parameters: Mapping[str, Any]) -> Any:
+    """Return an object of a plugin class with its parameters; `word` names its kind in errors."""
+    with plugin_code(f"{word} {cls.name!r}: cannot be made", cls):
+        return cls(**parameters)
 
 
 def is_plugin_file(path: str) -> bool:

@@ -10,7 +10,7 @@ from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.builtin import BUILTIN_IMPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, create
 from evac.people.groups import check_people
 from evac.people.places import Places, with_places
 from evac.people.population import Population, build_population
@@ -92,7 +92,7 @@ def read_building(
     path = Path(path)
     own = BuildingOptions.read(options, BuildingError, f"{path}: building.")
     registry = registry or Registry(builtins=BUILTIN_IMPORTERS)
-    importer = _made("importer", registry.importer_for(path), {})
+    importer = create("importer", registry.importer_for(path), {})
     return build_building(read_surface(importer, path, registry), path, own, need_exit=need_exit)
 
 
@@ -113,7 +113,7 @@ def _importer(case: "Case", path: Path) -> "Importer":
     """Return the importer for a file, chosen among those that the case does not switch off."""
     off = {name for name, table in case.importers.items() if table is False}
     importer = case.registry.importer_for(path, off)
-    made: Importer = _made("importer", importer, case.importers.get(importer.name) or {})
+    made: Importer = create("importer", importer, case.importers.get(importer.name) or {})
     return made
 
 
@@ -123,7 +123,7 @@ def make_contact_model(case: "Case") -> "ContactModel":
 
     name = case.contact.model
     model = case.registry.get("contact_model", name)
-    made: ContactModel = _made("contact model", model, case.contact.tables.get(name, {}))
+    made: ContactModel = create("contact model", model, case.contact.tables.get(name, {}))
     if isinstance(made, SolvedContactModel):
         try:
             case.registry.get("solver", made.solver)
@@ -210,12 +210,7 @@ def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:
     """Return the plugins of a kind that are not switched off, each with its parameters."""
     used = {name: table for name, table in tables.items() if table is not False}
     with naming(case.source):
-        return [_made(kind, case.registry.get(kind, name), table) for name, table in used.items()]
-
-
-def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
-    with plugin_code(f"{word} {cls.name!r}: cannot be made", cls):
-        return cls(**table)
+        return [create(kind, case.registry.get(kind, name), table) for name, table in used.items()]
 
 
 def read_surface(importer: "Importer", path: Path, registry: Registry | None = None) -> SurfaceMesh:

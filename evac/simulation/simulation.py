@@ -182,9 +182,9 @@ class Simulation:
         """Return the exposure of people to smoke, gases and heat; nothing is imported in a case without them."""
         if not self.case.conditions:
             return None
-        from evac.conditions.exposure import exposure_of
+        from evac.conditions.exposure import Exposure
 
-        return exposure_of(self.case, self.scene, self.population.crowd, self.population.groups)
+        return Exposure(self.case, self.scene, self.population.crowd, self.population.groups)
 
     @property
     def dose(self) -> FloatArray | None:
