@@ -43,7 +43,7 @@ class Prescribed(ConditionSource):
         """Read the values."""
         self._building, settings = scene.building, scene.settings
         self._polygon = None
-        self._low = settings.above or 0.0
+        self._low = settings.above
         self._high = np.inf if settings.below is None else settings.below
         if self._low >= self._high:
             raise ScenarioError(f"below: {self._high:g} m is not higher than above, {self._low:g} m; raise it")

@@ -35,11 +35,11 @@ class ConditionSettings(Table):
         "",
         None,
     )
-    above: Real | None = key("height above the floor from which the values apply", "m", None, ge=0, le=100)
+    above: Real = key("height above the floor from which the values apply", "m", 0.0, ge=0, le=100)
     below: Real | None = key("height above the floor up to which the values apply", "m", None, ge=0, le=100)
     start: Real = key("time of the source at the start of the run", "s", 0.0, ge=0, le=LONGEST_RUN)
-    shift: tuple[Shift, Shift, Shift] | None = key(
-        "coordinates of the building minus those of the source; if not given, they are the same", "m", None
+    shift: tuple[Shift, Shift, Shift] = key(
+        "coordinates of the building minus those of the source", "m", (0.0, 0.0, 0.0)
     )
     hold: Switch = key(
         "whether the last values hold after the last time; otherwise a run that lasts longer fails", "", False

@@ -52,6 +52,3 @@ QUANTITIES = MappingProxyType(
 
 #: The irritant gases.
 IRRITANTS = ("hcl", "hbr", "hf", "so2", "no2", "acrolein", "formaldehyde")
-
-#: All gases.
-GASES = ("co", "co2", "o2", "hcn", "no", *IRRITANTS)

@@ -5,6 +5,7 @@ values are read for the two times around that of the run only.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -131,7 +132,9 @@ def _frame_of(size: int) -> np.dtype[np.void]:
     return np.dtype([*head, ("values", "<f4", (size,)), ("d", "<i4")])
 
 
-def read_slices(path: Path, quantities: frozenset[str]) -> list[Block]:
+def read_slices(
+    path: Path, quantities: frozenset[str], shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> list[Block]:
     """Return the planes and volumes of some quantities that a Smokeview file lists.
 
     Slices along terrain are left out, as are files without a complete time.
@@ -142,6 +145,8 @@ def read_slices(path: Path, quantities: frozenset[str]) -> list[Block]:
         The .smv file.
     quantities : frozenset of str
         As FDS writes them.
+    shift : (3,) float [m]
+        Added to the coordinates of the files.
 
     Raises
     ------
@@ -154,7 +159,7 @@ def read_slices(path: Path, quantities: frozenset[str]) -> list[Block]:
         lines = path.read_text(encoding="latin-1").splitlines()
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the file") from error
-    nodes, blocks = _nodes_in(path, lines), []
+    nodes, blocks = [[axis + by for axis, by in zip(mesh, shift, strict=True)] for mesh in _nodes_in(path, lines)], []
     for number, line in enumerate(lines):
         if not line.startswith(("SLCF", "SLCC")):
             continue
@@ -214,7 +219,7 @@ def _block_of(
     path: Path,
     quantity: str,
     unit: str,
-    nodes: tuple[FloatArray, FloatArray, FloatArray],
+    nodes: Sequence[FloatArray],
     bounds: NDArray[np.int64],
     is_centred: bool,
 ) -> Block:
