@@ -1,7 +1,7 @@
 """Conditions of the air that a case states itself, or a CSV file."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import ScenarioError
+from evac.base.errors import ScenarioError, naming
 from evac.base.parameters import did_you_mean
 from evac.building.model.elevation import elevation
 from evac.conditions.quantities import QUANTITIES
@@ -82,73 +82,62 @@ class Prescribed(ConditionSource):
         return found
 
 
-def _part_of(levels: list[int], times: Sequence[float] | None, given: dict[str, Any]) -> _Part:
+def _part_of(levels: list[int], times: Sequence[float] | None, given: Mapping[str, Any]) -> _Part:
     """Return the values of a table."""
     at = np.zeros(1) if times is None else np.array(times, np.float64)
-    if not len(at) or at[0] != 0.0 or (np.diff(at) <= 0.0).any():
+    if not len(at) or at[0] != 0.0 or not (np.diff(at) > 0.0).all() or np.isinf(at[-1]):
         raise ScenarioError("times: must begin with 0 and increase")
     if not given:
         raise ScenarioError("values: there are none; write { extinction = 1.0 }, for example")
     values = {}
     for name, each in given.items():
-        own = np.atleast_1d(np.array(each, np.float64))
-        if len(own) not in (1, len(at)):
-            raise ScenarioError(f"values.{name}: {len(own)} values for {len(at)} times; give one for each")
-        _check(f"values.{name}", name, own)
-        values[name] = np.broadcast_to(own, len(at))
+        if name not in QUANTITIES:
+            raise ScenarioError(f"values.{name}: there is no such quantity; {did_you_mean(name, list(QUANTITIES))}")
+        found, own = np.atleast_1d(np.array(each, np.float64)), QUANTITIES[name]
+        if len(found) not in (1, len(at)):
+            raise ScenarioError(f"values.{name}: {len(found)} values for {len(at)} times; give one for each")
+        wrong = found[~((found >= own.least) & (found <= own.most))]
+        if len(wrong):
+            raise ScenarioError(
+                f"values.{name}: {wrong[0]:g} {own.unit} is outside [{own.least:g}, {own.most:g}]; correct it"
+            )
+        values[name] = np.broadcast_to(found, len(at))
     return _Part(levels, at, values)
-
-
-def _check(where: str, name: str, values: FloatArray) -> None:
-    """Refuse a quantity that does not exist, and values that it cannot have."""
-    if name not in QUANTITIES:
-        raise ScenarioError(f"{where}: there is no such quantity; {did_you_mean(name, list(QUANTITIES))}")
-    own = QUANTITIES[name]
-    wrong = ~((values >= own.least) & (values <= own.most))
-    if wrong.any():
-        raise ScenarioError(f"{where}: {values[wrong][0]:g} {own.unit} is outside [{own.least:g}, {own.most:g}]")
 
 
 def _parts_in(path: Path, levels: list[int], scene: SourceScene) -> list[_Part]:
     """Return the values in a CSV file, by level."""
     if path.stat().st_size > MOST_BYTES:
         raise ScenarioError(f"{path}: larger than {MOST_BYTES / 1e6:g} MB; give fewer times")
+    by_level: dict[str, list[list[float]]] = {}
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            head, *lines = csv.reader(stream) or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+            lines = csv.reader(stream, skipinitialspace=True)
+            head = [name.strip() for name in next(lines, [])]
+            if "time" not in head or len(set(head)) < len(head):
+                needs = f"needs a column 'time', and each column once; got {', '.join(head)!r:.80}"
+                raise ScenarioError(f"{path}: line 1: {needs}")
+            names = [name for name in head if name not in ("time", "level")]
+            for line in filter(None, lines):
+                try:
+                    row = dict(zip(head, line, strict=True))
+                    numbers = [float(row[name]) for name in ("time", *names)]
+                except ValueError as error:
+                    needs = f"needs {len(head)} cells, with numbers for {', '.join(('time', *names))!s:.80}"
+                    raise ScenarioError(f"{path}: line {lines.line_num}: {needs}; correct it") from error
+                by_level.setdefault(row.get("level", "").strip(), []).append(numbers)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ScenarioError(f"{path}: not a table in CSV: {error}; save it as CSV in UTF-8") from error
-    head = [name.strip() for name in head]
-    if "time" not in head or len(set(head)) < len(head):
-        raise ScenarioError(f"{path}: line 1: needs a column 'time', and each column once; got {', '.join(head)!r:.80}")
-    names = [name for name in head if name not in ("time", "level")]
-    by_level: dict[str, list[list[float]]] = {}
-    for number, line in enumerate(lines, start=2):
-        if not line:
-            continue
-        if len(line) != len(head):
-            raise ScenarioError(f"{path}: line {number}: {len(line)} values, but {len(head)} columns")
-        row = dict(zip(head, line, strict=True))
-        try:
-            values = [float(row[name]) for name in ("time", *names)]
-        except ValueError as error:
-            raise ScenarioError(f"{path}: line {number}: {error}") from error
-        by_level.setdefault(row.get("level", "").strip(), []).append(values)
+    if not by_level:
+        raise ScenarioError(f"{path}: has no lines with values; add some")
     parts = []
     known = {level.name: level.index for level in scene.building.levels}
     for level, rows in by_level.items():
         if level and known.get(level) not in levels:
             raise ScenarioError(f"{path}: level: there is no level {level!r}; {did_you_mean(level, list(known))}")
-        table = np.array(rows).T
-        with_values = {name: column for name, column in zip(names, table[1:], strict=True)}
-        try:
-            for name, column in with_values.items():
-                _check(name, name, column)
-            parts.append(_part_of([known[level]] if level else levels, tuple(table[0]), with_values))
-        except ScenarioError as error:
-            raise ScenarioError(f"{path}: {f'level {level!r}: ' if level else ''}{error}") from error
-    if not parts:
-        raise ScenarioError(f"{path}: has no lines with values")
+        time, *columns = np.array(rows).T
+        with naming(f"{path}: level {level!r}" if level else path):
+            parts.append(_part_of([known[level]] if level else levels, time, dict(zip(names, columns, strict=True))))
     return parts
 
 
