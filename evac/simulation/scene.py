@@ -270,7 +270,7 @@ class Scene:
         return bool(self.building.slowed or self.building.barred)
 
     def act_on_areas(self) -> None:
-        """Multiply the speed factors of people in slow areas after behaviours have set them; note who enters barred ones."""
+        """Multiply the speed factors of people in slow areas, after behaviours; note who enters barred ones."""
         assert self.people is not None
         for name, share in sorted(self.building.slowed):
             self.people.crowd.speed_factor[self.people.rows_in(self.building, name)] *= share
