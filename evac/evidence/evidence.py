@@ -137,7 +137,7 @@ class Evidence:
         """
         self._stored.add(name)
         if not self.page_only:
-            self._write_csv(name, measure())
+            write_rows(self.folder / f"{name}.csv", measure())
         with self._earlier(f"{name}.csv").open(newline="", encoding="utf-8") as file:
             return [{key: _read(text) for key, text in row.items()} for row in csv.DictReader(file)]
 
@@ -221,14 +221,7 @@ class Evidence:
     def _store(self, name: str, rows: Sequence[Row]) -> None:
         if name not in self._stored:
             self._stored.add(name)
-            self._write_csv(name, rows)
-
-    def _write_csv(self, name: str, rows: Sequence[Row]) -> None:
-        path = self.folder / f"{name}.csv"
-        with replacing(path, "the table") as new, new.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+            write_rows(self.folder / f"{name}.csv", rows)
 
     def _earlier(self, name: str) -> Path:
         """Return the path of a file that must exist in the folder."""
@@ -236,6 +229,14 @@ class Evidence:
         if not path.is_file():
             raise ResultError(f"{path}: no such file; run `evac evidence {self.kind}` without --page-only first")
         return path
+
+
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows, whose columns are the keys of the first one, to a CSV file, which they replace as a whole."""
+    with replacing(path, "the table") as new, new.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def in_fresh_process(function: Callable[..., Result], *arguments: Any) -> Result:

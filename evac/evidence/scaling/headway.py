@@ -50,7 +50,7 @@ def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> list[
 
 def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
     """Return the costs without and with headway and of the minimal kernel, taken alternately [ns per person-step]."""
-    plain, kept = Walk(hall, variant.step), HeadwayWalk(hall, variant.step, variant.name)
+    plain, kept = Walk(hall, variant.step), HeadwayWalk(hall, variant.step, variant.model)
     costs = []
     for tick in range(WARM + TIMED):
         if tick == WARM:

@@ -1,7 +1,6 @@
 """Cost of contact laws written as the force of a single contact, beside the built-in DEM."""
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,9 @@ from evac.base.parameters import Parameter
 from evac.evidence.evidence import Evidence
 from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
-from evac.evidence.scaling.peers.evac_walk import MinimalWalk
-from evac.evidence.scaling.walks import TICK, Walk, cpu_time
+from evac.evidence.scaling.peers import comparison
+from evac.evidence.scaling.peers.evac_walk import EvacWalk, MinimalWalk
+from evac.evidence.scaling.walks import TICK
 from evac.evidence.verdicts import at_most
 from evac.jit import pair_contact
 from evac.physics import tallies as at
@@ -103,20 +103,11 @@ def compare(hall: Hall, step: float) -> list[dict[str, Any]]:
     laws: dict[str, ContactModel] = {"DEM": make_model("DEM"), "linear spring": Spring()}
     for stiffness in (Spring().stiffness / math.sqrt(OVERLAP), Hertz().stiffness):
         laws[f"Hertz, K = {stiffness:.2g}"] = Hertz(stiffness=stiffness)
-    walks = {name: Walk(hall, step) for name in laws}
-    spans: dict[str, list[float]] = {name: [] for name in laws}
-    minimal = MinimalWalk(hall, step)
-    least = []
-    for tick in range(WARM + TIMED):
-        least.append(minimal.advance() / minimal.inside / round(TICK / step))
-        for name, walk in walks.items():
-            inside = max(walk.inside, 1)
-            span = cpu_time(partial(walk.advance, laws[name]))
-            if tick >= WARM:
-                spans[name].append(span / inside / walk.per_tick)
+    walks = {name: EvacWalk(hall, step, law) for name, law in laws.items()}
+    spans: Any = comparison.compare({comparison.LEAST: MinimalWalk(hall, step), **walks}, step, WARM, TIMED)
     rows: list[dict[str, Any]] = []
-    for name, walk in walks.items():
-        tally = walk.engine.state.tally
+    for name, program in walks.items():
+        tally = program.walk.engine.state.tally
         times = float(np.median(np.divide(spans[name], spans["DEM"])))
         sub_steps = float(tally[at.SUB_STEPS] / tally[at.STEPS])
         rows.append(
@@ -124,7 +115,7 @@ def compare(hall: Hall, step: float) -> list[dict[str, Any]]:
                 "law": name,
                 "ns per person-step": 1e9 * float(np.median(spans[name])),
                 "times DEM": times,
-                "times minimal": float(np.median(np.divide(spans[name], least[WARM:]))),
+                "times minimal": float(np.median(np.divide(spans[name], spans[comparison.LEAST]))),
                 "contacts per person": float(tally[at.CONTACTS] / tally[at.SUB_STEPS]) / len(hall.crowd.level),
                 "sub-steps per step": sub_steps,
                 "times DEM, per sub-step": times * rows[0]["sub-steps per step"] / sub_steps if rows else 1.0,

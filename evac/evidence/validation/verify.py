@@ -1,6 +1,5 @@
 """`evac verify`: carry out standard tests, and write one page on them."""
 
-import csv
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -9,7 +8,7 @@ from pathlib import Path
 
 from evac.base.errors import ResultError, usable_path
 from evac.base.processes import cores
-from evac.evidence.evidence import commit, in_processes
+from evac.evidence.evidence import commit, in_processes, write_rows
 from evac.evidence.validation.page import check_rows
 from evac.evidence.validation.standard import (
     FAILED,
@@ -22,7 +21,7 @@ from evac.evidence.validation.standard import (
     carry_out,
 )
 from evac.evidence.validation.trial import Trial
-from evac.folder.files import replacing, writing
+from evac.folder.files import writing
 from evac.folder.manifest import COMPLETE, mark, read_manifest
 from evac.report.pages import write_page
 from evac.report.templates import Cell, rendered
@@ -54,10 +53,7 @@ def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callabl
     write_page(page_of(results, trial, seed), trial.folder / PAGE_NAME)
     rows = [row for result in results for row in check_rows(result)]
     if rows:
-        with replacing(trial.folder / TABLE_NAME, "the table") as new, new.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        write_rows(trial.folder / TABLE_NAME, rows)
     return results
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from evac.base.errors import SimulationError
 from evac.evidence.evidence import Evidence
+from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk
 from evac.evidence.scaling.peers.evac_walk import EvacWalk, HeadwayWalk, MinimalWalk
@@ -49,12 +50,17 @@ class Program(Protocol):
 #: From a hall and the length of a step [s].
 Maker = Callable[[Hall, float], Program]
 
+
+def _own(model: str, walk: type[EvacWalk] = EvacWalk) -> Maker:
+    return lambda hall, step: walk(hall, step, make_model(model))
+
+
 OWN: Mapping[str, Maker] = {
     LEAST: MinimalWalk,
-    BASE: partial(EvacWalk, model="DEM"),
-    "evac, NSM1": partial(EvacWalk, model="NSM1 inertial"),
-    "evac, NSM1 overdamped": partial(EvacWalk, model="NSM1 overdamped"),
-    "evac, DEM with headway": partial(HeadwayWalk, model="DEM"),
+    BASE: _own("DEM"),
+    "evac, NSM1": _own("NSM1 inertial"),
+    "evac, NSM1 overdamped": _own("NSM1 overdamped"),
+    "evac, DEM with headway": _own("DEM", HeadwayWalk),
 }
 
 
@@ -193,11 +199,13 @@ def _row(name: str, costs: Mapping[str, list[float] | str]) -> dict[str, Any]:
     return {**row, "message": ""}
 
 
-def compare(programs: Mapping[str, Program], step: float) -> dict[str, list[float] | str]:
+def compare(
+    programs: Mapping[str, Program], step: float, warm: int = WARM, timed: int = TIMED
+) -> dict[str, list[float] | str]:
     """Return the time of a person-step [s] of each program in each timed tick, or the message with which it stopped."""
     costs: dict[str, list[float] | str] = {}
     spans: dict[str, list[float]] = {name: [] for name in programs}
-    for tick in range(WARM + TIMED):
+    for tick in range(warm + timed):
         for name, program in programs.items():
             if name in costs:
                 continue
@@ -207,6 +215,6 @@ def compare(programs: Mapping[str, Program], step: float) -> dict[str, list[floa
             except FAILURES as failure:
                 costs[name] = str(failure)
                 continue
-            if tick >= WARM:
+            if tick >= warm:
                 spans[name].append(span / people / round(TICK / step))
     return {**spans, **costs}

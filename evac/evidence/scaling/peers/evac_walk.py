@@ -5,18 +5,18 @@ import numpy as np
 from evac.evidence.models import plugins
 from evac.evidence.scaling.halls import Hall
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
-from evac.evidence.scaling.walks import TICK, Walk, cpu_time, make_variant
+from evac.evidence.scaling.walks import TICK, Walk, cpu_time
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
+from evac.physics.contact.model import ContactModel
 from evac.simulation.scene import Scene, make_ground
 
 
 class EvacWalk:
-    """A contact model of evac by its name in `models.MODELS`."""
+    """A contact model of evac."""
 
-    def __init__(self, hall: Hall, step: float, model: str) -> None:
-        self.walk = Walk(hall, step)
-        self.model = make_variant(model, step).model
+    def __init__(self, hall: Hall, step: float, model: ContactModel) -> None:
+        self.walk, self.model = Walk(hall, step), model
 
     @property
     def inside(self) -> int:
@@ -44,7 +44,7 @@ class MinimalWalk:
 class HeadwayWalk(EvacWalk):
     """A contact model of evac with the behaviour headway, which acts at the start of every tick."""
 
-    def __init__(self, hall: Hall, step: float, model: str) -> None:
+    def __init__(self, hall: Hall, step: float, model: ContactModel) -> None:
         super().__init__(hall, step, model)
         self.behaviour = plugins().get("behaviour", "headway")()
         scene = Scene(make_ground(hall.building, hall.fields))
