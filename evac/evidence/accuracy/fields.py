@@ -42,14 +42,16 @@ def run(evidence: Evidence) -> None:
     """Add part d to the page."""
     points = 120 if evidence.quick else 600
     spacings = SPACINGS[:2] if evidence.quick else SPACINGS
+    finest = 2.0 * FINE if evidence.quick else FINE  # spacing of the independent solution [m]
 
     @cache
     def plans() -> list[TimedPlan]:
         return [make(points, evidence.generator(make.__name__)) for make in PLANS]
 
     @cache
-    def clean() -> list[tuple[CleanWays, CleanWays]]:
-        return [_clean_ways(plan, evidence.quick) for plan in plans()]
+    def clean() -> list[tuple[CleanWays, ...]]:
+        grids = (finest, 2.0 * finest)
+        return [tuple(clean_ways(plan.building, plan.points, CLEARANCE, grid) for grid in grids) for plan in plans()]
 
     rows = evidence.measured(
         "fields", lambda: [row for plan in plans() for order in ORDERS for row in _time_rows(plan, spacings, order)]
@@ -87,7 +89,7 @@ def run(evidence: Evidence) -> None:
     evidence.text(
         f"""By default people get directions "with clearance", which leave the geodesics on purpose to keep bodies
         off walls. These are compared with the ways of least cost for the same slowness near walls, found by fast
-        sweeping of first order on a grid of {1e3 * _finest(evidence.quick):g} mm."""
+        sweeping of first order on a grid of {1e3 * finest:g} mm."""
     )
     evidence.data("angles", angles, "Angle errors [degrees]: mean and greatest")
     evidence.table(
@@ -119,7 +121,7 @@ def _judge(
 
 
 def _coarser_rows(
-    plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, CleanWays]], spacing: float
+    plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, ...]], spacing: float
 ) -> list[dict[str, Any]]:
     """Return by how much the independent directions change when their grid is made twice as coarse."""
     rows = []
@@ -128,18 +130,6 @@ def _coarser_rows(
         change = float(angles_between(one.direction, other.direction)[sure].mean())
         rows.append({"plan": plan.name, "mean change [degrees]": change})
     return rows
-
-
-def _finest(is_quick: bool) -> float:
-    """Return the spacing of the independent solution [m]."""
-    return 2.0 * FINE if is_quick else FINE
-
-
-def _clean_ways(plan: TimedPlan, is_quick: bool) -> tuple[CleanWays, CleanWays]:
-    """Return the independent ways that keep clear of walls, and those of a grid half as fine."""
-    finest = _finest(is_quick)
-    one, other = (clean_ways(plan.building, plan.points, CLEARANCE, spacing) for spacing in (finest, 2.0 * finest))
-    return one, other
 
 
 def _fields(plan: TimedPlan, spacing: float, order: int, clearance: float = 0.0) -> Fields:

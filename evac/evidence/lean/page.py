@@ -103,7 +103,13 @@ PARTS = "Parts forced in"
 def run(evidence: Evidence) -> None:
     """Measure and write the page."""
     rounds, school_rounds = (2, 1) if evidence.quick else (25, 5)
-    rows = evidence.measured("parts", lambda: _part_rows(evidence.quick, rounds, school_rounds))
+    rows = evidence.measured(
+        "parts",
+        lambda: (
+            scene_rows("square_room", 10.0, NAMED, rounds)
+            + scene_rows("primary_school", 2.0 if evidence.quick else 20.0, NAMED[-1:], school_rounds)
+        ),
+    )
     same = sum(row["same bits"] == "yes" for row in rows)
     evidence.verdict(all_of("Parts forced in without changing a bit of any trajectory", same, len(rows), PARTS))
     for scene in dict.fromkeys(row["scene"] for row in rows):
@@ -121,12 +127,6 @@ def run(evidence: Evidence) -> None:
         " them in changes the result, which kernels a scene compiles and loads, and how long each command takes to"
         " start.",
     )
-
-
-def _part_rows(quick: bool, rounds: int, school_rounds: int) -> list[dict[str, Any]]:
-    """Return the rows of both scenes."""
-    rows = scene_rows("square_room", 10.0, NAMED, rounds)
-    return rows + scene_rows("primary_school", 2.0 if quick else 20.0, NAMED[-1:], school_rounds)
 
 
 def _kernel_cases(quick: bool) -> list[KernelCase]:

@@ -46,7 +46,7 @@ def report_classroom(evidence: Evidence) -> None:
     def measured() -> ClassTimes:
         return {name: evidence.exit_times(load_case("classroom", model_overrides(name)), runs) for name in MODELS}
 
-    blocked = evidence.measured("classroom_blocked", lambda: _blocked_rows(measured()))
+    blocked = evidence.measured("classroom_blocked", lambda: [_share_row(*own) for own in measured().items()])
     everybody = evidence.measured("classroom_all", lambda: _all_rows(measured()))
     desks = evidence.measured("classroom_desks", lambda: _desk_rows(measured()))
     section = "The classroom: who blocks, and escape times per desk (section 4.2)"
@@ -87,10 +87,6 @@ def falls_of(desks: Sequence[Row], model: str) -> int:
         near["column"] == far["column"] and (near[f"{model} [s]"] or 0.0) > (far[f"{model} [s]"] or np.inf)
         for near, far in itertools.pairwise(desks)
     )
-
-
-def _blocked_rows(runs: ClassTimes) -> list[Row]:
-    return [_share_row(name, times) for name, times in runs.items()]
 
 
 def _all_rows(runs: ClassTimes) -> list[Row]:
