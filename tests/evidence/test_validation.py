@@ -103,6 +103,13 @@ def test_the_flow_through_a_door_fails_by_default_and_passes_with_the_preset(tmp
     assert carry_out(test, regulation, 1).verdict == PASSED
 
 
+@pytest.mark.slow
+def test_people_are_faster_down_a_stair_than_up_at_equal_densities(tmp_path):
+    test = replace(find_tests(["RiMEA-13"])[0], runs=1)
+    faster = carry_out(test, Trial(tmp_path), 1).checks[-1].mean
+    assert 1.1 < faster < 1.6  # speeds alone: 1.36 (IMO MSC.1/Circ.1533, annex 3)
+
+
 def test_an_exit_that_closes_is_not_used_and_would_be_if_it_stayed_open(tmp_path):
     (test,) = find_tests(["ISO-9"])
     assert carry_out(test, Trial(tmp_path / "closes"), 1).verdict == PASSED
