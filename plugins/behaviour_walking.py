@@ -15,6 +15,7 @@ from evac.jit import Floats, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.outside import Outside
 from evac.people.sights import Sights, is_hidden, list_near, look_round, make_sights, sees, set_desired_motion
+from evac.people.ways import nearest_on
 from evac.physics.sight import walls_near
 from evac.physics.state import Crowd, World
 from evac.physics.world import BUCKET_REACH
@@ -525,10 +526,8 @@ def wall_step(world, crowd, sights, rule, i):  # type: ignore[no-untyped-def]
         w = world.bucket_wall[slot]
         if world.wall_open[w]:
             continue
-        x1, y1 = world.wall[w, 0], world.wall[w, 1]
-        px, py = world.wall[w, 2] - x1, world.wall[w, 3] - y1
-        part = min(max(((x - x1) * px + (y - y1) * py) / (px * px + py * py), 0.0), 1.0)
-        dx, dy = x1 + part * px - x, y1 + part * py - y
+        wx, wy = nearest_on(world.wall, w, x, y)
+        dx, dy = wx - x, wy - y
         distance = math.sqrt(dx * dx + dy * dy)
         weight = rule.wall_step * (1.0 - (distance - wide) / rule.wall_distance)
         if weight > 0.0 and ex * dx + ey * dy >= -BEHIND:

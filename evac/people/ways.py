@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -99,10 +98,10 @@ def check_ways(
         return ()
     found: list[Finding] = []
     for route in (index for index, one in enumerate(fields.routes) if not one.refuge):
-        stopped = _check_walks(source, building, fields, world, crowd, groups, route)
-        stopped.rows = stopped.rows[crowd.route[stopped.rows] == route]
+        ends = _check_walks(source, building, fields, world, crowd, groups, route)
+        stopped = (ends[:, 2] >= 0.0) & (crowd.route == route)
         for group in groups:
-            found += _stopped_places(building, crowd, group, stopped)
+            found += _stopped_places(building, crowd, group, group.rows[stopped[group.rows]], ends)
     return tuple(found)
 
 
@@ -140,15 +139,6 @@ def _without_way(fields: Fields, crowd: Crowd, groups: "tuple[Group, ...]") -> "
     return [(group, group.rows[is_lost[group.rows]]) for group in groups if is_lost[group.rows].any()]
 
 
-@dataclass
-class _Ends:
-    """Where the walks of some people end that do not arrive."""
-
-    rows: NDArray[np.int64]  # (n,) int64
-    # (people, 3) float64: coordinates x, y [m] and level of everybody's end; the level of others is -1
-    place: FloatArray
-
-
 def _check_walks(
     source: "Path",
     building: Building,
@@ -157,8 +147,11 @@ def _check_walks(
     crowd: Crowd,
     groups: "tuple[Group, ...]",
     route: int,
-) -> _Ends:
-    """Check one route by walks along its directions from all start positions; return where bodies are stopped."""
+) -> FloatArray:
+    """Check one route by walks along its directions from all start positions; return where bodies are stopped.
+
+    The ends (people, 3) are coordinates x, y [m] and level; the level of those who arrive is -1.
+    """
     column = columns_of(fields.packed, np.full(len(crowd.level), route), crowd.contact_radius)
     ends = np.full((len(crowd.level), 3), -1.0)
     is_here = crowd.level >= 0
@@ -172,7 +165,7 @@ def _check_walks(
         as_points = _walked(fields, world, crowd, stopped, int(one), np.zeros(len(stopped)))
         as_points = _arrived(building, fields, route, as_points)
         _refuse_lost(source, building, fields, crowd, groups, route, stopped, as_points)
-    return _Ends(np.flatnonzero(ends[:, 2] >= 0.0), ends)
+    return ends
 
 
 def _arrived(building: Building, fields: Fields, route: int, ends: FloatArray) -> FloatArray:
@@ -267,14 +260,15 @@ def _refuse_lost(
             )
 
 
-def _stopped_places(building: Building, crowd: Crowd, group: "Group", stopped: _Ends) -> list[Finding]:
-    """Return a warning for each place where people of a group are stopped."""
-    rows = group.rows[np.isin(group.rows, stopped.rows)]
+def _stopped_places(
+    building: Building, crowd: Crowd, group: "Group", rows: IntArray, ends: FloatArray
+) -> list[Finding]:
+    """Return a warning for each place where people of a group, in these rows, are stopped."""
     found = []
     while rows.size:
-        x, y, level = stopped.place[rows[0]]
-        away = np.hypot(stopped.place[rows, 0] - x, stopped.place[rows, 1] - y)
-        here = (away < SAME_PLACE) & (stopped.place[rows, 2] == level)
+        x, y, level = ends[rows[0]]
+        away = np.hypot(ends[rows, 0] - x, ends[rows, 1] - y)
+        here = (away < SAME_PLACE) & (ends[rows, 2] == level)
         widths = 2.0 * crowd.contact_radius[rows[here]]
         text = (
             f"people.{group.name}: {np.count_nonzero(here)} of {counted(len(group.rows), 'person', 'people')} "
