@@ -73,8 +73,8 @@ class Column:
         grids, self._factor = fields.grids[of_class].grids, fields.grids[of_class].factor
         self._clear = self._factor
         blocked = marched.classes[of_class].blocked
-        self.number, self._grids, self._lower, self._gates = number, grids, lower, gates
-        self._blocked = blocked[index] if blocked else np.zeros(0, np.int64)
+        self.number, self._grids, self._gates = number, grids, gates
+        blocked_nodes = blocked[index] if blocked else np.zeros(0, np.int64)
         self._places = {
             grid.level: slice(first, first + grid.sheet.size)
             for grid in grids.levels
@@ -93,10 +93,15 @@ class Column:
         is_own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
         strips, starts = _strips_and_starts(grids, exits, base, slowness)
         joins = (is_own | strips) & np.isfinite(base)
-        joins[self._blocked] = False
+        joins[blocked_nodes] = False
         elsewhere = marched.classes[of_class].elsewhere.get(index, np.zeros(0, np.int64))
         joins[elsewhere] = False
-        self._elsewhere = elsewhere, base[elsewhere], self._direction[elsewhere]
+        # Nodes from which no exit of the route can be reached keep their values, and those from which no way is wide
+        # enough for the bodies take those of the class below.
+        elsewhere = elsewhere[np.isin(ways.level_of[elsewhere], list(self._places))]
+        self._elsewhere = self._in_fields(elsewhere), base[elsewhere], self._direction[elsewhere]
+        blocked_nodes = blocked_nodes[np.isin(ways.level_of[blocked_nodes], list(self._places))]
+        self._blocked = None if lower is None else (self._in_fields(blocked_nodes), lower._in_fields(blocked_nodes))
         if marched.building.areas and not exits:  # of a route to an area, where the times are zero
             starts |= base == 0.0
         starts &= joins
@@ -372,28 +377,19 @@ class Column:
             known[left_out - grid.offset] = waves.time[stand_in] + np.where(np.isfinite(more), more, 0.0)
             np.copyto(self._travel_time[place], known, where=np.isfinite(known))
             self._all_directions[place] = self._direction[grid.packed]
-        if self._lower is not None and len(self._blocked):
-            self._take_lower(self._lower)
-        if len(self._elsewhere[0]):
-            self._keep_elsewhere()
+        if self._blocked is not None:
+            to, from_ = self._blocked
+            self._travel_time[to], self._all_directions[to] = self._travel_time[from_], self._all_directions[from_]
+        to, time, direction = self._elsewhere
+        self._travel_time[to], self._all_directions[to] = time, direction
 
-    def _take_lower(self, lower: "Column") -> None:
-        """Take what the class below has where no way is wide enough for the bodies of this one."""
+    def _in_fields(self, nodes: IndexArray) -> IndexArray:
+        """Return the indices among all fields of nodes of levels on which the route has a field."""
+        shift = np.zeros(len(self._grids.levels), np.int64)
         for level, place in self._places.items():
-            packed = self._grids.levels[level].packed
-            nodes = self._blocked[(self._blocked >= packed.start) & (self._blocked < packed.stop)] - packed.start
-            there = lower._places[level].start
-            self._travel_time[place.start + nodes] = self._travel_time[there + nodes]
-            self._all_directions[place.start + nodes] = self._all_directions[there + nodes]
-
-    def _keep_elsewhere(self) -> None:
-        """Keep the values of the empty building where no exit of the route can be reached."""
-        nodes, time, direction = self._elsewhere
-        for level, place in self._places.items():
-            packed = self._grids.levels[level].packed
-            own = (nodes >= packed.start) & (nodes < packed.stop)
-            there = place.start + nodes[own] - packed.start
-            self._travel_time[there], self._all_directions[there] = time[own], direction[own]
+            shift[level] = place.start - self._grids.levels[level].offset
+        level_of = np.searchsorted([grid.offset for grid in self._grids.levels], nodes, side="right") - 1
+        return nodes + shift[level_of]
 
 
 class Columns(dict[int, Column]):
