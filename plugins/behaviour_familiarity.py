@@ -43,8 +43,9 @@ class Familiarity(Behaviour):
     People whose group has ``exits`` use these only. People on their way to a refuge or an assembly area keep their way.
     If all exits that a person knows are closed, it takes any.
 
-    The default of `notices` is the share of people who noticed a conventional sign in an experiment by Xie et al., from
-    memory, of whom nearly all followed it; `preference` and `trust` are assumptions.
+    The default of `notices` is the share of people who saw a conventional sign in an experiment by Xie et al., as its
+    authors say in the abstract of Galea, Xie and Lawrence (2014), of whom most followed it; `preference` and `trust`
+    are assumptions.
 
     Raises
     ------
@@ -57,7 +58,8 @@ class Familiarity(Behaviour):
     ----------
     Sime: Movement toward the familiar. Environment and Behavior 17 (1985), 697-724. Xie, Filippidis, Galea,
     Blackshields, Lawrence: Experimental analysis of the effectiveness of emergency signage and its implementation in
-    evacuation simulation. Fire and Materials 36 (2012), 367-382.
+    evacuation simulation. Fire and Materials 36 (2012), 367-382. Galea, Xie, Lawrence: Experimental and survey studies
+    on the effectiveness of dynamic signage systems. Fire Safety Science 11 (2014), 1129-1143.
     """
 
     name = "familiarity"

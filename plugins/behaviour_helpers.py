@@ -84,9 +84,9 @@ class Helpers(Behaviour):
     | `support` | 0.78 | 0.31 | 0.31 | 1 | Boyce et al. 1999; stairs: Peacock et al. 2014, as the preset `accompanied` |
     | `push` | 1.3 | 1.3 | 1.3 | 1 | Boyce et al. 1999, as the preset `pushed_wheelchair`; ramps up to 1:12, no stairs |
 
-    That the fastest of these devices is the chair is from memory. Speeds are in m/s, on stairs along the slope.
-    `devices` adds others, such as ``{ sledge = { flat = 0.7, up = 0.0, down = 0.6, handlers = 2 } }``. The default of
-    `preparation` is an assumption.
+    Which of the devices of Hunt et al. is the fastest, and which the slowest, is assumed. Speeds are in m/s, on stairs
+    along the slope. `devices` adds others, such as ``{ sledge = { flat = 0.7, up = 0.0, down = 0.6, handlers = 2 } }``.
+    The default of `preparation` is an assumption.
 
     Raises
     ------

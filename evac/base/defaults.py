@@ -37,5 +37,6 @@ MOST_RADIUS, MOST_MASS, MOST_TAU, MOST_SPEED = 10.0, 1e5, 1e4, 100.0
 #: Least and greatest body height [m].
 LEAST_HEIGHT, MOST_HEIGHT = 0.3, 3.0
 
-#: Distance from which signs are seen that state none [m]: that of a sign of 0.15 m that is lit from inside (EN 1838).
+#: Distance from which signs are seen that state none [m]: that of a sign of 0.15 m that is lit from inside (EN 1838:
+#: 200 times its height, and 100 times that of others, as makers of emergency lighting quote it).
 SIGN_RANGE = 30.0

@@ -19,7 +19,8 @@ from evac.evidence.validation.trial import CONTACT_MODEL
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.simulation.simulation import Simulation
 
-#: Mean speeds on the flat [m/s]: Boyce, Shields and Silcock, Fire Technology 35 (1999), as in the SFPE handbook.
+#: Mean speeds on the flat [m/s]: Boyce, Shields and Silcock, Fire Technology 35 (1999) 51-67, 10.1023/A:1015339216366,
+#: of which all but the last two were read at second hand, as table 3 of Tinaburri (2018) quotes them.
 PUBLISHED = {
     "walking_stick": 0.81,
     "crutches": 0.94,
@@ -145,7 +146,8 @@ def run(evidence: Evidence) -> None:
         "speeds",
         rows,
         f"People of a preset beside one another, measured over {LINES[1] - LINES[0]:g} m; ramps rise by 1 in"
-        f" {RUN / RISE:g}. Published means on ramps were not at hand: the presets assume those on the flat.",
+        f" {RUN / RISE:g}. Published means on ramps were not at hand (of Kim et al., Int. J. Ind. Ergonomics 44 (2014)"
+        " 636-646, only the abstract was read): the presets assume those on the flat.",
     )
     slow = [row["preset"] for row in rows if row["place"] == "flat" and RIMEA[0] <= row["mean [m/s]"] <= RIMEA[1]]
     evidence.text(
@@ -163,8 +165,15 @@ def run(evidence: Evidence) -> None:
         [_door_row(flows, width, share) for width in DOORS for share in SHARES],
         f"{QUEUE} people in a hall of 8 x 8 m before a door; mean of {len(seeds)} runs. Bodies are circles of 0.8 m for"
         " wheelchairs, which are about 1.2 m long. SFPE: flow of people"
-        f" who walk, {SFPE_FLOW:g} per second and metre of effective width. Published flows of wheelchairs were not at"
-        " hand.",
+        f" who walk, {SFPE_FLOW:g} per second and metre of effective width.",
+    )
+    evidence.text(
+        "Published: with assisted wheelchairs among people who walk in corridors, the flow was 1.49 +- 0.21 per "
+        "second and metre, and people who walk were 38.9 % faster than those in wheelchairs "
+        "(10.1088/1742-5468/abe93f); before a bottleneck like a funnel of 45 degrees, people in wheelchairs moved "
+        "at 0.31 m/s on average (Pan, Zhang and Song, arXiv 1912.07941); flows do not follow from width and "
+        "density alone if there are wheelchairs (Geoerg et al. 2019, 10.1155/2019/9717208). Only the abstracts "
+        "were at hand, so that shares, widths and shapes differ from those of the table."
     )
     through = [row["left"] == 0 for row in flows if row["in wheelchairs [%]"]]
     question = "runs with wheelchairs in which everybody passes the door"
@@ -177,9 +186,8 @@ def run(evidence: Evidence) -> None:
     evidence.write_page(
         "Mobility: wheelchairs, crutches and others",
         "Examined: walking speeds of the shipped presets on the flat and on ramps, beside the published ones that they"
-        " are made of (means of Boyce, Shields and Silcock, from memory), and flows of people in wheelchairs through"
-        " doors, with"
-        f" `{DEFAULT_MOVEMENT}`.",
+        " are made of (means of Boyce, Shields and Silcock; the primary source was not at hand), and flows of people in"
+        f" wheelchairs through doors, with `{DEFAULT_MOVEMENT}`.",
     )
 
 
