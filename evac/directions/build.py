@@ -505,7 +505,8 @@ def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, Float
         ends.append(_nodes_near(grids, grid, np.concatenate([np.zeros((0, 4)), *(way.segments for way in ways)])))
     links = np.concatenate(pairs)
     part = connected_components(grids.size, links[~barred[links].any(axis=1)])
-    is_cut_off = ~np.isin(part, part[np.concatenate(ends)])
+    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
+    is_cut_off = own & ~np.isin(part, part[np.concatenate(ends)])
     return factor * np.where(barred, BARRED, 1.0), factor * np.where(barred | is_cut_off, BARRED, 1.0)
 
 

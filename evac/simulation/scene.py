@@ -264,11 +264,6 @@ class Scene:
             passing[is_free], crowd.ahead[is_free] = -1, 0.0
             self._hold(set(passing[passing >= 0].tolist()))
 
-    @property
-    def has_areas(self) -> bool:
-        """Whether there are slow or barred areas."""
-        return bool(self.building.slowed or self.building.barred)
-
     def act_on_areas(self) -> None:
         """Multiply the speed factors of people in slow areas, after behaviours; note who enters barred ones."""
         assert self.people is not None

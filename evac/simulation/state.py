@@ -1,6 +1,7 @@
 """The state of a run between two ticks: the arrays that are needed to continue it with the same bits."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,9 +19,7 @@ def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
     """Return copies of the arrays of all parts, see `Simulation.state`."""
     simulation.engine.load(simulation.contact)  # prepares the contact model, so that it has a state
     contact = simulation.contact
-    state = simulation.deciding.state() | state_of(
-        contact, f"contact model {contact.name!r}", f"contact.{contact.name}."
-    )
+    own = state_of(contact, f"contact model {contact.name!r}", f"contact.{contact.name}.")
     parts = {
         "population": simulation.population.state(),
         "engine": simulation.engine.snapshot(),
@@ -39,41 +38,37 @@ def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
             "displacement_velocity": simulation.displacement_velocity.copy(),
         },
     }
-    return state | {f"{name}.{key}": array for name, part in parts.items() for key, array in part.items()}
+    parts_of_state = {f"{name}.{key}": array for name, part in parts.items() for key, array in part.items()}
+    return simulation.deciding.state() | own | parts_of_state
 
 
 def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
     """Restore the arrays that `saved_state` returned, see `Simulation.restore`."""
     with simulation.phases.enter("kernels"):
         simulation.engine.load(simulation.contact)
-    with part_of(state, "simulation.") as own:
-        _restore_own(simulation, own)
-    with part_of(state, "scene.") as own:
-        simulation.scene.restore(own, simulation.time)
+
+    def restore(name: str, part: Callable[..., None], *more: Any) -> None:
+        with part_of(state, f"{name}.") as own:
+            part(own, *more)
+
+    restore("simulation", partial(_restore_own, simulation))
+    restore("scene", simulation.scene.restore, simulation.time)
     if simulation.scene.quickest is not None:
-        with part_of(state, "quickest.") as own:
-            simulation.scene.quickest.restore(own)
-    building = simulation.building
-    with part_of(state, "population.") as own:
-        simulation.population.restore(own, building, len(simulation.fields.routes))
-    with part_of(state, "places.") as own:
-        simulation.places.restore(own, len(simulation.fields.routes))
+        restore("quickest", simulation.scene.quickest.restore)
+    routes = len(simulation.fields.routes)
+    restore("population", simulation.population.restore, simulation.building, routes)
+    restore("places", simulation.places.restore, routes)
     simulation.scene.hold()
     if simulation.outside is not None and any(key.startswith("outside.") for key in state):  # not if a change adds it
-        with part_of(state, "outside.") as own:
-            simulation.outside.restore(own)
+        restore("outside", simulation.outside.restore)
     if simulation.exposure is not None and any(key.startswith("exposure.") for key in state):
-        with part_of(state, "exposure.") as own:
-            simulation.exposure.restore(own, simulation.scene)
+        restore("exposure", simulation.exposure.restore, simulation.scene)
     simulation.deciding.restore(state)
     contact = simulation.contact
-    what = f"contact model {contact.name!r}: restore"
-    with plugin_code(what, contact), part_of(state, f"contact.{contact.name}.") as own:
-        contact.restore(own)
-    with part_of(state, "engine.") as own:
-        simulation.engine.restore(own)
-    with part_of(state, "watch.") as own:
-        simulation.watch.restore(own, len(building.levels))
+    with plugin_code(f"contact model {contact.name!r}: restore", contact):
+        restore(f"contact.{contact.name}", contact.restore)
+    restore("engine", simulation.engine.restore)
+    restore("watch", simulation.watch.restore, len(simulation.building.levels))
     simulation.ended = simulation.ending.over(simulation.step, simulation.population.crowd)
 
 

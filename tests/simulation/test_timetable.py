@@ -194,6 +194,13 @@ def test_people_who_must_pass_a_barred_area_behind_a_stair_leave_it_in_its_whole
     assert (simulation.fields.directions_at(flight, places, route)[:, 0] < -0.7).all()
 
 
+def test_a_barred_storey_does_not_change_the_way_from_another_one_to_its_exit():
+    free, barred = (Simulation(house(*events)) for events in ([], [event("bar", "first", 0.0)]))
+    places = np.column_stack([np.tile([0.2, 0.5, 1.0], 14), np.repeat(np.linspace(2.5, 4.7, 14), 3)])
+    ways = [one.fields.directions_at(0, places, 0) for one in (free, barred)]
+    assert ways[1] == pytest.approx(ways[0], abs=1e-9)
+
+
 def test_who_enters_a_barred_area_is_named_also_in_a_run_that_goes_on():
     one, other = (Simulation(house(event("bar", "ground", 3.0), event("bar", "first", 4.0))) for _ in range(2))
     crowd = one.population.crowd
