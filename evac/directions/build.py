@@ -487,7 +487,7 @@ def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, Float
     way would walk along the edge of the area, and queue at a corner of it.
     """
     building = grids.building
-    if not building.slowed and not building.barred:
+    if not building.has_areas_to_heed:
         return factor, factor
     factor = factor.copy()
     for name, share in sorted(building.slowed):
@@ -534,7 +534,7 @@ def _solve(
     marches = []
     for rate, exits, barred in zip(solver.rates, ways, solver.barred, strict=True):
         slowness = rate / cosine[:, None]
-        is_plain = not (building.slowed or building.barred)
+        is_plain = not building.has_areas_to_heed
         marches.append(March(Metric(slowness, avoided, is_plain), exits, barred))
         if bent is not None:
             marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred))

@@ -198,7 +198,7 @@ class _Scene:
             colour = PLACES[place.kind]
             if place.kind == "line":
                 line = shapely.get_coordinates(place.shape).reshape(1, 4)
-                ends = self.project.place(segments_in_space(building, line, [place.level]).reshape(-1, 3))
+                ends = self.project.place(segments_in_space(building, line, np.array([place.level])).reshape(-1, 3))
                 self._add_ribbon(ends.reshape(-1, 2, 3), ABOVE, colour, colour)
             else:
                 shape = shapely.buffer(place.shape, SIGN) if place.kind == "sign" else place.shape

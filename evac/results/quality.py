@@ -157,10 +157,15 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     if results.stuck:
         first = results.stuck[0]
         x, y = results.crowd.position[first]
+        why = "nobody touches them: look whether a behaviour holds them back, and at the directions there"
+        if (results.crowd.contact_force[list(results.stuck)] > 0.0).any():
+            why = (
+                "bodies in contact can block a narrow passage permanently, because people do not turn or give way; "
+                "compare several seeds, or a wider passage"
+            )
         lines.append(
             f"{_number(len(results.stuck))} without progress at the end, the first at ({x:.2f}, {y:.2f}) on "
-            f"{names[level[first]]!r}: bodies in contact can block a narrow passage permanently, because people "
-            "do not turn or give way; compare several seeds, or a wider passage"
+            f"{names[level[first]]!r}: {why}"
         )
     return (*lines, *results.notes)
 

@@ -39,16 +39,13 @@ ENGINE = CompiledEngine
 
 
 def make_building(case: "Case") -> "Building":
-    """Return the building of a case, read from its file."""
-    return with_places(case, build_building(make_surface(case), case.mesh or case.source, case.building))
-
-
-def make_surface(case: "Case") -> SurfaceMesh:
-    """Return the surface of a case's building: that of its file, or of its plan."""
+    """Return the building of a case, read from its file or its plan."""
     if case.building.plan is not None:
-        return read_storeys(_plan_of(case), case.registry).surface()
-    assert case.mesh is not None
-    return read_surface(_importer(case, case.mesh), case.mesh, case.registry)
+        surface = read_storeys(_plan_of(case), case.registry).surface()
+    else:
+        assert case.mesh is not None
+        surface = read_surface(_importer(case, case.mesh), case.mesh, case.registry)
+    return with_places(case, build_building(surface, case.mesh or case.source, case.building))
 
 
 def _plan_of(case: "Case") -> "Plan":

@@ -14,7 +14,6 @@ from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_writ
 from evac.people.outside import PeopleOutside
 from evac.people.places import Places
 from evac.people.population import Population
-from evac.simulation import needed
 from evac.simulation.scene import Scene
 
 if TYPE_CHECKING:
@@ -72,8 +71,8 @@ class Deciding:
         self.used: list[tuple[Behaviour, BehaviourScene]] = []
         for behaviour in behaviours:
             view = self._view(behaviour)
-            with naming(case.source):
-                if needed.affects(behaviour, view, is_full):
+            with naming(case.source), plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
+                if is_full or behaviour.is_needed(view):
                     self.used.append((behaviour, view))
         self.acts: dict[str, bool] = {}
         self.reads_forces = any("contact_force" in behaviour.reads for behaviour, _ in self.used)
@@ -93,7 +92,8 @@ class Deciding:
             with naming(self._case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare", behaviour, DECLARE):
                 behaviour.prepare(scene)
             self._check(behaviour, scene, 0.0)
-            self.acts[behaviour.name] = needed.acts_at_ticks(behaviour)
+            with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks", behaviour):
+                self.acts[behaviour.name] = behaviour.acts_at_ticks()
         self._scene.has_begun = True
 
     def act(self, time: float) -> None:

@@ -51,7 +51,7 @@ class Loop:
         self.operations = [
             Operation("changes", "behaviours", one.scene.apply_waiting),
             Operation("behaviours", "behaviours", self._decide),
-            Operation("areas", "behaviours", one.scene.act_on_areas, self._has_areas),
+            Operation("areas", "behaviours", one.scene.act_on_areas, lambda: one.building.has_areas_to_heed),
             Operation("physics", "physics", self._move),
             Operation("settling", "recording", self._settle),
             Operation(
@@ -114,10 +114,6 @@ class Loop:
 
     def _is_at_output(self) -> bool:
         return self._is_output
-
-    def _has_areas(self) -> bool:
-        building = self._simulation.scene.building
-        return bool(building.slowed or building.barred)
 
     def _decide(self) -> None:
         simulation = self._simulation

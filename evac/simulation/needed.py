@@ -15,7 +15,7 @@ from evac.directions.routes import QUICKEST, STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
-from evac.people.behaviour import Behaviour, BehaviourScene
+from evac.people.behaviour import Behaviour
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, route_of, routes_of
 from evac.people.placement import add_discs
 from evac.people.places import routes_to_places
@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from evac.physics.contact.model import ContactModel
     from evac.physics.engine import Engine
     from evac.simulation.simulation import Simulation
+
+
+#: The kernels that the directions and people of a scene need.
+SET_UP = (descend, sample_travel_times, add_discs, walk_all)
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,8 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     wanted, slopes = list(routes_of(case)), [people.steepest for people in case.people if people.steepest is not None]
     wanted += [route for people in case.people for route in routes_to_places(case, people).values()]
     for behaviour in behaviours:
-        routes = _routes_of(behaviour)
+        with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
+            routes = behaviour.routes()
         wanted += [replace(route, steepest=own) for route in routes for own in (route.steepest, *slopes)]
     wanted.extend(_routes_of_events(case))
     if full:
@@ -60,20 +65,16 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     return tuple(dict.fromkeys(wanted))
 
 
-def _routes_of(behaviour: Behaviour) -> tuple[Route, ...]:
-    with plugin_code(f"behaviour {behaviour.name!r}: routes", behaviour):
-        return tuple(behaviour.routes())
-
-
-def _check_exits(case: "Case", building: "Building", behaviours: Sequence[Behaviour]) -> None:
-    """Refuse routes of behaviours to exits that do not exist, naming the key in which their name is."""
+def _check_exits(case: "Case", building: "Building", routes: Sequence[Route]) -> None:
+    """Refuse a parameter of a behaviour that names an exit of a route which does not exist."""
     known = [one.name for one in building.exits]
-    for behaviour in behaviours:
-        for name in (name for route in _routes_of(behaviour) for name in route.exits if name not in known):
-            given = (case.behaviours.get(behaviour.name) or {}).items()
-            keys = [f".{key}" for key, value in given if isinstance(value, (Mapping, list, tuple)) and name in value]
-            key = f"behaviours.{behaviour.name}{''.join(keys[:1])}"
-            raise ScenarioError(f"{key}: there is no exit {name!r}; {did_you_mean(name, known)}")
+    given = [(name, key, value) for name, table in case.behaviours.items() for key, value in (table or {}).items()]
+    for exit_ in (exit_ for route in routes for exit_ in route.exits if exit_ not in known):
+        for name, key, value in given:
+            if isinstance(value, Mapping | list | tuple) and exit_ in value:
+                raise ScenarioError(
+                    f"behaviours.{name}.{key}: there is no exit {exit_!r}; {did_you_mean(exit_, known)}"
+                )
 
 
 def _routes_of_events(case: "Case") -> list[Route]:
@@ -101,13 +102,8 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
         "speeds": reference_speeds(case),
         "comfort": settings.comfort,
         "order": settings.order,
-        "keep_grids": routes_in_smoke(case),
+        "keep_grids": bool(case.conditions) and case.smoke.routes,
     }
-
-
-def routes_in_smoke(case: "Case") -> bool:
-    """Return whether routes are solved again with the speeds that smoke leaves."""
-    return bool(case.conditions) and case.smoke.routes
 
 
 def solve_fields(
@@ -119,8 +115,9 @@ def solve_fields(
     anywhere: bool = False,
 ) -> Fields:
     """Return the directions of a building for the routes that people can take; `anywhere` as for `build_fields`."""
-    _check_exits(case, building, behaviours)
-    return build_fields(building, **field_settings(case, behaviours, full), threads=threads, anywhere=anywhere)
+    settings = field_settings(case, behaviours, full)
+    _check_exits(case, building, settings["routes"])
+    return build_fields(building, **settings, threads=threads, anywhere=anywhere)
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
@@ -131,23 +128,6 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
             if full or force.is_needed():
                 needed.append(force)
     return needed
-
-
-def affects(behaviour: Behaviour, scene: BehaviourScene, full: bool) -> bool:
-    """Return whether a behaviour changes anything in its scene; with `full`, True."""
-    with plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
-        return full or behaviour.is_needed(scene)
-
-
-def acts_at_ticks(behaviour: Behaviour) -> bool:
-    """Return whether a behaviour is called at every tick; asked when it has been prepared."""
-    with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks", behaviour):
-        return behaviour.acts_at_ticks()
-
-
-def set_up_kernels() -> list[Entry]:
-    """Return the kernels that the directions and people of a scene need."""
-    return [descend, sample_travel_times, add_discs, walk_all]
 
 
 def run_kernels(
@@ -166,7 +146,7 @@ def run_kernels(
     routes = needed_routes(case, behaviours, full)
     if any(route.strategy == QUICKEST for route in routes):
         kernels += [deposit, march_waves]
-    elif routes_in_smoke(case):
+    elif case.conditions and case.smoke.routes:
         kernels += [march_waves]
     if len(routes) > len(routes_of(case)):  # they are compared by their lengths
         kernels += [add_lengths, find_lowest]

@@ -137,7 +137,7 @@ class Simulation:
             building = ground.building if ground else assembly.make_building(case)
             check_people(case, building)
         with self.phases.enter("kernels"):
-            kernels = needed.set_up_kernels()
+            kernels = [*needed.SET_UP]
             if will_run:
                 used = assembly.ENGINE, building, self.contact, self.forces, behaviours
                 kernels += needed.run_kernels(case, *used, full)
@@ -236,13 +236,12 @@ class Simulation:
         from_start = np.where(crowd.arrival_time == 0.0, self.start_level, np.int32(-1))
         start = crowd.replace(position=self.start_position, level=from_start)
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
-        people += rivals(self.case.keeps_distance)
-        unused = unused_threads(self._threads, len(crowd.level))
+        people += (*rivals(self.case.keeps_distance), *unused_threads(self._threads, len(crowd.level)))
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
         if self.scene.changes or self.building.closed:
             shut += cut_off(self.scene.building, self.fields, crowd, self.population.groups)
         air = () if self.exposure is None else self.exposure.warnings()
-        return (*self.building.warnings, *air, *map(str, (*narrow, *self.stopping)), *people, *shut, *unused)
+        return (*self.building.warnings, *air, *map(str, (*narrow, *self.stopping)), *people, *shut)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.

@@ -185,3 +185,10 @@ def test_people_wait_behind_doors_that_are_closed_at_the_start_until_an_event_op
     assert simulation.run().ended == "everybody out"
     with pytest.raises(evac.ScenarioError, match=r"people\.p"):
         Simulation(flat((4.0, "close", "near"), **closed))
+
+
+def test_people_who_are_stuck_are_not_told_to_be_in_contact_if_nobody_touches_them():
+    simulation = Simulation(flat((0.1, "close", "near"), (0.1, "close", "far"), **{"people.p.number": 1}))
+    results = simulation.run()
+    assert results.ended == "no progress"
+    assert not any("contact" in line for line in results.remarks)

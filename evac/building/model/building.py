@@ -287,6 +287,11 @@ class Building:
         return self.closed, self.one_way, self.slowed, self.barred
 
     @property
+    def has_areas_to_heed(self) -> bool:
+        """Whether there are slow or barred areas."""
+        return bool(self.slowed or self.barred)
+
+    @property
     def n_links(self) -> int:
         """Number of portals and exits."""
         return len(self.portals) + len(self.exits)
