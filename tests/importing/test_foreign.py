@@ -13,6 +13,7 @@ from evac import BuildingError, import_building
 from evac.building.recover.bodies import Body
 from evac.building.recover.products import LIBRARIES, read_products
 from evac.cli.main import main
+from evac.importing.completeness import NEGLIGIBLE
 from tests.importing.independent import FOREIGN, TABLE, rows_of
 
 pytestmark = pytest.mark.skipif(not FOREIGN.is_dir(), reason="../shared/data/foreign is not there")
@@ -64,7 +65,11 @@ def test_the_whole_building_is_imported(tmp_path, name):
     }
     assert made.fault == ""
     assert EXPECTED[name] == {quantity: found[quantity] for quantity in EXPECTED[name]}
-    assert all(room.number for room in made.rooms)
+    # Ground without a way out, such as a shaft, is negligible, and told with its place.
+    empty = [room for room in made.rooms if not room.number]
+    assert sum(room.ground for room in empty) <= NEGLIGIBLE * sum(level.polygon.area for level in floors)
+    told = {one.level for one in made.findings if one.kind == "warning" and one.place}
+    assert {made.building.levels[room.level].name for room in empty} <= told
 
 
 def test_storeys_without_a_stair_are_refused(tmp_path):
@@ -164,8 +169,8 @@ def test_an_imported_building_runs_with_a_closing_door_arrivals_and_wheelchairs(
     results = evac.read_results(folder)
     rows = {group.name: group.rows for group in results.groups}
     exits, out, used = list(results.exits), results.crowd.exit_time, results.crowd.exit_used
-    assert results.ended == "everybody out or at a refuge"
-    assert [refuge.people for refuge in results.refuges] == [tuple(rows["wheelchair above"])]
+    assert results.ended == "everybody out or at a safe place"
+    assert [place.people for place in results.places] == [tuple(rows["wheelchair above"])]
     assert exits[used[rows["wheelchair below"][0]]] in ("door 146678", "door 171853")
     assert (results.crowd.arrival_time[rows["visitors"]] >= np.array([2.0, 5.0, 8.0, 14.0]) - 1e-9).all()
     assert np.isfinite(out[rows["visitors"]]).all()
