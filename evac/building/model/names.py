@@ -1,6 +1,7 @@
 """Names in buildings: one line without control characters, of a bounded length."""
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,6 +17,12 @@ def repaired(name: str) -> str:
     if not is_one_line(name):
         name = " ".join("".join(sign if is_one_line(sign) else " " for sign in name).split()) or "unnamed"
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
+
+
+def numbered(name: str, taken: Container[str]) -> str:
+    """Return the name, or if it is taken the name with the lowest free number from 2 on: ``door (2)``."""
+    further = (f"{name} ({number})" for number in itertools.count(2))
+    return next(own for own in itertools.chain([name], further) if own not in taken)
 
 
 def with_repaired_names(source: Path, tags: Mapping[str, Value], notes: list[Finding]) -> dict[str, Value]:

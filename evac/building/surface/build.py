@@ -1,6 +1,5 @@
 """Conversion of a surface mesh to a `Building`."""
 
-import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,6 +16,7 @@ from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
 from evac.building.model.links import close_links, isolated_parts
+from evac.building.model.names import numbered
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.surface.checks import (
     check_depth,
@@ -150,8 +150,8 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
         if not parts:
             raise BuildingError(f"{source}: area {name!r} lies on no walkable level; put it on a level")
         parts.sort(key=lambda part: (-part[0].area, part[1]))
-        free = (own for own in (f"{name} ({number})" for number in itertools.count(2)) if own not in taken)
-        for (polygon, level), own in zip(parts, itertools.chain([name], free), strict=False):
+        for row, (polygon, level) in enumerate(parts):
+            own = numbered(name, taken) if row else name
             taken.add(own)
             areas.append(Area(own, level, polygon.normalize()))
         if len(parts) > 1:

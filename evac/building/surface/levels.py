@@ -13,6 +13,7 @@ from evac.building.geometry.components import connected_components
 from evac.building.geometry.polygons import union
 from evac.building.model.building import Level
 from evac.building.model.findings import Finding
+from evac.building.model.names import numbered
 from evac.building.surface.edges import EdgeTable
 from evac.building.surface.surface import Surface
 
@@ -250,12 +251,8 @@ def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
             heights = f"z={level.z_min:z.2f}" + (f"..{level.z_max:z.2f}" if level.kind == "flight" else "")
             prefix = f"{level.stair} " if tag.startswith("stair:") else ""
             name = f"{prefix}{level.kind} {heights}"
-        unique, number = name, 1
-        while unique in used:
-            number += 1
-            unique = f"{name} ({number})"
-        used.add(unique)
-        named.append(replace(level, name=unique))
+        named.append(replace(level, name=numbered(name, used)))
+        used.add(named[-1].name)
     return named
 
 

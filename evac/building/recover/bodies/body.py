@@ -72,18 +72,14 @@ class Body:
 
     def tops(self) -> list[tuple[BaseGeometry, float]]:
         """Return the level faces that point upwards: for each height, their union in plan and the height [m]."""
-        return self._level(self.normals[:, 2] > LEVEL)
+        return self._level_faces(self.normals[:, 2])
 
     def bottoms(self) -> list[tuple[BaseGeometry, float]]:
-        """Return the level faces that point downwards: for each height, their union in plan and the height [m]."""
-        return self._level(self.normals[:, 2] < -LEVEL)
+        """Return the level faces that point downwards, or all if the triangles are not oriented alike; see `tops`."""
+        return self._level_faces(-self.normals[:, 2]) or self._level_faces(np.abs(self.normals[:, 2]))
 
-    def flats(self) -> list[tuple[BaseGeometry, float]]:
-        """Return all level faces, for bodies whose triangles are not oriented alike; see `tops`."""
-        return self._level(np.abs(self.normals[:, 2]) > LEVEL)
-
-    def _level(self, mask: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> list[tuple[BaseGeometry, float]]:
-        rows = np.flatnonzero(mask)
+    def _level_faces(self, upwards: FloatArray) -> list[tuple[BaseGeometry, float]]:
+        rows = np.flatnonzero(upwards > LEVEL)
         height = self.corners[rows, :, 2].mean(axis=1)
         order = np.argsort(height, kind="stable")
         rows, height = rows[order], height[order]

@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.errors import BuildingError
 from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
+from evac.building.model.names import numbered
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, snapped
 from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, ground_of, middle_of, passages_of
@@ -96,9 +97,7 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:
         plan.note("assumed", text, ground.name)
     taken: set[str] = set()
     for way in ways:
-        name, number = way.name, 2
-        while name in taken:
-            name, number = f"{way.name} ({number})", number + 1
+        name = numbered(way.name, taken)
         taken.add(name)
         is_exit = way in outer and way.floor in floors
         if is_exit:

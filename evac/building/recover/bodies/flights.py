@@ -253,18 +253,15 @@ def _end(run: Run, is_upper: bool, floors: Sequence[Floor], landings: Sequence[L
     last = run.treads[-1 if is_upper else 0][1]
     reach = run.riser + OFF
     candidates: list[tuple[float, float, End]] = []
-    for row, landing in enumerate(landings):
-        edge = _edge(run, is_upper, landing.z)
-        rise = landing.z - last if is_upper else last - landing.z
-        away = float(landing.plan.distance(shapely.LineString(edge)))
-        if -0.05 <= rise <= reach and away <= BESIDE:
-            candidates.append((abs(rise - run.riser), away, End(edge, None, row, landing.z)))
-    for floor in floors:
-        edge = _edge(run, is_upper, floor.z)
-        rise = floor.z - last if is_upper else last - floor.z
-        away = float(floor.ground.distance(shapely.LineString(edge)))
-        if -0.05 <= rise <= reach and away <= FAR:
-            candidates.append((abs(rise - run.riser), away, End(edge, floor, None, floor.z)))
+    none = np.empty((0, 2))
+    met = [(landing.plan, BESIDE, End(none, None, row, landing.z)) for row, landing in enumerate(landings)]
+    met += [(floor.ground, FAR, End(none, floor, None, floor.z)) for floor in floors]
+    for plan, farthest, end in met:
+        edge = _edge(run, is_upper, end.z)
+        rise = end.z - last if is_upper else last - end.z
+        away = float(plan.distance(shapely.LineString(edge)))
+        if -0.05 <= rise <= reach and away <= farthest:
+            candidates.append((abs(rise - run.riser), away, replace(end, edge=edge)))
     if not candidates:
         z = last + run.riser if is_upper else last - run.riser
         what = "ends" if is_upper else "begins"

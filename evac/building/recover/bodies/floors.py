@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.defaults import HEADROOM
 from evac.building.geometry.overlays import common, cut, place_of, united
 from evac.building.model.findings import Finding
+from evac.building.model.names import numbered
 from evac.building.recover.bodies.body import SAME_HEIGHT, Body, closed, snapped, without_slivers
 
 #: Largest difference in height between a floor and the top of its slab, due to floor finishes [m].
@@ -184,7 +185,7 @@ def _heights(bodies: Sequence[Body], rules: Rules) -> list[_Height]:
 def _lowest(space: Body) -> list[tuple[BaseGeometry, float]]:
     """Return the level faces of a space that point downwards and have no other one of them below."""
     faces: list[tuple[BaseGeometry, float]] = []
-    for plan, z in space.bottoms() or space.flats():
+    for plan, z in space.bottoms():
         rest = cut(plan, united([lower for lower, _ in faces])) if faces else plan
         if not rest.is_empty:
             faces.append((rest, z))
@@ -282,10 +283,7 @@ def _rooms(height: _Height) -> list[tuple[str, BaseGeometry]]:
     """Return the name and plan of each space; repeated names are numbered."""
     rooms: dict[str, BaseGeometry] = {}
     for body, plan, _ in sorted(height.spaces, key=lambda one: one[0].name):
-        name, number = body.name, 2
-        while name in rooms:
-            name, number = f"{body.name} ({number})", number + 1
-        rooms[name] = plan
+        rooms[numbered(body.name, rooms)] = plan
     return list(rooms.items())
 
 
