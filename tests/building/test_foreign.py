@@ -246,3 +246,13 @@ def test_walls_that_share_corners_with_their_slabs_are_cut_out(tmp_path):
     model.points = list(index)
     ground = [("floor", z, area) for z in (0.0, 3.0) for area in (23.2, 33.64)]
     assert sorted(levels(model.read(tmp_path))) == [*ground, ("floor", 6.0, 60.0)]
+
+
+def test_slabs_at_slightly_different_heights_name_the_weld_that_joins_them(tmp_path):
+    model = Model()
+    model.box(0, 0, -0.2, 10, 10, 0)
+    model.box(10, 0, -0.2, 20, 10, 0.005)
+    (text,) = texts(model.read(tmp_path), "warning")
+    assert "5.0 mm" in text
+    assert "building.weld = 0.006" in text
+    assert len(model.read(tmp_path, weld=0.006).levels) == 1

@@ -94,15 +94,16 @@ def missed_seams(building: Building) -> tuple[Finding, ...]:
     height = elevation(
         building, np.concatenate([level[one[rows]], level[other[rows]]]), np.tile(middle[one[rows]], (2, 1))
     )
-    rows = rows[np.abs(np.subtract(*height.reshape(2, -1))) < THINNEST]
+    drop = np.abs(np.subtract(*height.reshape(2, -1)))
+    rows, drop = rows[drop < THINNEST], drop[drop < THINNEST]
     if not len(rows):
         return ()
     first = rows[0]
     x, y = middle[one[first]]
-    gap = float(shapely.distance(shapely.points(x, y), lines[other[first]]))
+    gap = math.hypot(shapely.distance(shapely.points(x, y), lines[other[first]]), drop[0])
     names = [building.levels[index].name for index in sorted({level[one[first]], level[other[first]]})]
     ends = shapely.points(walls[one[rows]].reshape(-1, 2, 2))
-    miss = shapely.distance(ends, lines[other[rows]][:, None])
+    miss = np.hypot(shapely.distance(ends, lines[other[rows]][:, None]), drop[:, None])
     text = (
         f"cells {'of ' + ' and '.join(map(repr, names)) + ' ' if len(names) > 1 else ''}miss each other by "
         f"{1e3 * gap:.1f} mm here and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
