@@ -128,18 +128,13 @@ def bodies(count: int, triangles: IndexArray) -> IndexArray:
     order = np.argsort(edge.ravel(), kind="stable")
     pairs = order[np.isin(edge.ravel()[order], np.flatnonzero(uses == 2))].reshape(-1, 2) // 3
     shell = connected_components(len(triangles), pairs)
-    is_open = set(part.tolist()) - closed_bodies(triangles, shell, part)
-    return np.unique(np.where(np.isin(part, list(is_open)), part, len(triangles) + shell), return_inverse=True)[1]
+    is_open = np.isin(part, part[~np.isin(shell, list(closed_bodies(triangles, shell)))])
+    return np.unique(np.where(is_open, part, count + shell), return_inverse=True)[1]
 
 
-def closed_bodies(triangles: IndexArray, body: IndexArray, group: IndexArray | None = None) -> set[int]:
-    """Return the bodies that enclose a volume: all of their edges have an even number of cells.
-
-    With groups of bodies, the groups of which all bodies are closed are returned.
-    """
+def closed_bodies(triangles: IndexArray, body: IndexArray) -> set[int]:
+    """Return the bodies that enclose a volume: all of their edges have an even number of cells."""
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    _, row, uses = np.unique(
-        np.column_stack([np.repeat(body, 3), sides]), axis=0, return_inverse=True, return_counts=True
-    )
-    group = body if group is None else group
-    return set(group.tolist()) - set(np.repeat(group, 3)[uses[row.ravel()] % 2 == 1].tolist())
+    own = np.repeat(body, 3)
+    _, row, uses = np.unique(np.column_stack([own, sides]), axis=0, return_inverse=True, return_counts=True)
+    return set(body.tolist()) - set(own[uses[row.ravel()] % 2 == 1].tolist())
