@@ -143,7 +143,7 @@ class DxfImporter(Importer):
                     fills.setdefault((layer, use), []).append(shapely.make_valid(ground))
                     continue
                 is_fill = kind == "HATCH" and (len(paths) == 1 or any(_crosses_itself(frame) for _, frame in paths))
-                width = float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
+                width = _width(entity)
                 for path, frame in paths:
                     if len(frame):
                         yield Shape(layer, use, path, frame, path.has_curves, is_fill, width)
@@ -436,6 +436,14 @@ def _frame(path: Any) -> FloatArray:
 
 def _crosses_itself(frame: FloatArray) -> bool:
     return len(frame) > 3 and not shapely.Polygon(frame).is_valid
+
+
+def _width(entity: Any) -> float:
+    """Return the width of a polyline [units], which may be given at its vertices; 0 for other entities."""
+    if entity.dxftype() == "LWPOLYLINE":
+        given = [width for widths in entity.get_points("se") for width in widths]
+        return float(entity.dxf.get("const_width", 0.0) or np.median(given or [0.0]))
+    return float(entity.dxf.get("default_start_width", 0.0)) if entity.dxftype() == "POLYLINE" else 0.0
 
 
 def _paths(entity: Any) -> Iterator[Any]:

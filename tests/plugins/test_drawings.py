@@ -63,13 +63,21 @@ def double_lines(unit, declared, walls, doors):
     return drawing
 
 
-def wide_polylines():
+def wide_polylines(*, is_old=False):
     drawing = Drawing("mm")
     for corners, width in (([(0.15, 0.15), (2.0, 0.15)], 300), ([(5.4, 0.3), (5.4, 1.0)], 200),
                            ([(3.0, 0.15), (9.25, 0.15), (9.25, 4.45), (0.15, 4.45), (0.15, 0.15)], 300),
                            ([(5.4, 1.9), (5.4, 4.3)], 200)):  # fmt: skip
-        drawing.line(corners, "Wände")
-        drawing.space[-1].dxf.const_width = width
+        places = [(1000 * x, 1000 * y, width, width) for x, y in corners]
+        if is_old:
+            drawing.space.add_polyline2d(
+                [place[:2] for place in places], dxfattribs={"layer": "Wände", "default_start_width": width}
+            )
+        elif width == 300:
+            drawing.space.add_lwpolyline(places, format="xyse", dxfattribs={"layer": "Wände"})
+        else:
+            drawing.line(corners, "Wände")
+            drawing.space[-1].dxf.const_width = width
     drawing.doors("Türen")
     return drawing
 
@@ -171,6 +179,7 @@ KINDS = {
     "inches said to be millimetres": lambda: double_lines("inch", "mm", "WALLS", "DOORS"),
     "all on layer 0": lambda: double_lines("cm", None, "0", "0"),
     "wide polylines": wide_polylines,
+    "wide polylines of old files": lambda: wide_polylines(is_old=True),
     "hatches": hatches,
     "blocks of doors": blocks_of_doors,
     "layers without meaning": unnamed_layers,
