@@ -52,7 +52,7 @@ def with_former_names(imported: Table, former: Table) -> dict[str, Any]:
     """
     table = dict(imported)
     for section in RENAMED:
-        names = {_shape(item): item["name"] for item in former.get(section, ())}
+        names = {_shape(item): item.get("name") for item in former.get(section, ())}
         items = [(item, names.get(_shape(item))) for item in imported.get(section, ())]
         taken = {name for _, name in items}
         for number, (item, name) in enumerate(items):

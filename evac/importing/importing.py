@@ -16,7 +16,7 @@ from evac.building.model.building import Building
 from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
-from evac.building.plan.plantable import plan_of, read_table, table_of
+from evac.building.plan.plantable import SECTIONS, plan_of, read_table, table_of
 from evac.building.plan.redrawing import plan_of_building
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import tagged_surface, write_surface
@@ -247,8 +247,8 @@ class _Draft:
         if is_edited:
             places = (self._folder / ORIGIN, folder / ORIGIN, folder / PLAN)
             imported, former, edited = (_table_in(place) for place in places)
-            for file in plan_of(edited, folder / PLAN, Path()).files:
-                if not file.is_absolute() and (folder / file).exists():
+            for file in (Path(str(storey["file"])) for storey in edited.get("storeys", ()) if "file" in storey):
+                if (folder / file).is_file() and not file.is_absolute() and ".." not in file.parts:
                     (self._folder / file).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(folder / file, self._folder / file)
             self.table, dropped, told = with_edits(
@@ -313,8 +313,14 @@ def _is_edited(folder: Path) -> bool:
 
 
 def _table_in(file: Path) -> dict[str, Any]:
+    """Return the table of a plan file, whose sections are lists of tables."""
     try:
-        return read_table(file)
+        table = read_table(file)
+        for section in SECTIONS:
+            items = table.get(section, [])
+            if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+                raise ValueError(f"{section} must be a list of tables: [[{section}]]")
+        return table
     except ValueError as error:
         raise BuildingError(f"{file}: {error}; correct it, or remove it to import without its edits") from error
 

@@ -237,3 +237,18 @@ def test_a_plan_that_is_no_toml_is_named(tmp_path):
     edit(made.folder, "[[exits]]", "[[exits")
     with pytest.raises(Exception, match=r"building\.plan\.toml: invalid TOML"):
         import_building([path], tmp_path / "case")
+    edit(made.folder, "[[exits", "[exits]")
+    with pytest.raises(Exception, match=r"building\.plan\.toml: exits must be a list"):
+        import_building([path], tmp_path / "case")
+
+
+@pytest.mark.parametrize("wrong", ["z = 0.0\nheight = 3", 'z = "low"', 'z = 0.0\nfile = "../other.wkt"'])
+def test_an_item_that_is_wrong_does_not_take_other_edits_away(tmp_path, wrong):
+    path = write(tmp_path / "a.plan.toml", upper=False)
+    (tmp_path / "other.wkt").write_text("POLYGON ((0 0, 9 0, 9 9, 0 0))", encoding="utf-8")
+    made = import_building([path], tmp_path / "case")
+    edit(made.folder, "[[8.1, 3.0], [8.1, 4.0]]", "[[8.1, 1.0], [8.1, 1.9]]")
+    edit(made.folder, "z = 0.0", wrong)
+    again = import_building([path], tmp_path / "case")
+    assert [one.kind for one in again.findings if "storey 'ground'" in one.text] == ["warning"]
+    assert again.building.doors[0].width == pytest.approx(0.9)
