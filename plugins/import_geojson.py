@@ -80,11 +80,17 @@ class GeojsonImporter(Importer):
         features = [replace(feature, shape=place(feature.shape)) for feature in features]
         if profile:
             plan.note("found", f"an indoor map of {profile}")
+            for row, one in enumerate(features):
+                if not one.shape.is_valid:
+                    text = f"feature {one.number}: {shapely.is_valid_reason(one.shape).partition('[')[0]}"
+                    plan.note("repaired", text, place=place_of(one.shape))
+                    whole = shapely.make_valid(one.shape, method="structure", keep_collapsed=False)
+                    features[row] = replace(one, shape=whole)
             own = [{**_properties(item), **_labels(item)} for item in objects]
             shapes = [one.shape for one in features]
             storeys, steps, nowhere = read_map(profile, [*zip(own, shapes, strict=True)])
             for text, shape in nowhere:
-                plan.note("left out", text, place=place_of(shape))
+                plan.note("left out", text, place=None if shape.is_empty else place_of(shape))
             self._add_map(plan, storeys, steps)
         else:
             self._add_storeys(plan, features)

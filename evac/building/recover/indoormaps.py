@@ -21,6 +21,8 @@ WAYS = frozenset(("walkway", "corridor", "area", "lobby", "foyer", "unenclosedar
 STAIRS = ("stairs", "steps")
 #: Width of doors without a width, of stairs without one [m], and the farthest that a door may be from its wall [m].
 DOOR_WIDTH, STAIR_WIDTH, NEAR = 1.0, 1.5, 1.0
+#: Widths of doors that are believed, and least length of a stair in plan [m].
+DOORS, LEAST_STEPS = (0.3, 6.0), 0.5
 #: Longest name of a level that is not an identifier.
 LONGEST_NAME = 30
 #: Most levels of one feature.
@@ -88,6 +90,9 @@ def read_map(
         on = _levels(own, names) if profile != "wrld3d" else ["floor"]
         if not what:
             continue
+        if shape.is_empty or (what == "steps" and len(on) > 1 and shape.length < LEAST_STEPS):
+            nowhere.append((f"{what} {_text(own.get('name'))!r} without a length", shape))
+            continue
         if not on:
             nowhere.append((f"{what} {_text(own.get('name'))!r} without a level", shape))
         for name in on:
@@ -101,7 +106,9 @@ def read_map(
         if profile == "IMDF" and own.get("category") in STAIRS:
             shafts.append((own, shape, levels[on[0]]))
         for name in on:
-            _add(levels[name], what, _text(own.get("name")), shape, _number(own.get("width"), DOOR_WIDTH))
+            width = _number(own.get("width"), DOOR_WIDTH)
+            width = width if DOORS[0] <= width <= DOORS[1] else DOOR_WIDTH
+            _add(levels[name], what, _text(own.get("name")), shape, width)
     empty = [one for one in levels.values() if not (one.rooms or one.ways)]
     nowhere += [
         (f"door {name!r} on level {one.name!r}, which has no room", at) for one in empty for name, at, _ in one.doors
