@@ -142,7 +142,8 @@ class DxfImporter(Importer):
                 if ground is not None and ground.area > 0.0:
                     fills.setdefault((layer, use), []).append(shapely.make_valid(ground))
                     continue
-                is_fill = kind == "HATCH" and (len(paths) == 1 or any(_crosses_itself(frame) for _, frame in paths))
+                rings = [shapely.Polygon(frame) for _, frame in paths if len(frame) > 3 and kind == "HATCH"]
+                is_fill = kind == "HATCH" and (len(paths) == 1 or not all(ring.is_valid for ring in rings))
                 width = _width(entity)
                 for path, frame in paths:
                     if len(frame):
@@ -265,8 +266,8 @@ class DxfImporter(Importer):
         solids = [one.polygon for one in walls if one.is_solid]
         rooms = rooms_of(lines, self.gap, self.door, self.wall, doors, others, solids)
         self._note_segments(plan, storey, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
-        self._note_segments(plan, storey, "found", "opening between rooms {:.2f} m wide", rooms.between)
-        self._note_segments(plan, storey, "found", "opening to the outside {:.2f} m wide", rooms.openings)
+        for where, found in (("between rooms", rooms.between), ("to the outside", rooms.openings)):
+            self._note_segments(plan, storey, "found", f"opening {where} {{:.2f}} m wide", found)
         self._note_loose_lines(plan, storey, rooms.loose)
         for face in rooms.left_out:
             text = f"{face.area:.2f} m2 between walls, too small for a room"
@@ -432,10 +433,6 @@ def _frame(path: Any) -> FloatArray:
     if not np.isfinite(frame).all():
         raise ValueError("a coordinate is not finite")
     return frame
-
-
-def _crosses_itself(frame: FloatArray) -> bool:
-    return len(frame) > 3 and not shapely.Polygon(frame).is_valid
 
 
 def _width(entity: Any) -> float:

@@ -64,7 +64,22 @@ class ObjImporter(Importer):
                     groups.append(" ".join(rest))
             except ValueError as error:
                 raise ValueError(f"line {number}: {line.strip()!r}: {error}") from error
-        return _tagged(points, faces, edges, [_tag(name, kinds) for name in groups], face_group, edge_group, groups)
+        tags = [_tag(name, kinds) for name in groups]
+        kept = [row for row, group in enumerate(face_group) if tags[group] != "ignore"]
+        own = np.array([face_group[row] for row in kept], dtype=np.int64)
+        cell_tags, edge_tags, findings = {}, {}, []
+        for tag in sorted({tags[group] for group in face_group} - {"", "ignore"}):
+            cell_tags[tag] = np.isin(own, [group for group in range(len(tags)) if tags[group] == tag])
+            findings.append(Finding("found", f"group of {int(cell_tags[tag].sum())} faces: {tag}"))
+        for tag in sorted({tags[group] for group in edge_group if tags[group].startswith("exit:")}):
+            edge_tags[tag] = [edge for edge, group in zip(edges, edge_group, strict=True) if tags[group] == tag]
+            findings.append(Finding("found", f"group of {len(edge_tags[tag])} lines: {tag}"))
+        if len(kept) < len(faces):
+            names = sorted({groups[group] for group in face_group if tags[group] == "ignore"})
+            findings.append(
+                Finding("left out", f"{len(faces) - len(kept)} faces of the groups {', '.join(names)} (names)")
+            )
+        return SurfaceMesh(points, [faces[row] for row in kept], cell_tags, edge_tags, findings)
 
     def _table(self) -> dict[str, str]:
         """Return the checked table of name patterns and kinds."""
@@ -95,31 +110,6 @@ def _tag(group: str, kinds: dict[str, str]) -> str:
             return kind if kind in ("", "ignore") else f"{KINDS[kind]}:{group}"
     found = next((word for word in WORDS if word in group.lower()), "")
     return f"{KINDS[found]}:{group}" if found else ""
-
-
-def _tagged(
-    points: list[list[float]],
-    faces: list[list[int]],
-    edges: list[list[int]],
-    tags: list[str],
-    face_group: list[int],
-    edge_group: list[int],
-    groups: list[str],
-) -> SurfaceMesh:
-    """Return the tagged mesh, with findings about its groups."""
-    kept = [row for row, group in enumerate(face_group) if tags[group] != "ignore"]
-    own = np.array([face_group[row] for row in kept], dtype=np.int64)
-    cell_tags, edge_tags, findings = {}, {}, []
-    for tag in sorted({tags[group] for group in face_group} - {"", "ignore"}):
-        cell_tags[tag] = np.isin(own, [group for group in range(len(tags)) if tags[group] == tag])
-        findings.append(Finding("found", f"group of {int(cell_tags[tag].sum())} faces: {tag}"))
-    for tag in sorted({tags[group] for group in edge_group if tags[group].startswith("exit:")}):
-        edge_tags[tag] = [edge for edge, group in zip(edges, edge_group, strict=True) if tags[group] == tag]
-        findings.append(Finding("found", f"group of {len(edge_tags[tag])} lines: {tag}"))
-    if len(kept) < len(faces):
-        names = sorted({groups[group] for group in face_group if tags[group] == "ignore"})
-        findings.append(Finding("left out", f"{len(faces) - len(kept)} faces of the groups {', '.join(names)} (names)"))
-    return SurfaceMesh(points, [faces[row] for row in kept], cell_tags, edge_tags, findings)
 
 
 evac_interface = 3

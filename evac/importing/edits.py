@@ -106,8 +106,14 @@ def with_edits(
             told.append(Finding("warning", text))
             written = plan_text(_table({key: own[key]} if key in own else {}), head="").splitlines()
             lines += ["", text, *written[1:]]
-        else:
-            told.append(Finding("assumed", f"{verb}, and this is kept{_beside(key, merged, own, old, new)}"))
+            continue
+        more = ""
+        if key not in new:
+            more = ", although the file no longer has it" if key in old else ""
+        elif new[key] != old.get(key):
+            is_merged = merged.get(key) != own.get(key)
+            more = ", with what else the file has changed" if is_merged else ", although the file has another one now"
+        told.append(Finding("assumed", f"{verb}, and this is kept{more}"))
     return _table(whole), lines, told
 
 
@@ -167,22 +173,3 @@ def _verb(key: Key, own: Mapping[Key, Any], old: Mapping[Key, Any]) -> str:
     what = f"{key[0].removesuffix('s')} {key[1]!r}" if key[1] else key[0]
     done = "added" if key not in old else "deleted" if key not in own else "changed"
     return f"{what} was {done} in the plan"
-
-
-def _beside(
-    key: Key,
-    merged: Mapping[Key, Any],
-    own: Mapping[Key, Any],
-    old: Mapping[Key, Any],
-    new: Mapping[Key, Any],
-) -> str:
-    """Return what an edit that is kept has replaced in the file, if it has changed as well."""
-    if new.get(key) == old.get(key):
-        return ""
-    if key not in new:
-        return ", although the file no longer has it"
-    return (
-        ", with what else the file has changed"
-        if merged.get(key) != own.get(key)
-        else (", although the file has another one now")
-    )

@@ -178,16 +178,12 @@ def too_low(piece: Piece, z: float, headroom: float) -> BaseGeometry:
         return shapely.Polygon()
     if not callable(piece.height):
         return piece.plan
-    part = piece.plan
+    part, height = piece.plan, piece.height
     if piece.z_max > z + headroom:
-        part = below(part, piece.height, z + headroom)
+        part = below(part, height, z + headroom)
     if piece.z_min < z - headroom:
-        part = below(part, _turned_over(piece.height), headroom - z)
+        part = below(part, lambda x, y: -height(x, y), headroom - z)
     return part
-
-
-def _turned_over(height: Callable[[float, float], float]) -> Callable[[float, float], float]:
-    return lambda x, y: -height(x, y)
 
 
 def _plane(corners: FloatArray, heights: FloatArray) -> Callable[[float, float], float]:

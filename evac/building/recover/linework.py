@@ -405,7 +405,8 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
         if all(hit is not None and hit > gap for hit in hits):
             pair = np.array([[*nodes[s], *(nodes[s] + h * way)] for s, h in zip(starts, hits, strict=True) if h])
             middle = pair.mean(axis=0)
-            doors.setdefault(_key(middle), (middle, np.round(pair, 6) + 0.0))
+            key = np.sort(np.round(middle.reshape(2, 2), 2).view("f8,f8"), axis=0)  # the same from both of its sides
+            doors.setdefault(tuple(key.view(np.float64).ravel().tolist()), (middle, np.round(pair, 6) + 0.0))
     return _in_pairs([doors[name] for name in sorted(doors)])
 
 
@@ -426,12 +427,6 @@ def _in_pairs(doors: list[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArr
                     break
         found.append((middle, pair))
     return found
-
-
-def _key(ends: FloatArray) -> tuple[float, ...]:
-    """Return a key that is equal for the same door found from both of its sides."""
-    one, other = sorted(np.round(ends.reshape(2, 2), 2).tolist())
-    return (*one, *other)
 
 
 def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
