@@ -5,12 +5,11 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
-from evac.building.model.elevation import elevation
+from evac.building.model.elevation import on_level, triangles_on
 from evac.export.exporter import file_stems
 from evac.export.polydata import PolyData, write_polydata
 from evac.folder.files import (
@@ -123,16 +122,13 @@ def building_blocks(building: Building) -> Iterator[tuple[str, str, PolyData]]:
         kind = "portal" if building.is_open(portal) else "closed portal"
         yield "portals", portal.name, _line_part(building, kind, portal.levels[0], portal.segments)
     for area in building.areas:
-        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(area.polygon))
-        corners = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
-        z = elevation(building, np.full(len(corners), area.level), corners)
-        triangles = np.arange(len(corners)).reshape(-1, 3)
-        yield "areas", area.name, _part(building, "area", area.level, np.column_stack([corners, z]), triangles)
+        corners = triangles_on(building, area.level, area.polygon)
+        yield "areas", area.name, _part(building, "area", area.level, corners, np.arange(len(corners)).reshape(-1, 3))
 
 
 def _line_part(building: Building, kind: str, level: int, segments: NDArray[np.float64]) -> PolyData:
     """Return plan segments (s, 4) on their level as lines."""
-    ends = segments_in_space(building, segments, np.full(len(segments), level)).reshape(-1, 3)
+    ends = on_level(building, level, segments.reshape(-1, 2))
     return _part(building, kind, level, ends, np.arange(len(ends)).reshape(-1, 2))
 
 
@@ -185,15 +181,6 @@ def _write_buildings(states: Sequence[Building], folder: Path) -> None:
                 f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
                 encoding="utf-8",
             )
-
-
-def segments_in_space(
-    building: Building, segments: NDArray[np.float64], level: NDArray[np.integer]
-) -> NDArray[np.float64]:
-    """Return the two ends of plan `segments` (s, 4) on their `level` (s,) as points (s, 2, 3) [m]."""
-    ends = segments.reshape(-1, 2)
-    z = elevation(building, np.repeat(level, 2).astype(np.int32), ends)
-    return np.column_stack([ends, z]).reshape(-1, 2, 3)
 
 
 def _pvd(times: NDArray[np.float64], buildings: Sequence[str]) -> str:

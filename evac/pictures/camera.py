@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building, Level
-from evac.building.model.elevation import elevation
+from evac.building.model.elevation import on_level
 
 ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # angle above the horizontal for one storey, for several [degrees]
 TURNS = (20.0, -20.0, 35.0, -35.0)  # from the normals of the short sides of the building [degrees]
@@ -122,8 +122,7 @@ def _hidden(building: Building, levels: Sequence[Level], aimed: Aimed) -> float:
     exits = []
     for exit_ in building.exits:
         if exit_.level in rows:
-            ends = exit_.segments.reshape(-1, 2)
-            exits.append(np.column_stack([ends, elevation(building, np.full(len(ends), exit_.level), ends)]))
+            exits.append(on_level(building, exit_.level, exit_.segments.reshape(-1, 2)))
     return sum(float(hides(levels, np.concatenate(points), aimed).mean()) for points in (stairs, exits) if points)
 
 

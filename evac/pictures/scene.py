@@ -7,20 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista
 import shapely
+from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Level, Place
-from evac.building.model.elevation import elevation
-from evac.building.model.marks import marks_of
-from evac.export.vtk import segments_in_space
+from evac.building.model.elevation import on_level, triangles_on
+from evac.building.model.marks import furniture_of, marks_of
 from evac.pictures import palette
 from evac.pictures.camera import Camera, aim
 from evac.pictures.palette import PLACES
 from evac.pictures.view import Label, View
 
-FURNITURE = 4.0  # greatest area of holes drawn as furniture [m2]
 WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
 FLOOR_OPACITY = 0.8  # of floors with storeys below
 MARK_OPACITY = {"slow": 0.15, "barred": 0.35, "one_way": 1.0}
@@ -175,11 +174,11 @@ class _Scene:
                 opacity = FLOOR_OPACITY if kind == "floor" and self._is_stacked else 1.0
                 self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
         here = np.isin(building.wall_level, self.rows)
-        walls = self.project.place(
-            segments_in_space(building, building.walls[here], building.wall_level[here]).reshape(-1, 3)
-        ).reshape(-1, 2, 3)
-        self._add_ribbon(walls, WALL_HEIGHT, palette.WALL, palette.EDGE)
-        self._add_tops()
+        level = building.wall_level[here].repeat(2)
+        self._add_ribbon(building.walls[here], level, WALL_HEIGHT, palette.WALL, palette.EDGE)
+        for level in self.levels:
+            if level.slope == 0.0 and (tops := furniture_of(level)):
+                self._add_flat(level.index, shapely.multipolygons(tops), palette.FURNITURE, 1.0, WALL_HEIGHT)
         for exit_ in building.exits:
             if exit_.level in self.rows:
                 self._add_link(exit_.segments, exit_.level, self._colour_of(exit_))
@@ -198,8 +197,7 @@ class _Scene:
             colour = PLACES[place.kind]
             if place.kind == "line":
                 line = shapely.get_coordinates(place.shape).reshape(1, 4)
-                ends = self.project.place(segments_in_space(building, line, np.array([place.level])).reshape(-1, 3))
-                self._add_ribbon(ends.reshape(-1, 2, 3), ABOVE, colour, colour)
+                self._add_ribbon(line, place.level, ABOVE, colour, colour)
             else:
                 shape = shapely.buffer(place.shape, SIGN) if place.kind == "sign" else place.shape
                 opacity = 1.0 if place.kind == "sign" else PLACE_OPACITY
@@ -208,45 +206,28 @@ class _Scene:
     def _places(self) -> list[Place]:
         return [place for place in self.building.places if place.level in self.rows]
 
+    def _seen(self, level: int, plan: FloatArray) -> FloatArray:
+        """Return column, row and nearness (n, 3) [pixels] of points in plan (n, 2) on a level."""
+        return self.project(np.full(len(plan), level, np.int32), on_level(self.building, level, plan))
+
     def _colour_of(self, exit_: Exit) -> str:
         return palette.EXIT if self.building.is_open(exit_) else palette.CLOSED
 
-    def _add_flat(self, level: int, shape: BaseGeometry, colour: str, opacity: float) -> None:
-        """Add a shape in plan, just above the ground of a level."""
-        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
-        plan = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
-        z = elevation(self.building, np.full(len(plan), level), plan)
-        corners = self.project.place(np.column_stack([plan, z])) + np.array([0.0, 0.0, ABOVE])
+    def _add_flat(self, level: int, shape: BaseGeometry, colour: str, opacity: float, lift: float = ABOVE) -> None:
+        """Add a shape in plan, at a height above the ground of a level."""
+        corners = self.project.place(triangles_on(self.building, level, shape)) + np.array([0.0, 0.0, lift])
         surface = pyvista.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
         self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
 
     def _add_link(self, segments: FloatArray, level: int, colour: str) -> None:
         """Add a strip on the segments of an exit or of a closed portal."""
-        ends = segments_in_space(self.building, segments, np.full(len(segments), level)).reshape(-1, 3)
-        self._add_ribbon(self.project.place(ends).reshape(-1, 2, 3), EXIT_HEIGHT, colour, colour)
+        self._add_ribbon(segments, level, EXIT_HEIGHT, colour, colour)
 
-    def _add_tops(self) -> None:
-        """Add tops to holes of flat levels that are small enough for furniture, at the height of walls."""
-        triangles = []
-        for level in self.levels:
-            if level.slope > 0.0:
-                continue
-            for part in shapely.get_parts(level.polygon):
-                for hole in map(shapely.Polygon, shapely.get_rings(part)[1:]):
-                    if hole.area <= FURNITURE:
-                        for piece in shapely.get_parts(shapely.constrained_delaunay_triangles(hole)):
-                            plan = shapely.get_coordinates(piece)[:3]
-                            triangles.append(np.column_stack([plan, np.full(3, level.z_min)]))
-        if triangles:
-            corners = self.project.place(np.concatenate(triangles)) + np.array([0.0, 0.0, WALL_HEIGHT])
-            faces = np.arange(len(corners)).reshape(-1, 3)
-            tops = pyvista.PolyData.from_regular_faces(corners, faces)
-            self.plotter.add_mesh(tops, color=palette.FURNITURE, lighting=False, render=False)
-
-    def _add_ribbon(self, segments: FloatArray, height: float, colour: str, edge_colour: str) -> None:
-        """Add upright strips of `height` on `segments` (s, 2, 3), with their upper edges."""
-        if not len(segments):
+    def _add_ribbon(self, plan: FloatArray, level: ArrayLike, height: float, colour: str, edge_colour: str) -> None:
+        """Add upright strips of `height` on segments in plan (s, 4), with their upper edges."""
+        if not len(plan):
             return
+        segments = self.project.place(on_level(self.building, level, plan.reshape(-1, 2))).reshape(-1, 2, 3)
         up = np.array([0.0, 0.0, height])
         quads = np.stack([segments[:, 0], segments[:, 1], segments[:, 1] + up, segments[:, 0] + up], axis=1)
         faces = np.arange(4 * len(segments)).reshape(-1, 4)
@@ -257,9 +238,8 @@ class _Scene:
 
     def _strips(self, exit_: Exit) -> Iterator[FloatArray]:
         """Yield the corners (4, 3) in the picture of the strip on each segment of an exit."""
-        level = np.full(len(exit_.segments), exit_.level)
-        for ends in segments_in_space(self.building, exit_.segments, level):
-            ground = self.project(level[:1].repeat(2), ends)
+        for ends in exit_.segments.reshape(-1, 2, 2):
+            ground = self._seen(exit_.level, ends)
             up = self.project.scale * EXIT_HEIGHT * self.project.axes[1, 2]
             yield np.concatenate([ground, ground[::-1] - np.array([0.0, up, 0.0])])
 
@@ -277,9 +257,7 @@ class _Scene:
         x1, y1, x2, y2 = exit_.segments[len(exit_.segments) // 2].tolist()
         middle = np.array([[0.5 * (x1 + x2), 0.5 * (y1 + y2)]])
         outward = np.array([[y2 - y1, x1 - x2]]) / np.hypot(x2 - x1, y2 - y1)
-        z = elevation(self.building, [exit_.level], middle)
-        level = np.array([exit_.level], np.int32)
-        here, beyond = (self.project(level, np.column_stack([p, z]))[0, :2] for p in (middle, middle + 0.1 * outward))
+        here, beyond = self._seen(exit_.level, np.concatenate([middle, middle + 0.1 * outward]))[:, :2]
         way = (beyond - here) / max(float(np.linalg.norm(beyond - here)), 1e-9)
         place = here + 0.022 * self.size[1] * way
         if way[1] < 0.0:  # above the upright strip
@@ -291,8 +269,7 @@ class _Scene:
     def _place_label(self, place: Place) -> Label:
         """Return the name of a place or a line, or the exit that a sign shows."""
         middle = np.array(place.shape.representative_point().coords)
-        point = np.column_stack([middle, elevation(self.building, [place.level], middle)])
-        here = self.project(np.array([place.level], np.int32), point)[0, :2]
+        here = self._seen(place.level, middle)[0, :2]
         down = np.array([0.0, 0.01 * self.size[1] if place.kind == "sign" else 0.0])
         return Label(str(place), here + down, "ma" if place.kind == "sign" else "mm", PLACES[place.kind])
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from evac.building.model.elevation import elevation
+from evac.building.model.elevation import on_level
 from evac.pictures.palette import DEPTH, LEVELS, SMOKE, rgb
 from evac.pictures.view import View
 from evac.trajectory.trajectory import Trajectory
@@ -33,10 +33,8 @@ class Smoke:
             centres = np.column_stack([values.ravel() for values in cells.centres()])
             levels.append(np.full(len(centres), level.index, np.int32))
             corners.append(centres[:, None] + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
-        self._level, self._corners = np.concatenate(levels), np.concatenate(corners)
-        places = self._corners.reshape(-1, 2)
-        height = elevation(building, np.repeat(self._level, 4), places)
-        self._points = np.column_stack([places, height])
+        self._level = np.concatenate(levels)
+        self._points = on_level(building, self._level.repeat(4), np.concatenate(corners).reshape(-1, 2))
 
     def greatest(self, frame: int) -> float:
         """Return the greatest extinction coefficient of a frame [1/m]."""

@@ -1,7 +1,6 @@
 """The building for the replay page, in whole centimetres from the origin of the replay."""
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,12 @@ from evac.analysis.maps import SPACING
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building, Level, Place
 from evac.building.model.cells import Cells
-from evac.building.model.elevation import elevation
-from evac.building.model.marks import marks_of
+from evac.building.model.elevation import on_level, triangles_on
+from evac.building.model.marks import furniture_of, marks_of
 from evac.replay.motion import GRAIN, is_even, level_plane
 
 #: Greatest number of cells of the maps of all levels, and along x on one of them: a texture has no more.
 MOST_CELLS, MOST_COLUMNS = 1_000_000, 4000
-
-#: Holes of a floor up to this area are drawn as furniture [m2].
-FURNITURE = 4.0
 
 #: Half the diagonal of the square on the floor that stands for a sign [m].
 SIGN = 0.3
@@ -99,8 +95,9 @@ def _spacing(building: Building) -> float:
 def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, Any]:
     c, a, b = level_plane(building, level)
     walls = building.walls[building.wall_level == level.index]
-    furniture = [hole for hole in _holes(level.polygon) if hole.area <= FURNITURE] if level.kind == "floor" else []
+    furniture = furniture_of(level) if level.kind == "floor" else []
     is_low = _are_sides(walls, furniture)
+    tops = triangles_on(building, level.index, shapely.multipolygons(furniture)) if furniture else np.zeros((0, 3))
     return {
         "name": level.name,
         "kind": level.kind,
@@ -112,17 +109,16 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
         "walls": _segments(building, walls[~is_low], level.index, origin),
         "furniture": {
             "sides": _segments(building, walls[is_low], level.index, origin),
-            "top": _tops(furniture, origin),
+            "top": _grains(tops[:, :2], origin).ravel().tolist(),
         },
     }
 
 
 def marks_for_page(building: Building, origin: FloatArray) -> list[dict[str, Any]]:
     """Return slow and barred areas and the arrows of links of a building as it is at a time."""
-    marks = marks_of(building)
     return [
         {"kind": mark.kind, "level": mark.level, "triangles": _triangles(building, mark.shape, mark.level, origin)}
-        for mark in marks
+        for mark in marks_of(building)
     ]
 
 
@@ -130,8 +126,7 @@ def _place(building: Building, place: Place, origin: FloatArray) -> dict[str, An
     """Return the middle of a place, and its triangles as points in space; of a sign or a line, of some width."""
     width = {"sign": SIGN, "line": THIN}.get(place.kind)
     shape = place.shape if width is None else place.shape.buffer(width, quad_segs=1)
-    middle = shapely.get_coordinates(shape.representative_point())
-    at = np.column_stack([middle, elevation(building, [place.level], middle)])
+    at = on_level(building, place.level, shapely.get_coordinates(shape.representative_point()))
     return {
         "name": str(place),
         "kind": place.kind,
@@ -143,18 +138,12 @@ def _place(building: Building, place: Place, origin: FloatArray) -> dict[str, An
 
 def _triangles(building: Building, shape: BaseGeometry, level: int, origin: FloatArray) -> list[int]:
     """Return the triangles of a shape on a level as points in space."""
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
-    points = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
-    z = elevation(building, np.full(len(points), level), points)
-    found: list[int] = _grains(np.column_stack([points, z]), origin).ravel().tolist()
-    return found
+    return _grains(triangles_on(building, level, shape), origin).ravel().tolist()
 
 
 def _segments(building: Building, segments: FloatArray, level: int, origin: FloatArray) -> list[int]:
     """Return plan segments (s, 4) on a level as points in space."""
-    ends = segments.reshape(-1, 2)
-    z = elevation(building, np.full(len(ends), level), ends)
-    return _grains(np.column_stack([ends, z]), origin).ravel().tolist()
+    return _grains(on_level(building, level, segments.reshape(-1, 2)), origin).ravel().tolist()
 
 
 def _are_sides(walls: FloatArray, furniture: list[shapely.Polygon]) -> NDArray[np.bool_]:
@@ -166,18 +155,6 @@ def _are_sides(walls: FloatArray, furniture: list[shapely.Polygon]) -> NDArray[n
     are_sides = np.zeros(len(walls), bool)
     are_sides[sides.query(middles, predicate="dwithin", distance=GRAIN)[0]] = True
     return are_sides
-
-
-def _tops(furniture: list[shapely.Polygon], origin: FloatArray) -> list[int]:
-    """Return the triangles of furniture [x1, y1, x2, y2, x3, y3, ...]."""
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(furniture))
-    corners = [shapely.get_coordinates(piece)[:3] for piece in pieces]
-    return _grains(np.concatenate(corners), origin).ravel().tolist() if corners else []
-
-
-def _holes(polygon: shapely.Geometry) -> Iterable[shapely.Polygon]:
-    for part in shapely.get_parts(polygon):
-        yield from map(shapely.Polygon, part.interiors)
 
 
 def _grains(points: FloatArray, origin: FloatArray) -> NDArray[np.int64]:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
+from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Level
@@ -36,6 +37,18 @@ def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> Floa
         here = level_of == index
         height[here] = level_elevation(building.vertices, building.levels[index], points[here])
     return height
+
+
+def on_level(building: Building, level: ArrayLike, plan: ArrayLike) -> FloatArray:
+    """Return points in plan (n, 2) on a level, or on one level each (n,), as points in space (n, 3) [m]."""
+    points = np.asarray(plan, np.float64)
+    return np.column_stack([points, elevation(building, np.broadcast_to(level, len(points)), points)])
+
+
+def triangles_on(building: Building, level: int, shape: BaseGeometry) -> FloatArray:
+    """Return the corners (3 t, 3) [m] of triangles that cover a shape in plan on a level."""
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
+    return on_level(building, level, np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces]))
 
 
 def in_space(building: Building, level: IntArray, velocity: FloatArray) -> FloatArray:

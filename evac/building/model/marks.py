@@ -7,10 +7,14 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building
+from evac.building.model.building import Building, Level
 
 #: Outline of an arrow of 1 m that points along x from the origin [m].
 ARROW = np.array([[0.0, -0.06], [0.62, -0.06], [0.62, -0.2], [1.0, 0.0], [0.62, 0.2], [0.62, 0.06], [0.0, 0.06]])
+
+
+#: Holes of a floor up to this area are drawn as furniture [m2].
+FURNITURE = 4.0
 
 
 class Mark(NamedTuple):
@@ -19,6 +23,12 @@ class Mark(NamedTuple):
     kind: str
     level: int
     shape: BaseGeometry
+
+
+def furniture_of(level: Level) -> list[shapely.Polygon]:
+    """Return the holes of a level that are drawn as furniture."""
+    holes = [shapely.Polygon(ring) for part in shapely.get_parts(level.polygon) for ring in part.interiors]
+    return [hole for hole in holes if hole.area <= FURNITURE]
 
 
 def marks_of(building: Building) -> list[Mark]:
