@@ -130,8 +130,8 @@ def draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fill
     rows = [level.index for level in levels]
     if is_filled:
         for level in levels:
-            fill = PathPatch(outline(level), facecolor=palette.LEVELS[level.kind], edgecolor="none", zorder=0.5)
-            axes.add_patch(fill)
+            style = {"facecolor": palette.LEVELS[level.kind], "edgecolor": "none", "zorder": 0.5}
+            axes.add_patch(PathPatch(outline_of(level.polygon), **style))
     _draw_conditions(axes, building, rows)
     for place in building.places:
         if place.level in rows:
@@ -228,11 +228,6 @@ def beside(
 
 def _ends(segments: FloatArray) -> list[FloatArray]:
     return list(segments.reshape(-1, 2, 2))
-
-
-def outline(level: Level) -> Outline:
-    """Return the plan of a level, including holes, as a path for clipping and filling in matplotlib."""
-    return outline_of(level.polygon)
 
 
 def outline_of(polygon: BaseGeometry) -> Outline:

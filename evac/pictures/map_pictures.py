@@ -18,7 +18,7 @@ from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
 from evac.building.model.storeys import storeys
 from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
-from evac.pictures.floorplan import Plans, draw_levels, draw_plans, outline
+from evac.pictures.floorplan import Plans, draw_levels, draw_plans, outline_of
 from evac.pictures.scales import MAPS as SCALES
 from evac.pictures.scales import SERVICES, Scale, high_value, round_up
 from evac.results.reading import recorded_flows
@@ -230,10 +230,10 @@ def _draw_grids(
     """Draw the values in the cells of levels on their plans, clipped to the floors."""
     for axes, shown in zip(plans.axes, plans.levels, strict=True):
         for level in shown:
-            axes.add_patch(PathPatch(outline(level), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
+            axes.add_patch(PathPatch(outline_of(level.polygon), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
             if level.name not in grids:
                 continue
-            clip = PathPatch(outline(level), transform=axes.transData)
+            clip = PathPatch(outline_of(level.polygon), transform=axes.transData)
             limits = axes.get_xlim(), axes.get_ylim()
             image = axes.imshow(
                 np.ma.masked_invalid(grids[level.name]),

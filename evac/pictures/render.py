@@ -2,7 +2,7 @@
 
 import importlib.util
 import math
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -92,7 +92,7 @@ class Renderer:
         self.trajectory = trajectory
         self._colouring = colouring(trajectory, colour_by, service)
         self._smoke = Smoke(trajectory) if SMOKE in [field.name for field in trajectory.level_fields] else None
-        self._look = _looking(size, view, camera or Camera(), levels, self._colouring.has_legend)
+        self._size, self._kind, self._camera, self._levels = size, view, camera or Camera(), levels
         self._drawn: dict[Hashable, _Drawn] = {}
         largest = float(trajectory.radius.max(initial=0.0)) * self.view_at(float(trajectory.time[0])).scale
         if largest > MOST_RADIUS:
@@ -129,9 +129,21 @@ class Renderer:
         """Return the building at a time [s]."""
         building = self.trajectory.building_at(time)
         if building.condition not in self._drawn:
-            view = self._look(building)
+            view = self._look_at(building)
             self._drawn[building.condition] = _Drawn(view, self._with_writing(view), _in_front(view))
         return self._drawn[building.condition]
+
+    def _look_at(self, building: Building) -> View:
+        """Draw a building."""
+        has_legend = self._colouring.has_legend
+        if self._kind == "plan":
+            from evac.pictures.planview import plan_view
+
+            return plan_view(building, self._size, self._levels, 1.6 if has_legend else 0.3)
+        from evac.pictures.scene import view_of
+
+        chosen = [level_of(building, level) for level in self._levels] if self._levels is not None else building.levels
+        return view_of(building, self._size, self._camera, chosen, has_legend)
 
     def _with_writing(self, view: View) -> NDArray[np.uint8]:
         """Return the building with all constant text: title, legend, scales."""
@@ -147,25 +159,6 @@ class Renderer:
         if self._smoke is not None:
             pen.swatches("smoke at the mean height of heads [1/m]", self._smoke.scale())
         return np.array(picture)
-
-
-def _looking(
-    size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None, has_legend: bool
-) -> Callable[[Building], View]:
-    """Return a function that draws a building."""
-
-    def in_plan(building: Building) -> View:
-        from evac.pictures.planview import plan_view
-
-        return plan_view(building, size, levels, 1.6 if has_legend else 0.3)
-
-    def in_space(building: Building) -> View:
-        from evac.pictures.scene import view_of
-
-        chosen = building.levels if levels is None else [level_of(building, level) for level in levels]
-        return view_of(building, size, camera, chosen, has_legend)
-
-    return in_plan if view == "plan" else in_space
 
 
 def _in_front(view: View) -> Image.Image:
@@ -271,22 +264,8 @@ def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
 
 def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float, samples: NDArray[np.uint8]) -> None:
     """Write a GIF with the palette of samples for all pictures, to avoid flickering."""
-    from scipy.spatial import cKDTree
-
     palette = Image.fromarray(samples).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
-    table = np.array(palette.getpalette()).reshape(-1, 3)
-    # Table of the nearest colour of the palette for each colour with five bits per channel, computed only once.
-    middle = np.arange(32) * 8 + 4
-    colours = np.stack(np.meshgrid(middle, middle, middle, indexing="ij"), axis=-1).reshape(-1, 3)
-    nearest = cKDTree(table).query(colours)[1].astype(np.uint8)
-
-    def indexed(image: NDArray[np.uint8]) -> Image.Image:
-        fives = (image >> 3).astype(np.uint16)
-        picture = Image.fromarray(nearest[(fives[..., 0] << 10) | (fives[..., 1] << 5) | fives[..., 2]])
-        picture.putpalette(palette.getpalette() or [])
-        return picture
-
-    shown = map(indexed, images)
+    shown = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     next(shown).save(path, save_all=True, append_images=shown, duration=1000.0 / fps, loop=0)
 
 

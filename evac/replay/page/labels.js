@@ -10,24 +10,21 @@ class Labels {
     this.layout = layout;
     this.cells = new Cells();
     const { building, grain } = record;
-    this.items = (layout.storeys.length > 1 ? layout.storeys : []).map((storey, index) => {
+    const metres = (values) => values.map((value) => value * grain);
+    this.items = (layout.storeys.length > 1 ? layout.storeys : []).map(({ name, z }, index) => {
       const level = building.levels.findIndex((one) => one.storey === index && one.kind === "floor");
-      return { kind: "storey", index, name: storey.name, level, at: [layout.box[0], layout.box[1], storey.z], lift: 0 };
+      return { kind: "storey", name, level, at: [layout.box[0], layout.box[1], z], lift: 0 };
     });
-    building.exits.forEach((exit, index) => {
-      const s = 6 * Math.floor(exit.segments.length / 12);
-      const [x1, y1, z1, x2, y2, z2] = exit.segments.slice(s, s + 6).map((value) => value * grain);
-      this.items.push({ kind: "exit", index, name: exit.name, level: exit.level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.1 });
+    building.exits.forEach(({ name, level, segments }, index) => {
+      const s = 6 * Math.floor(segments.length / 12), [x1, y1, z1, x2, y2, z2] = metres(segments.slice(s, s + 6));
+      this.items.push({ kind: "exit", index, name, level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.1 });
     });
-    building.stairs.forEach((stair, index) => {
-      const level = stair.levels[Math.floor(stair.levels.length / 2)];
-      const sum = [0, 0, 0], { triangles } = building.levels[level];
-      for (const v of triangles) for (const i of [0, 1, 2]) sum[i] += building.vertices[3 * v + i] * grain / triangles.length;
-      this.items.push({ kind: "stair", index, name: /stair/i.test(stair.name) ? stair.name : `stair ${stair.name}`, level, at: sum, lift: 0.3 });
-    });
-    building.places.forEach((place, index) => {
-      this.items.push({ kind: "place", index, name: place.name, level: place.level, at: place.at.map((value) => value * grain), lift: 0.3 });
-    });
+    for (const { name, levels } of building.stairs) {
+      const level = levels[Math.floor(levels.length / 2)], { triangles } = building.levels[level];
+      const at = [0, 1, 2].map((i) => triangles.reduce((sum, v) => sum + building.vertices[3 * v + i] * grain, 0) / triangles.length);
+      this.items.push({ kind: "stair", name: /stair/i.test(name) ? name : `stair ${name}`, level, at, lift: 0.3 });
+    }
+    for (const { name, level, at } of building.places) this.items.push({ kind: "place", name, level, at: metres(at), lift: 0.3 });
     for (const item of this.items) this.add(item);
     this.who = this.add({ kind: "who", name: "" });
   }
