@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +68,7 @@ def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colo
         legend = tuple(zip(trajectory.groups, looks, strict=False)) if is_told else ()
         return Colouring(lambda frame: table[trajectory.group[frame["person"]]], legend)
     scale = PEOPLE[colour_by].with_service(service)
-    quantities = {"density": _density, palette.SMOKE: _smoke, "visibility": _visibility, "dose": _dose}
-    quantity, most = quantities.get(colour_by, partial(_measured, name=colour_by))(trajectory)
+    quantity, most = _quantity(trajectory, colour_by)
     top = scale.end(most)
 
     def of(frame: Frame) -> NDArray[np.uint8]:
@@ -78,19 +77,39 @@ def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colo
     return Colouring(of, scale=scale, top=top)
 
 
-def _density(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
-    grids: dict[int, Grid] = {}
+def _quantity(trajectory: Trajectory, name: str) -> tuple[Callable[[Frame], FloatArray], float]:
+    """Return a function that gives a quantity of the people of a frame, and the greatest value of those without end."""
+    if name == "dose":
+        return lambda frame: frame["dose"], 0.0
+    if name == "density":
+        return _density(trajectory), 0.0
+    if name in (palette.SMOKE, "visibility"):
+        smoke, greatest = _smoke(trajectory)
+        if name == "visibility":
+            return lambda frame: trajectory.contrast / np.maximum(smoke(frame), CLEAR), 0.0
+        return smoke, greatest
+    measuring, column = Measuring(trajectory.number_of_people), {"waiting": "waited"}.get(name, name)
+    found: list[FloatArray] = []
+    for frame in (trajectory[k] for k in range(len(trajectory))):
+        given = frame["time"], frame["person"], frame["speed"], frame["started"], frame["contact_force"]
+        found.append(getattr(measuring.add(*given), column))
+    most = max((float(values.max(initial=0.0)) for values in found), default=0.0)
+    return lambda frame: found[trajectory.nearest(frame["time"])], most
+
+
+def _density(trajectory: Trajectory) -> Callable[[Frame], FloatArray]:
+    @cache
+    def grid(level: int) -> Grid:
+        return Grid(trajectory.building.levels[level], SPACING, KERNEL_RADIUS)
 
     def of(frame: Frame) -> FloatArray:
         values = np.zeros(len(frame["person"]))
-        for index in np.unique(frame["level"]).tolist():
-            if index not in grids:
-                grids[index] = Grid(trajectory.building.levels[index], SPACING, KERNEL_RADIUS)
-            here = frame["level"] == index
-            values[here] = grids[index].density_at(frame["position"][here])
+        for level in np.unique(frame["level"]).tolist():
+            here = frame["level"] == level
+            values[here] = grid(level).density_at(frame["position"][here])
         return values
 
-    return of, 0.0
+    return of
 
 
 def _smoke(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
@@ -99,27 +118,3 @@ def _smoke(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float
         return lambda frame: np.zeros(len(frame["person"])), 0.0
     greatest = float(trajectory.field(palette.SMOKE).values.max(initial=0.0))
     return partial(trajectory.field_at_people, palette.SMOKE), greatest
-
-
-def _visibility(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
-    """Return a function that gives the visibility where people are [m]."""
-    smoke, _ = _smoke(trajectory)
-    return lambda frame: trajectory.contrast / np.maximum(smoke(frame), CLEAR), 0.0
-
-
-def _dose(trajectory: Trajectory) -> tuple[Callable[[Frame], FloatArray], float]:
-    return lambda frame: frame["dose"], 0.0
-
-
-def _measured(trajectory: Trajectory, name: str) -> tuple[Callable[[Frame], FloatArray], float]:
-    """Return a function that gives a measure of the people of a frame, and the greatest value."""
-    measuring, column = Measuring(trajectory.number_of_people), {"waiting": "waited"}.get(name, name)
-    found: list[FloatArray] = []
-    for k in range(len(trajectory)):
-        frame = trajectory[k]
-        measures = measuring.add(
-            frame["time"], frame["person"], frame["speed"], frame["started"], frame["contact_force"]
-        )
-        found.append(getattr(measures, column))
-    most = max((float(values.max(initial=0.0)) for values in found), default=0.0)
-    return lambda frame: found[trajectory.nearest(frame["time"])], most

@@ -174,8 +174,8 @@ class _Scene:
                 opacity = FLOOR_OPACITY if kind == "floor" and self._is_stacked else 1.0
                 self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
         here = np.isin(building.wall_level, self.rows)
-        level = building.wall_level[here].repeat(2)
-        self._add_ribbon(building.walls[here], level, WALL_HEIGHT, palette.WALL, palette.EDGE)
+        ends = building.wall_level[here].repeat(2)
+        self._add_ribbon(building.walls[here], ends, WALL_HEIGHT, palette.WALL, palette.EDGE)
         for level in self.levels:
             if level.slope == 0.0 and (tops := furniture_of(level)):
                 self._add_flat(level.index, shapely.multipolygons(tops), palette.FURNITURE, 1.0, WALL_HEIGHT)

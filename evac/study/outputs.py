@@ -199,8 +199,7 @@ def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], pa
 
 def figure_of(study: "Study", curve: Mapping[str, FloatArray]) -> "Figure":
     """Return a figure of the curve (`egress`) of a single point, or else of the statistics of all points."""
-    from evac.pictures.pictures import runs_figure
-    from evac.pictures.statistics import points_figure
+    from evac.pictures.pictures import points_figure, runs_figure
 
     each, case = study.statistics[0], study.points[0].case
     title = f"{textwrap.fill(case.title, 90)}\n"
