@@ -1,6 +1,7 @@
-"""A zip with all from which somebody else repeats a run: case, files that it names, summary, report and versions."""
+"""A zip with all from which somebody else repeats a run: case, files that it read, summary, report and versions."""
 
 import zipfile
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ from evac.results.results import Results
 
 #: Default file of `evac report --bundle`.
 BUNDLE_NAME = "bundle.zip"
+
+#: Keys of a case that name a file.
+FILE_KEYS = ("mesh", "file")
 
 README = """\
 The run {title!r}, with seed {seed}, made by evac {evac}.
@@ -29,7 +33,7 @@ versions and on the same kind of processor. summary.json and report.html are tho
 
 
 def write_bundle(run: Results, report: str, path: Path) -> None:
-    """Write a zip from which a run can be repeated; the files that its case names must be where they were.
+    """Write a zip from which a run can be repeated; the files that it has read must be where they were.
 
     Parameters
     ----------
@@ -41,10 +45,14 @@ def write_bundle(run: Results, report: str, path: Path) -> None:
     Raises
     ------
     ResultError
-        A file that the case names is missing, two have the same name, or the zip cannot be written.
+        A file that the run has read is missing, or the zip cannot be written.
     """
     record = run.record
-    settings, named = _flat(run.settings, Path(record.source).parent, record.plugin_files)
+    folder = Path(record.source).parent.resolve()
+    named = _names(folder, [Path(file) for file in record.files])
+    settings = _renamed(run.settings, folder, named)
+    plugins = [*settings["plugins"]["files"], *(name for path, name in named.items() if path.suffix == ".py")]
+    settings["plugins"]["files"] = list(dict.fromkeys(plugins))
     words = {"title": record.title, "seed": record.seed, "evac": record.versions.get("evac", "")}
     packages = {name: version for name, version in record.versions.items() if name != "python"}
     texts = {
@@ -57,29 +65,34 @@ def write_bundle(run: Results, report: str, path: Path) -> None:
     with replacing(path, "the bundle") as new, zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in texts.items():
             archive.writestr(name, text)
-        for name, file in {SUMMARY_NAME: run.folder / SUMMARY_NAME, **named}.items():
+        for file, name in {run.folder / SUMMARY_NAME: SUMMARY_NAME, **named}.items():
             archive.write(file, name)
 
 
-def _flat(settings: Any, folder: Path, plugins: Any) -> tuple[dict[str, Any], dict[str, Path]]:
-    """Return a case with all files in its own folder, and these files by their new names."""
-    named = dict[str, Path]()
+def _names(folder: Path, files: Iterable[Path]) -> dict[Path, str]:
+    """Return the names in the zip of the files that a run has read.
 
-    def taken(name: str) -> str:
-        path = (folder / name).resolve()
+    Those in the folder of the case keep their places; each other folder gets a number, below which files keep theirs.
+    """
+    named, roots = dict[Path, str](), {folder: ""}
+    for path in sorted(files, key=lambda path: (len(path.parts), path)):
         if not path.is_file():
-            raise ResultError(f"{path}: the case of the run names this file, but it is missing; put it back")
-        if named.setdefault(path.name, path) != path:
-            raise ResultError(f"{path}: another file of the case has this name too; rename one and run the case again")
-        return path.name
+            raise ResultError(f"{path}: the run has read this file, but it is missing; put it back")
+        root = next((root for root in roots if path.is_relative_to(root)), path.parent)
+        below = roots.setdefault(root, f"files/{len(roots)}/")
+        named[path] = below + path.relative_to(root).as_posix()
+    return named
 
-    changed = dict(settings)
-    if "mesh" in settings["building"]:
-        changed["building"] = {**settings["building"], "mesh": taken(settings["building"]["mesh"])}
-    if settings.get("conditions"):
-        changed["conditions"] = [
-            {**one, "file": taken(one["file"])} if "file" in one else one for one in settings["conditions"]
-        ]
-    files = [taken(name) for name in dict.fromkeys([*settings["plugins"]["files"], *plugins])]
-    changed["plugins"] = {**settings["plugins"], "files": list(dict.fromkeys(files))}
-    return changed, named
+
+def _renamed(value: Any, folder: Path, named: Mapping[Path, str]) -> Any:
+    """Return a value of a case with the names that files have in the zip."""
+    if isinstance(value, Mapping):
+        return {
+            key: named.get((folder / item).resolve(), item)
+            if key in FILE_KEYS and isinstance(item, str)
+            else [named.get((folder / one).resolve(), one) for one in item]
+            if key == "files"
+            else _renamed(item, folder, named)
+            for key, item in value.items()
+        }
+    return [_renamed(item, folder, named) for item in value] if isinstance(value, list) else value

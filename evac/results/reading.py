@@ -126,6 +126,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         plan=[(row.part, row.state, row.why) for row in summary.plan],
         plugins=tuple(summary.plugins),
         folder=place,
+        files=tuple(summary.files),
         plugin_files=tuple(summary.plugin_files),
         changes=tuple(summary.changes),
         waiting_outside=summary.waiting_outside,

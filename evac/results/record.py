@@ -189,6 +189,7 @@ class Summary(Record):
     conditions: dict[str, Any] | None = None
     changes: list[Annotated[Change, BeforeValidator(Change.from_row)]]
     resumed: list[dict[str, Any]]
+    files: list[str]
     plugin_files: list[str]
     seed: Count
     source: str

@@ -150,6 +150,8 @@ class Results:
         Results of the ``evac_metrics`` hooks, by plugin.
     folder : Path or None
         Result folder of the run.
+    files : sequence of str
+        Files that the run has read, besides its case.
     plugin_files : sequence of str
         Files that plugins have written to the result folder.
     changes : sequence of Change
@@ -201,6 +203,7 @@ class Results:
     versions: Mapping[str, str] = field(default_factory=versions)
     metrics: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
+    files: Sequence[str] = ()
     plugin_files: Sequence[str] = ()
     changes: Sequence[Change] = ()
     waiting_outside: int = 0
@@ -479,6 +482,7 @@ class Results:
             "conditions": self.conditions,
             "changes": [change.as_row() for change in self.changes],
             "resumed": self.resumed,
+            "files": self.files,
             PLUGIN_FILES: self.plugin_files,
             "seed": self.seed,
             "source": self.source,

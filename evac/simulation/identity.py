@@ -39,10 +39,9 @@ def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
 def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
     """Return digests of the building, independent of its files, of data files that are read, and of the kernels."""
     folder = simulation.case.folder.resolve()
-    files = [path for _, scene in simulation.behaviours for path in scene.files]
-    if simulation.exposure is not None:
-        files += [path for scene in simulation.exposure.air.scenes for path in scene.files]
-    data = {Path(os.path.relpath(path, folder)).as_posix(): digest_of_file(path)[:16] for path in files}
+    data = {
+        Path(os.path.relpath(path, folder)).as_posix(): digest_of_file(path)[:16] for path in simulation.data_files()
+    }
     # Other links may be closed in a run that is resumed, from which warnings follow.
     building = digest_of_data({**building_to_json(simulation.building), "closed": [], "warnings": []})
     return {"building": {"": building}, "data": data, "kernel": kernels_of(simulation)}

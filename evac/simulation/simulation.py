@@ -339,6 +339,7 @@ class Simulation:
             phases=self.phases.seconds(),
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),
+            files=self._files(),
             folder=self.folder,
             changes=tuple(self.scene.changes),
             waiting_outside=sum(len(one.waiting(self.population.crowd, self.time)) for one in self.population.sources),
@@ -347,6 +348,20 @@ class Simulation:
             **({} if self.exposure is None else self.exposure.results(self.time)),
         )
         return replace(results, metrics=dict(metrics(self.registry, results)))
+
+    def data_files(self) -> list[Path]:
+        """Return the files that behaviours and conditions have asked for."""
+        scenes = [scene for _, scene in self.behaviours]
+        files = [path for scene in scenes for path in scene.files]
+        if self.exposure is not None:
+            files += [path for scene in self.exposure.air.scenes for path in scene.files]
+        return files
+
+    def _files(self) -> tuple[str, ...]:
+        """Return all files that the run has read, besides its case."""
+        building = assembly.files_of_building(self.case, assembly.make_importers(self.case))
+        files = [*self.case.plugin_files, *building, *self.data_files()]
+        return tuple(dict.fromkeys(str(path.resolve()) for path in files))
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all data that are needed to continue a run from this tick with identical results.
