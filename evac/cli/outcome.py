@@ -1,5 +1,6 @@
 """What is shown after a run: the answer, and on request all tables."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
 from evac.physics.state import Crowd
 from evac.results.results import Results
 
-#: Maximum number of lines that the answer takes on a terminal, with the line of the result folder.
-MOST_LINES = 12
+#: Maximum number of lines that the answer takes on a terminal of this width, with the line of the result folder.
+MOST_LINES, WIDTH = 12, 80
 
 #: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
@@ -20,20 +21,21 @@ MOST_LISTED = 20
 def show_answer(results: Results) -> None:
     """Show what the run answers: on a terminal in at most a dozen lines with the folder, which is shown after it."""
     answer, title = results.answer, results.title or Path(results.source).name
+    each = 1 if shutil.get_terminal_size().columns >= WIDTH else 2
     room = MOST_LINES - 4 - sum(map(bool, (answer.times, answer.warnings))) - len(answer.exits)  # for the others
     say(title, 1, is_bold=True)
-    say(answer.verdict, 1, is_bold=True)
+    say(answer.verdict, each, is_bold=True)
     for line in filter(None, (answer.times, *answer.exits)):
-        say(line, 1)
+        say(line, each)
     changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
     told = [line for line in (changes, *answer.remarks, answer.queue) if line]
     for number, line in enumerate(told):
         lines = min(2, room - (len(told) - number - 1))
         if lines > 0:
             room -= say(line, lines)
-    say(answer.movement, 1)
+    say(answer.movement, each)
     if answer.warnings:
-        say(f"{answer.warnings}; --verbose shows all", 1)
+        say(f"{answer.warnings}; --verbose shows all", each)
 
 
 def show_results(results: Results) -> None:

@@ -40,7 +40,7 @@ def show_facts(facts: Mapping[str, object]) -> None:
     """Print names and values, one line each."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
-    table.add_column()
+    table.add_column(overflow="fold")
     for name, value in facts.items():
         table.add_row(Text(name), Text(shown(value)))
     console().print(table)

@@ -80,7 +80,7 @@ def _times(results: "Results") -> str:
     if results.last_out is None:
         return ""
     most = time_of_share(results.crowd.exit_time[results.leaving], MOST)
-    share = f"{MOST:g} % of the people after {most:.2f} s" if most is not None else f"{MOST:g} % never are"
+    share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"{MOST:g} % never are"
     if results.is_complete:
         return f"Evacuation time: the last is out after {results.last_out:.2f} s, {share}"
     return f"The last of those who are out left after {results.last_out:.2f} s; {share}"

@@ -151,3 +151,24 @@ def test_the_answer_has_a_dozen_lines_of_80_columns_at_most(monkeypatch, remarks
     assert answer.verdict in lines
     assert lines[-1].startswith(answer.warnings)
     assert sum("Exit" in line or "exits" in line for line in lines) >= 4
+
+
+def test_no_number_of_the_answer_is_cut_off_on_a_narrow_terminal(monkeypatch):
+    answer = Answer(
+        verdict="NOT everybody is out (no progress): 7 of 9 people out after 1160.00 s",
+        times="Evacuation time: the last is out after 1132.13 s, 95 % are out after 1110.53 s",
+        exits=("Exit 'main entrance': 485 people, the last after 1132.13 s, 1.47 /s (0.73 /s/m)",),
+        queue="",
+        movement="People keep distances (walking)",
+        remarks=(),
+        warnings="2 quality warnings (flow above measured ones), 3 warnings about building and people",
+    )
+    for columns in (60, 80):
+        screen = Terminal()
+        monkeypatch.setattr("sys.stdout", screen)
+        monkeypatch.setenv("COLUMNS", str(columns))
+        show_answer(SimpleNamespace(answer=answer, title="A title", source="case.toml", changes=()))
+        text = re.sub("\x1b[^m]*m", "", screen.getvalue())
+        assert max(map(len, text.splitlines())) <= columns
+        words = " ".join(text.split())
+        assert all(line in words for line in (answer.verdict, answer.times, *answer.exits))

@@ -21,7 +21,7 @@ def test_a_complete_run_has_its_times(make_results):
     results.crowd.exit_time[:] = np.arange(5) * 2.0 + 1.0
     answer = answer_of(results)
     assert answer.verdict == "Everybody out: 5 of 5 people out"
-    assert answer.times == "Evacuation time: the last is out after 9.00 s, 95 % of the people after 9.00 s"
+    assert answer.times == "Evacuation time: the last is out after 9.00 s, 95 % are out after 9.00 s"
 
 
 def test_quality_warnings_are_named_by_their_kind(make_results):
