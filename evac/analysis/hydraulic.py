@@ -31,7 +31,7 @@ RAMP = 1.0 / 8.0
 #: or 0.2 inches, and 7.6 mm, or 0.3 inches). It limits the number of people that an exit may serve, and is no flow.
 NFPA_LEVEL, NFPA_STAIR = 0.005, 0.0076
 
-#: Greatest specific flow through doors in laboratories [1/(m s)]: Daamen and Hoogendoorn (2010).
+#: Greatest specific flow of mixed people through doors in laboratories [1/(m s)]: Daamen and Hoogendoorn (2010).
 LABORATORY = 2.8
 
 

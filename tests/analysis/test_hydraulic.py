@@ -1,9 +1,11 @@
 """The hydraulic calculation, with numbers worked by hand from the handbook's formulas."""
 
+import math
+
 import numpy as np
 import pytest
 
-from evac.analysis.hydraulic import design_flows, hydraulic_time, stair_k
+from evac.analysis.hydraulic import STAIR_K, design_flows, hydraulic_time, stair_k
 from evac.analysis.lines import LineFlow
 
 
@@ -47,3 +49,8 @@ def test_nothing_passes_what_is_as_narrow_as_its_boundary_layers(building):
     (door,) = design_flows(building, [passages("exit", "door", (0,), 0.3, [1.0])], np.array([1.0]))
     assert (door.hydraulic_flow, door.hydraulic_time) == (0.0, np.inf)
     assert hydraulic_time([door]) is None
+
+
+def test_k_of_stairs_follows_the_root_of_tread_over_riser():
+    for slope, k in STAIR_K:
+        assert k == pytest.approx(0.863 / math.sqrt(slope), rel=0.012)
