@@ -25,7 +25,7 @@ from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
 from evac.report.templates import APPENDIX, Cell, Section, fixed, section, told
-from evac.report.times import places_section
+from evac.report.times import places_section, times_section
 from evac.report.verification import evidence_section, standard_section, verification_section
 from evac.results.ending import FAILED
 from evac.results.reading import read_results
@@ -76,8 +76,8 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     folder : Path
         Of `evac repeat` or `evac sweep`.
     runs : sequence of Path
-        Result folders of runs of the study. Plans are those of the first; places, congestion and maps of each are
-        added.
+        Result folders of runs of the study. Plans and the picture on the cover are those of the first; places, course, times,
+        congestion and maps of each are added.
     labels : Labels
     places : Places
 
@@ -120,7 +120,8 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         case_section(data["case"]),
     ]
     title = summary.title or folder.name
-    head = Head(title, f"Evacuation analysis: {len(rows)} runs", _banner(study), _results(study, rows))
+    picture = figures.cover(first.trajectory) if first is not None and first.trajectory else None
+    head = Head(title, f"Evacuation analysis: {len(rows)} runs", _banner(study), _results(study, rows), picture)
     return page(head, labels.filled(summary.table.report), sections)
 
 
@@ -334,11 +335,11 @@ def _exits(study: Study) -> Section:
 
 
 def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:
-    """Yield the sections on one run: its places, congestion and maps."""
+    """Yield the sections on one run: its places, course and times, congestion and maps."""
     name = f"Run with seed {run.seed}"
     suffix = "" if number == 1 else f"-{number}"
     yield places_section(run, f"places{suffix}", f"{name}: ")
-    for part in congestion_sections(run, places):
+    for part in (times_section(run), *congestion_sections(run, places)):
         appendix = APPENDIX if part.title.startswith(APPENDIX) else ""
         title = f"{appendix}{name}: {part.title.removeprefix(appendix).lower()}"
         yield replace(part, id=f"{part.id}{suffix}", title=title)

@@ -55,6 +55,9 @@ def test_a_run_of_the_study_adds_plans_places_and_maps(study, tmp_path):
     assert page.table("Levels")[1][0] == "room"
     assert {"places", "congestion", "maps"} <= set(page.of("id"))
     assert not page.lacks("times", "places")
+    words = [one.partition(" ") for one in page.of("alt")]
+    assert page.of("alt")[0].startswith("The building at 0")
+    assert [share for share, _, rest in words if rest.startswith("% of the people are out")] == ["25", "50", "75", "95"]
 
 
 @pytest.mark.parametrize(
