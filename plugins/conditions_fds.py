@@ -143,26 +143,30 @@ class Fds(ConditionSource):
         self, blocks: "list[Block]", level: IntArray, position: FloatArray, height: FloatArray
     ) -> "list[_Part]":
         """Return for each block that holds values of some people its number, their rows, nodes and weights."""
-        points, people = np.vstack([position.T, height]), np.arange(len(level))
-        inside = np.array([_within(block, points) for block in blocks]) & self._is_level[level]
-        is_plane = np.array([block.is_plane for block in blocks])[:, None]
-        is_volume = inside & ~is_plane
-        shares = np.zeros(inside.shape)
-        shares[is_volume.argmax(axis=0), people] = has_volume = is_volume.any(axis=0)
-        heights = np.array([block.axes[2][0] for block in blocks])[:, None]
-        away = np.where(inside & is_plane & ~has_volume, heights - points[2], np.nan)
-        below, above = np.where(away <= 0.0, -away, np.inf), np.where(away > 0.0, away, np.inf)
-        under, over = below.min(axis=0), above.min(axis=0)
-        share = np.where(under <= over, 0.0, 1.0)  # of the plane above: the nearest one alone
-        linear = np.isfinite(under + over) & self._is_between[level]
-        share[linear] = under[linear] / (under[linear] + over[linear])
-        shares[below.argmin(axis=0), people] += np.where(np.isfinite(under), 1.0 - share, 0.0)
-        shares[above.argmin(axis=0), people] += np.where(np.isfinite(over), share, 0.0)
+        points, here = np.vstack([position.T, height]), self._is_level[level]
+        nearest = np.full((2, len(level)), np.inf)  # distances of the planes below and above
+        chosen = np.full((3, len(level)), -1)  # the planes below and above, and the volume
+        for k, block in enumerate(blocks):  # one after the other, because there may be many, and many places
+            inside = here & _within(block, points)
+            if block.is_plane:
+                away = points[2] - block.axes[2][0]
+                for side, found in enumerate((inside & (away >= 0.0), inside & (away < 0.0))):
+                    nearer = found & (np.abs(away) < nearest[side])
+                    nearest[side, nearer], chosen[side, nearer] = np.abs(away[nearer]), k
+            else:
+                chosen[2, inside & (chosen[2] < 0)] = k
+        below, above = nearest
+        share = np.where(below <= above, 0.0, 1.0)  # of the plane above: the nearest one alone
+        linear = np.isfinite(below + above) & self._is_between[level]
+        share[linear] = below[linear] / (below[linear] + above[linear])
+        in_volume = chosen[2] >= 0
+        shares = np.stack([~in_volume * (1.0 - share), ~in_volume * share, in_volume])
         located = []
-        for k in np.flatnonzero(shares.any(axis=1)).tolist():
-            rows = np.flatnonzero(shares[k])
-            nodes, weights = blocks[k].weigh(points[:, rows])
-            located.append((k, rows, nodes, weights * shares[k, rows]))
+        for k in range(len(blocks)):
+            own = np.where(chosen == k, shares, 0.0).sum(axis=0)
+            if len(rows := np.flatnonzero(own)):
+                nodes, weights = blocks[k].weigh(points[:, rows])
+                located.append((k, rows, nodes, weights * own[rows]))
         return located
 
     def deck(self, scene: SourceScene) -> Sequence[str]:

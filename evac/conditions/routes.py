@@ -96,12 +96,12 @@ class RoutesInSmoke:
         if self._of is fields.grids:
             return
         self._of, self._nodes = fields.grids, []
-        for level in building.levels:
-            nodes, places = _own_nodes(fields, level.index)
-            at = np.full(len(nodes), level.index, np.int32)
-            heads = self._air.heads_at(at, places, self._height)
-            desired = np.full(len(nodes), self._flat if level.slope == 0.0 else self._sloped)
-            self._nodes.append((nodes, places, heads, desired))
+        for level, grid in zip(building.levels, fields.grids[0].grids.levels, strict=True):
+            own = np.flatnonzero(grid.sheet == OWN)
+            places = grid.window.places(np.stack(np.unravel_index(own, grid.window.shape), axis=1))
+            heads = self._air.heads_at(np.full(len(own), level.index, np.int32), places, self._height)
+            desired = np.full(len(own), self._flat if level.slope == 0.0 else self._sloped)
+            self._nodes.append((grid.offset + own, places, heads, desired))
 
     def _share_on(self, level: int, now: float) -> FloatArray:
         """Return the share (n,) of the speed at the nodes of a level, less where people turn back."""
@@ -167,11 +167,3 @@ def _widened(fields: Fields, share: FloatArray) -> FloatArray:
         least = minimum_filter(there.reshape(grid.window.shape), reach, mode="constant", cval=1.0)
         found[grid.offset + own] = least.ravel()[own]
     return found
-
-
-def _own_nodes(fields: Fields, level: int) -> tuple[IndexArray, FloatArray]:
-    """Return the packed indices of the nodes on the ground of a level, and their places in plan (n, 2) [m]."""
-    grid = fields.grids[0].grids.levels[level]
-    nodes = np.flatnonzero(grid.sheet == OWN)
-    places = grid.window.places(np.stack(np.unravel_index(nodes, grid.window.shape), axis=1))
-    return grid.offset + nodes, places
