@@ -45,13 +45,16 @@ class Jin(SmokeLaw):
 
     name = "jin"
     floor = Parameter(0.3, "least speed, which was not measured", "m/s", minimum=0.0, maximum=1.0)
+    fit, first = (1.0573, 0.4326), 0.5
 
     def speed(self, desired: FloatArray, extinction: FloatArray) -> FloatArray:
         """Return the speeds of the fit."""
-        return _fitted(desired, extinction, 1.0573, 0.4326, 0.5, self.floor)
+        fit = np.maximum(self.floor, self.fit[0] - self.fit[1] * np.maximum(extinction, self.first))
+        weight = np.minimum(extinction / self.first, 1.0)
+        return np.minimum(desired, desired + weight * (fit - desired))
 
 
-class JinIrritant(SmokeLaw):
+class JinIrritant(Jin):
     """At most 1.1517 - 0.9578 K m/s and at least `floor`, in smoke that irritates: Purser's fit to Jin's data.
 
     Ten men on 20 m, at K from 0.32 to 0.47 1/m. Below 0.32 1/m, it is linear from the desired speed on.
@@ -59,11 +62,7 @@ class JinIrritant(SmokeLaw):
 
     name = "jin_irritant"
     is_irritant = True
-    floor = Parameter(0.3, "least speed, which was not measured", "m/s", minimum=0.0, maximum=1.0)
-
-    def speed(self, desired: FloatArray, extinction: FloatArray) -> FloatArray:
-        """Return the speeds of the fit."""
-        return _fitted(desired, extinction, 1.1517, 0.9578, 0.32, self.floor)
+    fit, first = (1.1517, 0.9578), 0.32
 
 
 class Sfpe(SmokeLaw):
@@ -88,15 +87,6 @@ class Unaffected(SmokeLaw):
     def speed(self, desired: FloatArray, extinction: FloatArray) -> FloatArray:
         """Return the desired speeds."""
         return desired
-
-
-def _fitted(
-    desired: FloatArray, extinction: FloatArray, at_zero: float, slope: float, first: float, floor: float
-) -> FloatArray:
-    """Return the speeds of a linear fit that begins at an extinction coefficient `first`."""
-    fit = np.maximum(floor, at_zero - slope * np.maximum(extinction, first))
-    weight = np.minimum(extinction / first, 1.0)
-    return np.minimum(desired, desired + weight * (fit - desired))
 
 
 evac_interface = 3

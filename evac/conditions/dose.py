@@ -14,15 +14,7 @@ from evac.conditions.quantities import IRRITANTS
 ACTIVITY = {"rest": (8.5, 40.0), "light": (25.0, 30.0), "heavy": (50.0, 20.0)}
 
 #: Doses of irritants that are lethal [ppm min].
-LETHAL = {
-    "hcl": 114000.0,
-    "hbr": 114000.0,
-    "hf": 87000.0,
-    "so2": 12000.0,
-    "no2": 1900.0,
-    "acrolein": 4500.0,
-    "formaldehyde": 22500.0,
-}
+LETHAL = dict(zip(IRRITANTS, (114e3, 114e3, 87e3, 12e3, 1900.0, 4500.0, 22500.0), strict=True))
 
 #: Concentrations of irritants that incapacitate, after the SFPE Handbook and as in FDS, and after ISO 13571 [ppm].
 INCAPACITATING = dict(zip(IRRITANTS, (900.0, 900.0, 900.0, 120.0, 350.0, 20.0, 30.0), strict=True))
@@ -32,11 +24,8 @@ COMPROMISING = dict(zip(IRRITANTS, (1000.0, 1000.0, 500.0, 150.0, 250.0, 30.0, 2
 NEEDED = {"fds": ("co", "co2", "o2"), "sfpe": ("co", "co2", "o2"), "iso": ("co", "co2")}
 
 #: Quantities that count in each form.
-COUNTED = {
-    "fds": ("co", "co2", "o2", "hcn", "no", *IRRITANTS),
-    "sfpe": ("co", "co2", "o2", "hcn", "no", *IRRITANTS),
-    "iso": ("co", "co2", "hcn"),
-}
+ALL = ("co", "co2", "o2", "hcn", "no", *IRRITANTS)
+COUNTED = {"fds": ALL, "sfpe": ALL, "iso": ("co", "co2", "hcn")}
 
 #: Radiative flux below which there is no limit of time [kW/m2], and dose that can be tolerated [(kW/m2)^1.33 min].
 LEAST_FLUX, TOLERANCE = 2.5, 1.33
