@@ -56,31 +56,22 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     def column(name: str, kind: Any = np.float64) -> NDArray[Any]:
         return np.concatenate([np.zeros(0, kind), *(frame[name] for frame in frames)])  # type: ignore[literal-required]
 
-    person = column("person", np.int32)
+    person, names = column("person", np.int32), ["z", "speed", "contact_force", "crowd_pressure"]
     position = np.concatenate([np.zeros((0, 2)), *(frame["position"] for frame in frames)])
     velocity = np.concatenate([np.zeros((0, 3)), *(frame["velocity"] for frame in frames)])
-    counts = [len(frame["person"]) for frame in frames]
-    table = {
-        "time": np.repeat(trajectory.time, counts),
+    found = {
+        "time": np.repeat(trajectory.time, [len(frame["person"]) for frame in frames]),
         "person": person,
         "group": groups[trajectory.group[person]],
         "level": levels[column("level", np.int32)],
-        "x": position[:, 0],
-        "y": position[:, 1],
-        "z": column("z"),
-        "velocity_x": velocity[:, 0],
-        "velocity_y": velocity[:, 1],
-        "velocity_z": velocity[:, 2],
-        "speed": column("speed"),
-        "contact_force": column("contact_force"),
-        "crowd_pressure": column("crowd_pressure"),
+        **dict(zip("xy", position.T, strict=True)),
+        **{f"velocity_{axis}": values for axis, values in zip("xyz", velocity.T, strict=True)},
+        **{name: column(name) for name in names + ["dose"] * trajectory.has_dose},
     }
-    if trajectory.has_dose:
-        table["dose"] = column("dose")
     if "extinction" in [field.name for field in trajectory.level_fields]:
         met = [trajectory.field_at_people("extinction", frame) for frame in frames]
-        table["extinction"] = np.concatenate([np.zeros(0), *met])
-    return table
+        found["extinction"] = np.concatenate([np.zeros(0), *met])
+    return {name: found[name] for name in MOTION_COLUMNS if name in found}
 
 
 def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:

@@ -312,11 +312,9 @@ class Exposure:
         """Return for each level when the visibility fell below `TENABLE`, and below that at which people turn back."""
         if self._field is None:
             return {}
-        found = {}
-        for name, times in zip(self._levels, self._field.first.T.tolist(), strict=True):
-            known = [None if time != time else time for time in times]
-            found[name] = dict(zip(("untenable", "turns_back"), known, strict=True))
-        return found
+        times = np.where(np.isnan(self._field.first), None, self._field.first).T.tolist()
+        keys = ("untenable", "turns_back")
+        return {name: dict(zip(keys, own, strict=True)) for name, own in zip(self._levels, times, strict=True)}
 
     @property
     def _arrays(self) -> dict[str, NDArray[Any]]:

@@ -82,8 +82,15 @@ class Loop:
             self.operations.insert(5, stay)
         if one.scene.quickest is not None:
             self.operations.insert(1, Operation("quickest", "directions", self._find_quickest, self._is_update))
-        if exposure is not None and exposure.routes is not None:
-            self.operations.insert(1, Operation("smoke on routes", "directions", self._find_ways, self._is_smoky))
+        if exposure is not None and (routes := exposure.routes) is not None:
+
+            def find_ways() -> None:
+                if routes.update(one.time, one.scene):
+                    one.ending.begin_anew()  # progress is then towards other ways
+
+            ways = Operation("smoke on routes", "directions", find_ways)
+            ways.is_due = lambda: routes.is_due(one.step // self._settings.steps_per_tick, one.scene.version)
+            self.operations.insert(1, ways)
         if one.population.sources:
             self.operations.insert(1, Operation("arrivals", "behaviours", one.let_in))
         if one.timetable.is_waiting:
@@ -134,20 +141,6 @@ class Loop:
         crowd = self._simulation.population.crowd
         assert self._simulation.scene.quickest is not None
         self._simulation.scene.quickest.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
-
-    def _is_smoky(self) -> bool:
-        exposure, tick = self._simulation.exposure, self._simulation.step // self._settings.steps_per_tick
-        assert exposure is not None
-        assert exposure.routes is not None
-        return exposure.routes.is_due(tick, self._simulation.scene.version)
-
-    def _find_ways(self) -> None:
-        """Solve the routes again where smoke has changed; progress is then towards other ways."""
-        simulation = self._simulation
-        assert simulation.exposure is not None
-        assert simulation.exposure.routes is not None
-        if simulation.exposure.routes.update(simulation.time, simulation.scene):
-            simulation.ending.begin_anew()
 
     def _move(self) -> None:
         simulation, settings = self._simulation, self._settings
