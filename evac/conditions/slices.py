@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
 
-#: Greatest size of a Smokeview file [bytes], and greatest numbers of meshes and of nodes along an axis.
-MOST_BYTES, MOST_MESHES, MOST_NODES = 200_000_000, 100_000, 1_000_000
+#: Greatest size of a Smokeview file [bytes].
+MOST_BYTES = 200_000_000
 
 #: Records of a slice file before the first time: three texts of 30 characters and six indices, each with its length
 #: before and after it. A time has a record with itself and one with the values.
@@ -28,7 +28,7 @@ HEADER = np.dtype(
 #: Bytes of a slice file that are read at a time when its times are listed.
 CHUNK = 32_000_000
 
-_SLICE = re.compile(r"SLC([FC])\s+(\d+)\b.*?&((?:\s+\d+){6})(?:\s|$)")
+_SLICE = re.compile(r"SLC([FC])\s+(\d+)\b.*?&((?:\s+\d{1,9}){6})(?:\s|$)")
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Block:
     ----------
     path : Path
         The slice file.
-    quantity, unit : str
-        As FDS writes them.
+    quantity : str
+        As FDS writes it.
     axes : three of (n,) float64 [m]
         Coordinates of the values along x, y and z.
     ends : (3, 2) float64 [m]
@@ -50,7 +50,6 @@ class Block:
 
     path: Path
     quantity: str
-    unit: str
     axes: tuple[FloatArray, FloatArray, FloatArray]
     ends: FloatArray
     times: FloatArray
@@ -180,7 +179,7 @@ def read_slices(
         file = (path.parent / names[0]).resolve()
         if not file.is_relative_to(path.parent.resolve()):
             raise _damaged(path, number + 1, f"{names[0]!r:.80} is outside of its folder")
-        block = _block_of(file, names[1], names[3], nodes[mesh], bounds, found[1] == "C")
+        block = _block_of(file, names[1], nodes[mesh], bounds, found[1] == "C")
         if len(block.times):
             blocks.append(block)
     return blocks
@@ -195,10 +194,8 @@ def _nodes_in(path: Path, lines: list[str]) -> list[tuple[FloatArray, FloatArray
         try:
             if word == "GRID":
                 counts.append([int(one) + 1 for one in lines[number + 1].split()[:3]])
-                if len(counts[-1]) < 3 or not all(2 <= one <= MOST_NODES for one in counts[-1]):
+                if len(counts[-1]) < 3 or min(counts[-1]) < 2:
                     raise ValueError(f"{lines[number + 1].strip()!r:.80} are not three numbers of cells")
-                if len(counts) > MOST_MESHES:
-                    raise ValueError(f"more than {MOST_MESHES:,} meshes")
             elif word in axes and line.strip() == word:
                 size = counts[len(axes[word])]["XYZ".index(word[3])]
                 first = number + 2 + int(lines[number + 1])
@@ -218,7 +215,6 @@ def _nodes_in(path: Path, lines: list[str]) -> list[tuple[FloatArray, FloatArray
 def _block_of(
     path: Path,
     quantity: str,
-    unit: str,
     nodes: Sequence[FloatArray],
     bounds: NDArray[np.int64],
     is_centred: bool,
@@ -235,7 +231,7 @@ def _block_of(
         ends[k] = part[0], part[-1]
     shape = tuple((bounds[::-1, 1] - bounds[::-1, 0] + 1).tolist())
     times = _times_in(path, bounds, int(np.prod(shape)))
-    return Block(path, quantity, unit, (axes[0], axes[1], axes[2]), ends, times, shape, is_centred)
+    return Block(path, quantity, (axes[0], axes[1], axes[2]), ends, times, shape, is_centred)
 
 
 def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:

@@ -73,6 +73,7 @@ def test_vertical_planes_are_known(tmp_path, is_centred):
         (lambda text: text.replace("fire_01_1.sf", "../fire_01_1.sf"), ["outside of its folder"]),
         (lambda text: text.replace("SLCF     1", "SLCF     7"), ["line", "no mesh 7"]),
         (lambda text: text.replace("&    0     8", "&    0    99"), ["line", "outside of mesh 1"]),
+        (lambda text: text.replace("&    0     8", f"&    0 {10**30}"), ["line", "six indices"]),
         (lambda text: text.replace("TRNY", "TRNX"), ["TRNX"]),
         (lambda text: text.replace("  1  0.500000", "  1  9.500000"), ["TRNX", "increase"]),
         (lambda text: text.replace("  8 6 6 0", "  8 x 6 0"), ["GRID"]),
