@@ -51,7 +51,8 @@ class Jin(SmokeLaw):
         """Return the speeds of the fit."""
         fit = np.maximum(self.floor, self.fit[0] - self.fit[1] * np.maximum(extinction, self.first))
         weight = np.minimum(extinction / self.first, 1.0)
-        return np.minimum(desired, desired + weight * (fit - desired))
+        speed: FloatArray = np.minimum(desired, desired + weight * (fit - desired))
+        return speed
 
 
 class JinIrritant(Jin):

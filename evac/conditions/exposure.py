@@ -312,7 +312,8 @@ class Exposure:
         """Return for each level when the visibility fell below `TENABLE`, and below that at which people turn back."""
         if self._field is None:
             return {}
-        times = np.where(np.isnan(self._field.first), None, self._field.first).T.tolist()
+        first = self._field.first
+        times = np.where(np.isnan(first), np.array(None), first).T.tolist()
         keys = ("untenable", "turns_back")
         return {name: dict(zip(keys, own, strict=True)) for name, own in zip(self._levels, times, strict=True)}
 

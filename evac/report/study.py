@@ -76,8 +76,8 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     folder : Path
         Of `evac repeat` or `evac sweep`.
     runs : sequence of Path
-        Result folders of runs of the study. Plans and the picture on the cover are those of the first; places, course, times,
-        congestion and maps of each are added.
+        Result folders of runs of the study. Plans and the picture on the cover are those of the first; places, course,
+        times, congestion and maps of each are added.
     labels : Labels
     places : Places
 
