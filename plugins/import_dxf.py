@@ -526,7 +526,9 @@ def _drawn(shape: Shape, unit: float, deviation: float, closed: float) -> Iterat
 def _no_floor(document: Any) -> str:
     """Return the message for an empty floor, with the layers sorted by their number of entities."""
     count = Counter(layer for layer, _, _ in _entities(document.modelspace(), (), 0, [0]))
-    layers = ", ".join(f"{name} ({number})" for name, number in count.most_common(20)) or "none"
+    if not count:
+        return "the model space of the drawing is empty; copy what is drawn on its layouts to the model space"
+    layers = ", ".join(f"{name} ({number})" for name, number in count.most_common(20))
     return (
         "the layers of the floor are empty; set floor to the layers with outlines, or walls to the layers with walls "
         f"as lines; the layers and their numbers of entities are: {layers}"

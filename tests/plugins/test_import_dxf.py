@@ -169,6 +169,13 @@ def test_without_a_floor_the_layers_are_named(drawing, tmp_path):
         read_building(tmp_path / "a.dxf")
 
 
+def test_a_drawing_on_a_layout_alone_is_refused_with_the_reason(drawing, tmp_path):
+    add(drawing.layout("Layout1"), "walls", ROOM)
+    drawing.saveas(tmp_path / "a.dxf")
+    with pytest.raises(BuildingError, match="the model space of the drawing is empty"):
+        read_building(tmp_path / "a.dxf")
+
+
 def test_a_file_that_is_cut_off_is_refused_with_its_line(drawing, tmp_path):
     add(drawing.modelspace(), "walkablearea", ROOM)
     drawing.saveas(tmp_path / "a.dxf")
