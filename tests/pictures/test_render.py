@@ -1,18 +1,22 @@
 """Pictures and films, in three dimensions and in plan."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 
 from evac.base.errors import ResultError
+from evac.building.model.building import Place
 from evac.building.model.links import close_links
 from evac.pictures import palette
 from evac.pictures.camera import Camera, aim, hides
 from evac.pictures.colouring import COLOURINGS, colouring
 from evac.pictures.pawns import HIDDEN, draw_people
 from evac.pictures.render import Renderer, render_animation, render_picture
+from evac.pictures.scene import view_of
 from evac.trajectory.header import building_to_json
 from evac.trajectory.trajectory import read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
@@ -256,3 +260,20 @@ def test_trajectory_without_frames_is_refused(tmp_path, building):
     TrajectoryWriter(tmp_path / "none.evac", header, np.zeros(2)).close()
     with pytest.raises(ResultError, match=r"none.evac"):
         Renderer(read_trajectory(tmp_path / "none.evac"))
+
+
+def test_places_are_drawn_in_three_dimensions(building):
+    level = building.levels[0]
+    middle = level.polygon.representative_point()
+    line = shapely.LineString([(middle.x - 1.0, middle.y - 2.0), (middle.x + 1.0, middle.y - 2.0)])
+    places = (
+        Place("lobby", "refuge", 0, middle.buffer(1.0), area="a", capacity=2),
+        Place("sign", "sign", 0, middle, exit="way", range=9.0),
+        Place("gate", "line", 0, line),
+    )
+    camera, levels = Camera(azimuth=-90.0, elevation=60.0), [level]
+    bare, drawn = (
+        view_of(one, SIZE, camera, levels, has_legend=False) for one in (building, replace(building, places=places))
+    )
+    assert {label.text for label in drawn.labels} - {label.text for label in bare.labels} == set(map(str, places))
+    assert (bare.image != drawn.image).any(axis=2).mean() > 0.002
