@@ -53,7 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
     number_of_pictures(trajectory, arguments.fps, arguments.speed)  # refused before anything is drawn
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
-        show_warnings([f"no legend, because {groups} groups are more than the colours; try --colour-by speed"])
+        show_warnings([f"no legend, because {groups} groups are too many for one; try --colour-by speed"])
     for path in arguments.out or [trajectory.path.parent / name for name in (PICTURE_NAME, FILM_NAME)]:
         print(f"drawing {path}", file=sys.stderr, flush=True)
         is_film = path.suffix in FILMS
