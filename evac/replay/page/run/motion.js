@@ -2,20 +2,9 @@
 
 async function inflateMotion() {
   const names = ["times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide"];
-  const [times, events, steps, heights, speeds, waited, forces, doses, headings, smoke, wide] = await Promise.all(names.map(inflate));
-  return {
-    times: new Float64Array(times),
-    events: new Int32Array(events),
-    steps: new Uint8Array(steps),
-    heights: new Uint8Array(heights),
-    speeds: new Uint8Array(speeds),
-    waited: new Uint8Array(waited),
-    forces: new Uint8Array(forces),
-    doses: new Uint8Array(doses),
-    headings: new Uint8Array(headings),
-    smoke: new Uint8Array(smoke),
-    wide: new Int32Array(wide),
-  };
+  const kinds = { times: Float64Array, events: Int32Array, wide: Int32Array };
+  const streams = await Promise.all(names.map(async (name) => [name, new (kinds[name] ?? Uint8Array)(await inflate(name))]));
+  return Object.fromEntries(streams);
 }
 
 // The first row of each frame, and the number of all rows at the end.

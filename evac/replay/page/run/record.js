@@ -77,15 +77,7 @@ class Record {
   }
 
   // The last frame at or before a time.
-  frameAt(time) {
-    const { times } = this.motion;
-    let low = 0, high = this.frames - 1;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (times[middle] <= time + 1e-9) low = middle; else high = middle - 1;
-    }
-    return low;
-  }
+  frameAt(time) { return Math.max(0, countUpTo(this.motion.times, time) - 1); }
 
   rowOf(k, p) {
     const { first, person } = this.motion;
