@@ -1,26 +1,27 @@
 """Passages of people through lines: exits, portals, doors between rooms, and lines of the case."""
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from evac.analysis.flows import FEWEST, steady_flow
+from evac.analysis.measures import records
 from evac.analysis.occupancy import Moves
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Portal
 from evac.trajectory.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    import networkx
+
 #: Time between two rows of a table of flows, over which each flow is a mean [s].
 SPAN = 5.0
-
-#: Number of ways of people between two recorded times that are looked at together.
-MOST_WAYS = 200_000
 
 #: Person, time and whether it is forward, of passages.
 Passages = tuple[IntArray, FloatArray, NDArray[np.bool_]]
@@ -179,26 +180,33 @@ def _of_link(
 
 def _recorded(trajectory: Trajectory) -> list[LineFlow]:
     """Return the passages through portals and exits, from the levels on which people were recorded."""
+    import networkx  # takes 0.1 s, and no run needs it
+
     building = trajectory.building
     links: list[Portal | Exit] = [*building.portals, *building.exits]
     passages: list[list[tuple[float, int, bool]]] = [[] for _ in links]
     lines = [shapely.multilinestrings([s.reshape(2, 2) for s in link.segments]) for link in links]
-    level, ways = trajectory.level, {}
+    level = trajectory.level
+
+    @cache
+    def ways(closed: frozenset[int]) -> "networkx.MultiDiGraph":
+        return _ways(replace(building, closed=closed))
+
+    @cache
+    def paths(closed: frozenset[int], source: int) -> dict[int, list[int]]:
+        found: dict[int, list[int]] = networkx.single_source_shortest_path(ways(closed), source)
+        return found
+
     for k in range(1, len(trajectory)):
         closed = frozenset.intersection(*(trajectory.building_at(trajectory.time[j]).closed for j in (k - 1, k)))
-        if closed not in ways:
-            ways[closed] = _Ways(replace(building, closed=closed))
-        open_ways = ways[closed]
         time = 0.5 * float(trajectory.time[k - 1] + trajectory.time[k])
         for person in np.flatnonzero((level[k] != level[k - 1]) & (level[k - 1] >= 0)).tolist():
             place = shapely.Point(trajectory.position[k - 1, person])
-            source = int(level[k - 1, person])
-            for target in open_ways.between(source, int(level[k, person])):
-                parallel = open_ways.links(source, target)
-                link = min(parallel, key=lambda row: float(lines[row].distance(place)))
+            path = paths(closed, int(level[k - 1, person])).get(int(level[k, person]), [])
+            for source, target in pairwise(path):
+                link = min(ways(closed)[source][target], key=lambda row: float(lines[row].distance(place)))
                 forward = target < 0 or links[link].levels[0] == source  # type: ignore[union-attr]
                 passages[link].append((time, person, forward))
-                source = target
     return [
         _of_link(
             building,
@@ -247,37 +255,23 @@ class _Moved(NamedTuple):
 
 
 def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
-    """Yield the ways of everybody who moved, in parts of which each fits into memory."""
-    building = trajectory.building
-    exits = {
-        level.index: shapely.MultiLineString(
-            [segment.reshape(2, 2) for exit_ in building.exits_of(level.index) for segment in exit_.segments]
-        )
-        for level in building.levels
-    }
-    parts: list[_Moved] = []
-    for there, here in pairwise(trajectory.rows):
-        start = there.motion[:, :2].astype(np.float64) + trajectory.origin
-        level = there.level.astype(np.int32)
-        end, after = start.copy(), level.copy()
-        stays = np.isin(there.person, here.person, assume_unique=True)
-        rows = np.searchsorted(here.person, there.person[stays])
-        end[stays] = here.motion[rows, :2].astype(np.float64) + trajectory.origin
-        after[stays] = here.level[rows]
-        for index in np.unique(level[~stays]).tolist():
-            left = ~stays & (level == index)
-            if not shapely.is_empty(exits[index]):
-                nearest = shapely.shortest_line(exits[index], shapely.points(start[left]))
+    """Yield the ways of everybody who moved; those who have left go to the nearest exit of their level."""
+    building, time = trajectory.building, trajectory.time
+    span = np.diff(time, append=np.nan)
+    for part in records(trajectory):
+        start, end = part.position, part.after
+        gone = (part.target < 0) & (part.frame < len(time) - 1)
+        for index in np.unique(part.level[gone]).tolist():
+            left = gone & (part.level == index)
+            segments = [segment.reshape(2, 2) for one in building.exits_of(index) for segment in one.segments]
+            if segments:
+                nearest = shapely.shortest_line(shapely.MultiLineString(segments), shapely.points(start[left]))
                 end[left] = shapely.get_coordinates(nearest).reshape(-1, 2, 2)[:, 0]
-        moved = (start != end).any(axis=1)
-        times = np.full((2, moved.sum()), [[there.time], [here.time - there.time]])
-        person = there.person[moved].astype(np.int32)
-        parts.append(_Moved(person, level[moved], after[moved], start[moved], end[moved], *times))
-        if sum(len(part.person) for part in parts) > MOST_WAYS:
-            yield _Moved(*map(np.concatenate, zip(*parts, strict=True)))
-            parts = []
-    if parts:
-        yield _Moved(*map(np.concatenate, zip(*parts, strict=True)))
+        moved = np.isfinite(end[:, 0]) & (start != end).any(axis=1)
+        after = np.where(part.target < 0, part.level, part.target)
+        rows = (column[moved] for column in (part.person, part.level, after, start, end, part.frame))
+        person, level, after, start, end, frame = rows
+        yield _Moved(person, level, after, start, end, time[frame], span[frame])
 
 
 def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
@@ -296,31 +290,15 @@ def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
     return moved.person[rows], moved.begin[rows] + share * moved.span[rows], after[turns] >= 0.0
 
 
-class _Ways:
-    """Levels as a graph whose edges are open portals and exits; -1 is outside."""
+def _ways(building: Building) -> "networkx.MultiDiGraph":
+    """Return the levels as a graph whose edges are open portals and exits, with their links as keys; -1 is outside."""
+    import networkx
 
-    def __init__(self, building: Building) -> None:
-        self._rows: dict[tuple[int, int], list[int]] = {}
-        for portal in filter(building.is_open, building.portals):
-            for pair in (portal.levels, portal.levels[::-1]):
-                self._rows.setdefault(pair, []).append(portal.index)
-        for exit_ in filter(building.is_open, building.exits):
-            self._rows.setdefault((exit_.level, -1), []).append(building.link_of(exit_))
-        self._known: dict[tuple[int, int], list[int]] = {}
-
-    def links(self, source: int, target: int) -> list[int]:
-        """Return the links between two neighbours."""
-        return self._rows[source, target]
-
-    def between(self, source: int, target: int) -> list[int]:
-        """Return the levels after `source` on the path over the fewest levels to `target`; empty if there is none."""
-        if (source, target) not in self._known:
-            paths, seen = deque([[source]]), {source}
-            while paths and target not in seen:
-                path = paths.popleft()
-                for first, second in self._rows:
-                    if first == path[-1] and second not in seen:
-                        seen.add(second)
-                        paths.append([*path, second])
-            self._known[source, target] = next((path[1:] for path in paths if path[-1] == target), [])
-        return self._known[source, target]
+    ways = networkx.MultiDiGraph()
+    ways.add_nodes_from(range(-1, len(building.levels)))
+    for portal in filter(building.is_open, building.portals):
+        for pair in (portal.levels, portal.levels[::-1]):
+            ways.add_edge(*pair, key=portal.index)
+    for exit_ in filter(building.is_open, building.exits):
+        ways.add_edge(exit_.level, -1, key=building.link_of(exit_))
+    return ways

@@ -265,7 +265,7 @@ class _Sums:
 
     def _add_ways(self, here: Records) -> None:
         """Add the cells that bodies covered between recorded times, in equal parts of at most a cell."""
-        rows = np.flatnonzero(np.isfinite(here.after[:, 0]))
+        rows = np.flatnonzero(here.target == here.level)
         if not rows.size:
             return
         frame, person, start = here.frame[rows], here.person[rows], here.position[rows]

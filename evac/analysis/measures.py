@@ -127,7 +127,9 @@ class Records(NamedTuple):
     person, level : (s,) int32
     position : (s, 2) float64 [m]
     after : (s, 2) float64 [m]
-        Position at the next one of the chosen times; NaN of those who are not on the same level then.
+        Position at the next one of the chosen times; NaN of those who are not inside then.
+    target : (s,) int32
+        Level then; -1 of those who are not inside.
     velocity : (s, 2) float64 [m/s]
         In plan.
     speed, started, waits, waited, contact_force
@@ -139,6 +141,7 @@ class Records(NamedTuple):
     level: IntArray
     position: FloatArray
     after: FloatArray
+    target: IntArray
     velocity: FloatArray
     speed: FloatArray
     started: NDArray[np.bool_]
@@ -174,15 +177,15 @@ def records(
     for number, now in enumerate(chosen):
         person, level, motion = now.person.astype(np.int32), now.level.astype(np.int32), now.motion.astype(np.float64)
         speed = np.linalg.norm(in_space(trajectory.building, level, motion[:, 2:4]), axis=1)
-        after = np.full((len(person), 2), np.nan)
+        after, target = np.full((len(person), 2), np.nan), np.full(len(person), -1, np.int32)
         if number + 1 < len(chosen):
             later = chosen[number + 1]
             _, here, there = np.intersect1d(person, later.person, assume_unique=True, return_indices=True)
-            stays = level[here] == later.level[there]
-            after[here[stays]] = later.motion[there[stays], :2].astype(np.float64) + trajectory.origin
+            after[here] = later.motion[there, :2].astype(np.float64) + trajectory.origin
+            target[here] = later.level[there]
         found = measuring.add(now.time, person, speed, now.started, motion[:, 4])
-        place = motion[:, :2] + trajectory.origin
-        parts.append(Records(np.full(len(person), number), person, level, place, after, motion[:, 2:4], *found))
+        frame, place = np.full(len(person), number), motion[:, :2] + trajectory.origin
+        parts.append(Records(frame, person, level, place, after, target, motion[:, 2:4], *found))
         count += len(person)
         if count > MOST_ROWS:
             yield joined(parts)
