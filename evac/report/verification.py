@@ -1,6 +1,7 @@
 """What of evac has been verified, and what has failed: the evidence that is kept with the program."""
 
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
@@ -14,29 +15,6 @@ EVIDENCE_NAME = "evidence.json"
 
 #: Identifiers of the appendices.
 EVIDENCE, STANDARD = "evidence", "standard"
-
-#: What it means for a building that a model does not meet a standard test, by one of the names of the test.
-MEANINGS = {
-    "RiMEA-4": "In crowds of this density people walk faster or slower than measured: times of long, crowded corridors "
-    "are too short or too long by about the ratio that was found.",
-    "RiMEA-5": "People who have not responded yet are pushed aside by others: they may begin their way somewhere else.",
-    "RiMEA-9": "The effect of closing exits is not that of the standard: compare variants of exits with care.",
-    "RiMEA-11": "The choice between a near and a farther exit is not that expected: numbers of people of each exit "
-    "are uncertain where people choose the quickest way.",
-    "RiMEA-12": "Bottlenecks do not behave as expected in all details, or block: times there are uncertain.",
-    "RiMEA-13": "Speeds on stairs at common densities are not those measured: times of stairs are uncertain.",
-    "RiMEA-15": "People lose less or more time at corners than expected: times of ways with many turns are uncertain.",
-    "RiMEA-16": "The speeds in crowds leave the range of experiments: times of crowded ways are uncertain.",
-    "IMO-4": "More people pass a door per second than the standard allows: where doors decide, evacuation times are "
-    "too short for a design value.",
-    "IMO-8": "Crossing or opposing streams block: runs with such streams may not end.",
-    "IMO-12": "Flows in dense crowds do not decrease as expected: queues may dissolve too fast.",
-    "NIST-2.10": "A slow, wide person does not delay those behind: effects of impaired people may be too small.",
-    "ISO-12": "More or fewer people pass a stair per second than the standard expects: where stairs decide, evacuation "
-    "times are uncertain, and too short where the flow is greater.",
-    "ISO-13": "The speed does not decrease with the number of people everywhere: it has little effect on times.",
-    "ISO-14": "A class does not stay as close together as expected: arrivals of classes are spread.",
-}
 
 #: Columns of the standard tests that are not those of a model.
 TEST_COLUMNS = ("test", "measured", "expected", "by")
@@ -96,8 +74,9 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
 
 def meaning(names: str) -> str:
     """Return what it means for a building that a model does not meet the standard test of some names."""
-    (found,) = [words for test, words in MEANINGS.items() if test in names.split()]
-    return found
+    text = files("evac.report").joinpath("meanings.toml").read_text(encoding="utf-8")
+    (found,) = [words for test, words in tomllib.loads(text).items() if test in names.split()]
+    return str(found)
 
 
 def standard_section(case: CaseTable, keepers: Sequence[str]) -> Section:
