@@ -14,7 +14,7 @@ from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
 from evac.case.content import content_faults, read_table, with_own_classes
 from evac.case.events import event_faults
-from evac.case.fire import SmokeSettings
+from evac.case.fire import ConditionSettings, SmokeSettings
 from evac.case.overrides import apply, dotted
 from evac.case.places import place_faults
 from evac.case.presets import with_presets
@@ -266,8 +266,10 @@ def _fire_faults(content: dict[str, Any], registry: "Registry") -> list[Fault]:
         elif isinstance(name, str):
             cls, own = sources[name], ("source", "start", "hold")
             allowed = [*own, *cls.keys, *cls.declared()]
-            for key in (key for key in table if key not in (*own, *cls.keys) and table[key] is not None):
-                faults += _parameter_faults(("conditions", index, key), table[key], cls, allowed)
+            for key in (key for key in table if key not in (*own, *cls.keys)):
+                value, field = table[key], ConditionSettings.model_fields.get(key)
+                if (tuple(value) if isinstance(value, list) else value) != (field.default if field else None):
+                    faults += _parameter_faults(("conditions", index, key), value, cls, allowed)
     smoke = content.get("smoke")
     if isinstance(smoke, dict):
         law, keys = smoke.get("law"), SmokeSettings.model_fields
