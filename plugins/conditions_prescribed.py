@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, naming
@@ -22,9 +23,9 @@ MOST_BYTES = 50_000_000
 
 @dataclass(frozen=True)
 class _Part:
-    """Values on some levels: of each quantity (q, f) at the times (f,)."""
+    """Values of each quantity at the times (f,), or one for all, on the levels of which `is_on` (levels,) says so."""
 
-    levels: list[int]
+    is_on: NDArray[np.bool_]
     times: FloatArray
     values: dict[str, FloatArray]
 
@@ -56,7 +57,7 @@ class Prescribed(ConditionSource):
         if (settings.file is None) == (settings.values is None):
             raise ScenarioError("values: give either the values (values), or a CSV file with them (file)")
         if settings.file is None:
-            self._parts = [_part_of(levels, settings.times, settings.values)]
+            self._parts = [_part_of(scene, levels, settings.times, settings.values)]
         else:
             if settings.times is not None:
                 raise ScenarioError("times: belongs to values; the file has times of its own")
@@ -70,19 +71,20 @@ class Prescribed(ConditionSource):
         """Return the values at a time, linear between those that are given."""
         found = np.full((len(quantities), len(level)), np.nan)
         for part in self._parts:
-            rows = np.flatnonzero(np.isin(level, part.levels))
+            rows = np.flatnonzero(part.is_on[level])
             if self._polygon is not None:
                 rows = rows[shapely.intersects_xy(self._polygon, *position[rows].T)]
             if self._low > 0.0 or self._high < np.inf:
                 over = height[rows] - elevation(self._building, level[rows], position[rows])
                 rows = rows[(over >= self._low) & (over < self._high)]
+            where = rows if len(rows) < len(level) else slice(None)
             for index, name in enumerate(quantities):
-                if name in part.values:
-                    found[index, rows] = np.interp(time, part.times, part.values[name])
+                if (values := part.values.get(name)) is not None:
+                    found[index, where] = values[0] if len(values) == 1 else np.interp(time, part.times, values)
         return found
 
 
-def _part_of(levels: list[int], times: Sequence[float] | None, given: Mapping[str, Any]) -> _Part:
+def _part_of(scene: SourceScene, levels: list[int], times: Sequence[float] | None, given: Mapping[str, Any]) -> _Part:
     """Return the values of a table."""
     at = np.zeros(1) if times is None else np.array(times, np.float64)
     if not len(at) or at[0] != 0.0 or not (np.diff(at) > 0.0).all() or np.isinf(at[-1]):
@@ -101,8 +103,8 @@ def _part_of(levels: list[int], times: Sequence[float] | None, given: Mapping[st
             raise ScenarioError(
                 f"values.{name}: {wrong[0]:g} {own.unit} is outside [{own.least:g}, {own.most:g}]; correct it"
             )
-        values[name] = np.broadcast_to(found, len(at))
-    return _Part(levels, at, values)
+        values[name] = found
+    return _Part(np.isin(np.arange(len(scene.building.levels)), levels), at, values)
 
 
 def _parts_in(path: Path, levels: list[int], scene: SourceScene) -> list[_Part]:
@@ -137,7 +139,8 @@ def _parts_in(path: Path, levels: list[int], scene: SourceScene) -> list[_Part]:
             raise ScenarioError(f"{path}: level: there is no level {level!r}; {did_you_mean(level, list(known))}")
         time, *columns = np.array(rows).T
         with naming(f"{path}: level {level!r}" if level else path):
-            parts.append(_part_of([known[level]] if level else levels, time, dict(zip(names, columns, strict=True))))
+            own = [known[level]] if level else levels
+            parts.append(_part_of(scene, own, time, dict(zip(names, columns, strict=True))))
     return parts
 
 

@@ -144,10 +144,10 @@ def _checked(values: FloatArray, names: Sequence[str], people: int, source: Cond
     if found.shape != (len(names), people):
         wrong = f"returns values of shape {found.shape}, not {(len(names), people)}"
         raise fault(what, wrong, "return a row for each quantity, with a value for each place", source, "at")
-    for name, row in zip(names, found, strict=True):
-        own = QUANTITIES[name]
-        outside = (row < own.least) | (row > own.most)
-        if outside.any():
-            limits = f"return values from {own.least:g} to {own.most:g} {own.unit}, NaN where it does not apply"
-            raise fault(what, f"gives {row[outside][0]:g} for {name}", limits, source, "at")
+    ends = np.array([(QUANTITIES[name].least, QUANTITIES[name].most) for name in names]).T
+    low, high = np.fmin.reduce(found, axis=1, initial=np.inf), np.fmax.reduce(found, axis=1, initial=-np.inf)
+    for row in np.flatnonzero((low < ends[0]) | (high > ends[1])).tolist():
+        own, wrong = QUANTITIES[names[row]], low[row] if low[row] < ends[0, row] else high[row]
+        limits = f"return values from {own.least:g} to {own.most:g} {own.unit}, NaN where it does not apply"
+        raise fault(what, f"gives {wrong:g} for {names[row]}", limits, source, "at")
     return found

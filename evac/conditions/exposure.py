@@ -200,8 +200,10 @@ class Exposure:
                 row = [time, *np.column_stack([doses.mean(axis=1), doses.max(axis=1)]).ravel()]
                 self._series = np.vstack([self._series, row])
         out = crowd.level < 0
-        self.doses[:, out] += self._owed(time)[:, out]
-        self._rates[:, out] = np.nan
+        gone = np.flatnonzero(out & ~np.isnan(self._rates[0]))
+        if len(gone):
+            self.doses[:, gone] += self._owed(time)[:, gone]
+            self._rates[:, gone] = np.nan
         rows = np.flatnonzero(~out)
         level, position = crowd.level[rows], crowd.position[rows]
         heads = self.air.heads_at(level, position, crowd.height[rows])
