@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from evac.physics.engine import Engine
     from evac.simulation.simulation import Simulation
 
-
 #: The kernels that the directions and people of a scene need.
 SET_UP = (descend, sample_travel_times, add_discs, walk_all)
 
@@ -125,8 +124,7 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
     needed = []
     for force in forces:
         with plugin_code(f"force {force.name!r}: is_needed", force):
-            if full or force.is_needed():
-                needed.append(force)
+            needed += [force] if full or force.is_needed() else []
     return needed
 
 
@@ -172,12 +170,10 @@ def explain(simulation: "Simulation", forces: Sequence[Force], behaviours: Seque
         parts.append(Part(f"force: {force.name}", effect is not None, effect or "it is zero everywhere"))
     if not forces:
         parts.append(Part("forces at a distance", False, "none named in [forces]"))
+    when = {None: "it affects nobody", True: "at every tick", False: "once, before the first step"}
     for behaviour in behaviours:
-        name, at_ticks = behaviour.name, acts.get(behaviour.name)
-        why = (
-            "it affects nobody" if at_ticks is None else "at every tick" if at_ticks else "once, before the first step"
-        )
-        parts.append(Part(f"behaviour: {name}", at_ticks is not None, why))
+        at_ticks = acts.get(behaviour.name)
+        parts.append(Part(f"behaviour: {behaviour.name}", at_ticks is not None, when[at_ticks]))
     if not behaviours:
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
     seen_by = f"seen by {', '.join(keepers)}" if keepers else "no behaviour keeps distances"
