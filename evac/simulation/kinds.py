@@ -113,16 +113,11 @@ def _find_people(scene: "Scene", change: Change) -> None:
     scene.people.rows_in(scene.building, change.what)
 
 
-def _sound(scene: "Scene", change: Change) -> Mapping[str, Any]:
-    """Record an alarm, on which behaviours act."""
-    return {}
-
-
 _BUILDING = Kind(_check_building, _change_building)
 
 #: All kinds of change.
 KINDS = {
     **dict.fromkeys(("open", "close", "one_way", "slow", "bar"), _BUILDING),
     "strategy": Kind(_check_strategy, _change_strategy),
-    "alarm": Kind(_find_people, _sound),
+    "alarm": Kind(_find_people, lambda scene, change: {}),  # on which behaviours act
 }

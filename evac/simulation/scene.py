@@ -278,8 +278,8 @@ class Scene:
     @property
     def entered(self) -> dict[str, tuple[int, ...]]:
         """The people who have entered each area while it was barred, because they had no other way."""
-        found = {name: np.flatnonzero(people == ENTERED) for name, people in self._in_barred.items()}
-        return {name: tuple(rows.tolist()) for name, rows in found.items() if len(rows)}
+        found = {name: tuple(np.flatnonzero(one == ENTERED).tolist()) for name, one in self._in_barred.items()}
+        return {name: rows for name, rows in found.items() if rows}
 
     def _nobody(self) -> NDArray[np.uint8]:
         assert self.people is not None
