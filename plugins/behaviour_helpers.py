@@ -25,8 +25,9 @@ REACH = 0.6
 #: Distance within which a helper walks straight to the person [m], and weight of that direction.
 NEAR, STRAIGHT = 6.0, 4.0
 
-#: Distance of a helper beyond which the person waits for it, or it for the person [m]; distance of those beside it [m].
-LOST, BESIDE = 3.0, 1.5
+#: Distance of a helper beyond which the person waits for it, or it for the person [m]; distance within which helpers
+#: ahead do not slow down, greater than the one that people keep from those ahead at the speed of devices [m].
+LOST, BESIDE = 3.0, 2.0
 
 #: Speed of helpers who have fallen behind, over that of the device.
 HASTE = 1.3

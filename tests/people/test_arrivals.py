@@ -60,7 +60,7 @@ def test_people_come_at_their_times_and_leave_and_who_stays_is_counted_apart():
     assert results.exits["gate"]["people"] == 0
     assert results.crowd.level[rows_of(results, "staff")].tolist() == [0, 0]
     assert results.summary()["staying"] == 2
-    assert any("do not leave" in line for line in results.remarks)
+    assert any("did not leave" in line for line in results.remarks)
 
 
 def test_a_rate_is_a_poisson_process_of_the_group_alone():

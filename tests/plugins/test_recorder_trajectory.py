@@ -52,7 +52,9 @@ def simulation(tmp_path):
     )
     groups = (SimpleNamespace(name="pair", rows=np.array([0, 1], np.int32)),)
     return SimpleNamespace(
-        case=SimpleNamespace(title="A room", people=(), output=SimpleNamespace(trajectory=True)),
+        case=SimpleNamespace(
+            title="A room", people=(), output=SimpleNamespace(trajectory=True), smoke=SimpleNamespace(contrast=3.0)
+        ),
         scene=SimpleNamespace(ground=SimpleNamespace(building=building), changes=[], fields_of_behaviours={}),
         population=SimpleNamespace(crowd=crowd, groups=groups),
         displacement_velocity=np.array([[0.5, 0.0], [0.0, 0.25], [0.0, 0.0]]),
