@@ -56,12 +56,7 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
     if not len(table):
         raise ResultError(f"{trajectory.path}: nobody was ever on level {shown_level.name!r}; choose another one")
     data = pd.DataFrame(
-        {
-            "id": table[:, 0].astype(np.int64),
-            "frame": table[:, 1].astype(np.int64),
-            "x": table[:, 2],
-            "y": table[:, 3],
-        }
+        {"id": table[:, 0].astype(np.int64), "frame": table[:, 1].astype(np.int64), "x": table[:, 2], "y": table[:, 3]}
     )
     largest = max(shapely.get_parts(shown_level.polygon), key=lambda part: part.area)
     return pedpy.TrajectoryData(data=data, frame_rate=frame_rate), pedpy.WalkableArea(largest)

@@ -203,12 +203,7 @@ _LAWS: dict[str, Callable[[float, float], _Law]] = {
 
 
 def parse(
-    value: object,
-    key: str,
-    *,
-    minimum: float | None = None,
-    above: float | None = None,
-    maximum: float | None = None,
+    value: object, key: str, *, minimum: float | None = None, above: float | None = None, maximum: float | None = None
 ) -> Distribution:
     """Parse a distribution as written in case.toml.
 

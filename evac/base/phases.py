@@ -7,17 +7,7 @@ from dataclasses import dataclass
 
 #: Phases in the order in which they begin. "preparation" is the time before the run that belongs to no other phase,
 #: "kernels" the time for loading and compiling code, "output" the time for everything that is shown or written.
-PHASES = (
-    "preparation",
-    "building",
-    "directions",
-    "people",
-    "kernels",
-    "behaviours",
-    "physics",
-    "recording",
-    "output",
-)
+PHASES = ("preparation", "building", "directions", "people", "kernels", "behaviours", "physics", "recording", "output")
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,7 @@ from evac.base.errors import BuildingError, PluginError, fault, plugin_code, tex
 from evac.base.parameters import Configurable, did_you_mean
 from evac.contract import hooks
 from evac.contract.builtin import BUILTIN_PLUGINS
-from evac.contract.requirements import (
-    KINDS,
-    RUN_HOOKS,
-    check_answer,
-    check_class,
-    check_module,
-    classes_in,
-    kind_of,
-)
+from evac.contract.requirements import KINDS, RUN_HOOKS, check_answer, check_class, check_module, classes_in, kind_of
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer

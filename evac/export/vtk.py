@@ -142,10 +142,7 @@ def _part(
     return PolyData(
         points=points[used],
         **{"lines" if cells.shape[1] == 2 else "polygons": corners},
-        cell_arrays={
-            "level": np.full(count, level, np.int32),
-            "kind": np.full(count, KINDS.index(kind), np.int32),
-        },
+        cell_arrays={"level": np.full(count, level, np.int32), "kind": np.full(count, KINDS.index(kind), np.int32)},
         texts={"level_names": [item.name for item in building.levels], "kind_names": KINDS},
     )
 

@@ -16,13 +16,7 @@ from numba.core.datamodel import models
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
 from numba.core.typing.typeof import typeof_impl
-from numba.extending import (
-    lower_builtin,
-    lower_cast,
-    lower_getattr_generic,
-    lower_setattr_generic,
-    register_model,
-)
+from numba.extending import lower_builtin, lower_cast, lower_getattr_generic, lower_setattr_generic, register_model
 
 from evac.jit.kernels import AddressCall, Intrinsic
 from evac.jit.structs import Array, Kind, Struct, describe

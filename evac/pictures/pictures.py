@@ -59,12 +59,7 @@ def egress_figure(results: Results) -> Figure:
 
 
 def curves_figure(
-    title: str,
-    people: int,
-    end: float,
-    everybody: Curve,
-    groups: Mapping[str, Curve],
-    sizes: Mapping[str, int],
+    title: str, people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]
 ) -> Figure:
     """Return a figure of egress curves: of all people, and of each group if there are several, but not too many.
 

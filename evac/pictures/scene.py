@@ -32,11 +32,7 @@ ROOM_FOR_PEOPLE = 1.9  # above the floors, within the picture [m]
 
 
 def view_of(
-    building: Building,
-    size: tuple[int, int],
-    camera: Camera,
-    levels: Sequence[Level],
-    has_legend: bool,
+    building: Building, size: tuple[int, int], camera: Camera, levels: Sequence[Level], has_legend: bool
 ) -> View:
     """Draw levels of a building.
 

@@ -325,10 +325,7 @@ def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[f
 
 
 def difference(
-    before: FloatArray,
-    after: FloatArray,
-    populations: Sequence[int] | None = None,
-    confidence: float = CONFIDENCE,
+    before: FloatArray, after: FloatArray, populations: Sequence[int] | None = None, confidence: float = CONFIDENCE
 ) -> Estimate:
     """Return the mean difference of pairs of runs with the same seeds, ``after - before``, with its interval.
 

@@ -122,11 +122,7 @@ def fixed(runs: int, repetitions: int = 1) -> Rule:
 
 
 def until_known(
-    until: float,
-    statistic: str = "mean",
-    least: int | None = None,
-    most: int | None = None,
-    repetitions: int = 1,
+    until: float, statistic: str = "mean", least: int | None = None, most: int | None = None, repetitions: int = 1
 ) -> Rule:
     """Return the rule that stops when the relative half-width of the interval of a statistic is small enough.
 

@@ -65,11 +65,7 @@ class Recording:
                 recorder.record(simulation)
 
     def finish(
-        self,
-        simulation: "Simulation",
-        registry: "Registry",
-        results: "Results | None",
-        error: BaseException | None,
+        self, simulation: "Simulation", registry: "Registry", results: "Results | None", error: BaseException | None
     ) -> None:
         """Call every recorder and plugin to finish; then raise the first error, unless the run has failed already."""
         calls: list[tuple[str, Any, Callable[[], Any]]] = []

@@ -24,13 +24,7 @@ from evac.building.model.cells import LevelField
 from evac.building.model.links import building_at
 from evac.folder.files import TRAJECTORY_NAME
 from evac.trajectory.frames import FrameReader, Rows
-from evac.trajectory.header import (
-    HeaderError,
-    building_from_json,
-    fields_from_json,
-    origin_from_json,
-    people_from_json,
-)
+from evac.trajectory.header import HeaderError, building_from_json, fields_from_json, origin_from_json, people_from_json
 from evac.trajectory.layout import FIELDS, FIELDS_WITH_DOSE, columns, damaged, read_start
 
 if TYPE_CHECKING:

@@ -56,11 +56,7 @@ def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
         table,
         "Kernels loaded, the functions in them and what compiling them takes; left out: loaded only if forced in.",
     )
-    evidence.table(
-        "kernels_loaded",
-        loaded_rows(rows),
-        "Which kernels each case loads: in, or only if forced in.",
-    )
+    evidence.table("kernels_loaded", loaded_rows(rows), "Which kernels each case loads: in, or only if forced in.")
     evidence.data("kernels", rows, "CPU time and size of each kernel in each run")
 
 

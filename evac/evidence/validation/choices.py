@@ -8,14 +8,7 @@ from shapely import box
 from shapely.geometry.base import BaseGeometry
 
 from evac.case.loading import load_case
-from evac.evidence.validation.plans import (
-    across,
-    cabins,
-    crowd,
-    detour_and_stairs,
-    one_storey,
-    ring_and_bridge,
-)
+from evac.evidence.validation.plans import across, cabins, crowd, detour_and_stairs, one_storey, ring_and_bridge
 from evac.evidence.validation.trial import SELDOM, Check, Trial, check
 from evac.results.results import Results
 
@@ -135,10 +128,7 @@ def familiar_exit(trial: Trial) -> Iterator[Check]:
     exits = {"1": [(0.5, 12), (1.5, 12)], "2": [(8.5, 12), (9.5, 12)]}
     plan = one_storey(box(0, 0, 10, 12), exits=exits, areas={"start": box(0.5, 0, 9.5, 4)})
     shares = {}
-    for label, people in (
-        ("both", [crowd(50)]),
-        ("one", [crowd(10, exits=["1"]), crowd(40, exits=["2"])]),
-    ):
+    for label, people in (("both", [crowd(50)]), ("one", [crowd(10, exits=["1"]), crowd(40, exits=["2"])])):
         shares[label] = np.array([run.out_by("2").mean() for run in trial.runs(plan, people, label)])
     source = "NIST TN 1822, ISO 20414"
     yield check("share of exit 2 if people know both", source, shares["both"], 0.4, 0.6)
