@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -243,7 +242,8 @@ class Helpers(Behaviour):
                 self._state[k] == WAITS and not self._is_on_the_way(person)
             ):
                 crowd.speed_factor[person] = 0.0
-        self._let_wait(crowd, time)
+        may_be_needed = self._may[:, self._waits].any(axis=1)
+        crowd.speed_factor[self._helpers[(self._task < 0) & may_be_needed]] = 0.0
 
     def _call(self, crowd: Crowd, time: float, k: int) -> None:
         """Send the nearest free helpers to a person who waits."""
@@ -255,7 +255,9 @@ class Helpers(Behaviour):
         rows = self._helpers[free]
         is_able = (crowd.level[rows] >= 0) & (crowd.start_time[rows] <= time)
         free, rows = free[is_able], rows[is_able]
-        routes = np.array([self._route_to(Route(refuge=area.name), own) for own in self._own[free]], np.int32)
+        known = self._scene.fields.routes
+        to_area = [Route(refuge=area.name, steepest=known[own].steepest) for own in self._own[free]]
+        routes = np.array([known.index(route) for route in to_area], np.int32)
         away = self._scene.fields.travel_time_at(
             crowd.level[rows], crowd.position[rows], routes, crowd.contact_radius[rows]
         )
@@ -265,11 +267,6 @@ class Helpers(Behaviour):
             crowd.route[rows[nearest]] = routes[nearest]
             self._scene.begin_ways(rows[nearest])
             self._by[k, free[nearest]] = 1
-
-    def _route_to(self, route: Route, own: int) -> int:
-        """Return the index of a route with the slopes of another one."""
-        routes = self._scene.fields.routes
-        return routes.index(replace(route, steepest=routes[own].steepest))
 
     def _fetch(self, crowd: Crowd, time: float, k: int) -> None:
         """Lead the helpers to a person; begin the preparation when all of them are there."""
@@ -368,11 +365,6 @@ class Helpers(Behaviour):
         inside = mine[crowd.level[self._helpers[mine]] >= 0]
         crowd.route[self._helpers[inside]] = self._own[inside]
         self._scene.begin_ways(self._helpers[inside])
-
-    def _let_wait(self, crowd: Crowd, time: float) -> None:
-        """Let free helpers stand who may still be needed."""
-        is_needed = self._may[:, self._waits].any(axis=1)
-        crowd.speed_factor[self._helpers[(self._task < 0) & is_needed]] = 0.0
 
     def notes(self) -> tuple[str, ...]:
         """Return a line for each person: who has fetched it, or that nobody has."""

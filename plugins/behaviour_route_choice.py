@@ -102,7 +102,8 @@ class RouteChoice(Behaviour):
     def routes(self) -> tuple[Route, ...]:
         """Return the routes to each of `exits` with each strategy."""
         strategies = dict.fromkeys((*self.strategies, *([self.change_to] if self.change_to else [])))
-        return tuple(Route(exits, strategy) for strategy in strategies for exits in self._single_exits())
+        single = tuple((name,) for name in self.exits) or ((),)
+        return tuple(Route(exits, strategy) for strategy in strategies for exits in single)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Choose the initial routes."""
@@ -149,9 +150,6 @@ class RouteChoice(Behaviour):
         self._changed = changed
         if self.every > 0.0:
             self._next = following
-
-    def _single_exits(self) -> tuple[tuple[str, ...], ...]:
-        return tuple((name,) for name in self.exits) or ((),)
 
     def _choosers_of(self, group: Any, route: IntArray) -> list[_Choosers]:
         """Return the people of a group, by the exits that their route in the case permits."""

@@ -96,7 +96,8 @@ class IfcImporter(Importer):
             if element["ifc_type"] == "IfcBuildingStorey" and element.get("placement")
         }
         names = {part: storeys[whole][0] for part, whole in _parts(content).items() if whole in storeys}
-        bodies = _bodies(read, names, _fillings(content), findings)
+        fillings = {int(filling): int(opening) for opening, filling in FILLS.findall(content)}
+        bodies = _bodies(read, names, fillings, findings)
         own = {key: value for key, value in self.values().items() if key not in ("library", "time", "product_time")}
         rules = Rules(**own)
         return plan_of_bodies(path, bodies, list(storeys.values()), rules, findings)
@@ -124,11 +125,6 @@ def _content(path: Path) -> bytes:
     if b"END-ISO-10303-21" not in content[-1000:]:
         raise ValueError(f"truncated after {len(content)} bytes: END-ISO-10303-21 is missing; export the file again")
     return content
-
-
-def _fillings(content: bytes) -> dict[int, int]:
-    """Return the number of the opening that each door or window fills, by its number."""
-    return {int(filling): int(opening) for opening, filling in FILLS.findall(content)}
 
 
 def _parts(content: bytes) -> dict[int, int]:

@@ -20,6 +20,9 @@ from evac.base.arrays import BoolArray, IndexArray
 from evac.building.importer import Importer
 from evac.building.surface.surfacemesh import EDGE_TAGS, SurfaceMesh
 
+#: Number of corners of the types of cells that are edges or surfaces, besides polygons.
+CORNERS = {"line": 2, "triangle": 3, "quad": 4}
+
 #: For each tag, the masks of its cells in each block of the file.
 Tags = dict[str, list[BoolArray]]
 
@@ -39,7 +42,8 @@ class MeshioImporter(Importer):
         blocks: dict[int, IndexArray] = {}  # by their numbers in the file
         notes = []
         for number, block in enumerate(mesh.cells):
-            corners = _corner_count(block.type, np.shape(block.data)[-1])
+            sizes = CORNERS | {"polygon": np.shape(block.data)[-1]}
+            corners = sizes.get(block.type.rstrip("0123456789"), 0)
             if corners and len(block.data):
                 blocks[number] = np.asarray(block.data, dtype=np.int64)[:, :corners]
             elif len(block.data) and block.type != "vertex":
@@ -85,12 +89,6 @@ def _all_of(masks: list[BoolArray], numbers: list[int]) -> BoolArray:
 
 def _is_of_edges(tag: str) -> bool:
     return tag.partition(":")[0] in EDGE_TAGS
-
-
-def _corner_count(cell_type: str, nodes: int) -> int:
-    """Return the number of corners of a meshio cell type; 0 for cells that are neither edges nor surfaces."""
-    kind = cell_type.rstrip("0123456789")
-    return {"line": 2, "triangle": 3, "quad": 4, "polygon": nodes}.get(kind, 0)
 
 
 def _check_count(path: Path, mesh: Any) -> None:

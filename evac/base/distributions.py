@@ -236,7 +236,11 @@ def distribution_from(
     distribution = _read(value)
     _check_bound(distribution, minimum, above)
     if maximum is not None:
-        _check_greatest(distribution, maximum)
+        high, mean = distribution.support()[1], distribution.mean()
+        if math.isfinite(high) and high > maximum:
+            raise ValueError(f"must be at most {maximum:g}, got {high:g}")
+        if mean > maximum:
+            raise ValueError(f"must be at most {maximum:g}, but the mean of {distribution.kind} is {mean:g}")
     return distribution
 
 
@@ -368,11 +372,3 @@ def _check_bound(given: Distribution, minimum: float | None, above: float | None
     if math.isinf(low):
         raise ValueError(f"must be {bound}, but {given.kind} has smaller values; add a minimum")
     raise ValueError(f"must be {bound}, got {low:g}")
-
-
-def _check_greatest(given: Distribution, maximum: float) -> None:
-    high = given.support()[1]
-    if math.isfinite(high) and high > maximum:
-        raise ValueError(f"must be at most {maximum:g}, got {high:g}")
-    if given.mean() > maximum:
-        raise ValueError(f"must be at most {maximum:g}, but the mean of {given.kind} is {given.mean():g}")

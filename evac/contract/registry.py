@@ -278,21 +278,17 @@ class Registry:
                 answer = function()
             check_answer(kind, answer, function, plugin)
             for item in answer:
-                if kind == "case":
-                    self._enter_case(Path(item), plugin, function)
-                else:
-                    self._enter_class(item, plugin)
+                if kind != "case":
+                    self._enter(check_class(item, plugin), item.name, item, plugin, item)
+                    continue
+                folder = Path(item)
+                if not (folder / "case.toml").is_file():
+                    text = f"{folder}, the folder of a case, has no case.toml"
+                    raise fault(f"plugin {plugin}", text, "add it", function)
+                self._enter("case", folder.name, folder, plugin, function)
         if not returning.keys() - {"case"}:
             for cls in classes_in(module):
-                self._enter_class(cls, plugin)
-
-    def _enter_class(self, cls: type[Any], plugin: str) -> None:
-        self._enter(check_class(cls, plugin), cls.name, cls, plugin, cls)
-
-    def _enter_case(self, folder: Path, plugin: str, origin: Any) -> None:
-        if not (folder / "case.toml").is_file():
-            raise fault(f"plugin {plugin}", f"{folder}, the folder of a case, has no case.toml", "add it", origin)
-        self._enter("case", folder.name, folder, plugin, origin)
+                self._enter(check_class(cls, plugin), cls.name, cls, plugin, cls)
 
     def _enter(self, kind: str, name: str, item: Any, plugin: str, origin: Any) -> None:
         """Enter a class or a folder in its table; `origin` is the code of the plugin that provides it."""

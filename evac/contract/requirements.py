@@ -102,17 +102,13 @@ def classes_in(module: ModuleType) -> list[type[Any]]:
     classes = {
         item: None
         for item in vars(module).values()
-        if isinstance(item, type) and _is_in(module, item) and kind_of(item)
+        if isinstance(item, type) and f"{item.__module__}.".startswith(f"{module.__name__}.") and kind_of(item)
     }
     return [
         item
         for item in classes
         if "name" in vars(item) or not any(other is not item and issubclass(other, item) for other in classes)
     ]
-
-
-def _is_in(module: ModuleType, cls: type[Any]) -> bool:
-    return f"{cls.__module__}.".startswith(f"{module.__name__}.")
 
 
 def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:

@@ -166,7 +166,9 @@ def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
             yield new
             if is_synced:
                 sync_file(new)
-            new.chmod(0o666 & ~_umask())
+            mask = os.umask(0o022)
+            os.umask(mask)
+            new.chmod(0o666 & ~mask)
             os.replace(new, path)
         finally:
             new.unlink(missing_ok=True)
@@ -191,12 +193,6 @@ def move_into(source: Path, target: Path) -> None:
         else:
             note_written([new])
             os.replace(path, new)
-
-
-def _umask() -> int:
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
 
 
 def _sync(path: Path, mode: int) -> None:

@@ -250,8 +250,9 @@ class ResultFolder:
         running = read_manifest(self.running)
         if running.state and (running.state, running.result) != (RUNNING, self._place.name):
             raise ResultError(f"{self.running}: is a result of its own, but the run needs this name; move it away")
-        is_earlier = read_manifest(self._replaced).state == REPLACED
-        if os.path.lexists(self._replaced) and not is_earlier and not _is_empty(self._replaced):
+        is_empty = _is_folder(self._replaced) and not any(self._replaced.iterdir())
+        is_earlier = is_empty or read_manifest(self._replaced).state == REPLACED
+        if os.path.lexists(self._replaced) and not is_earlier:
             raise ResultError(
                 f"{self._replaced}: is not the earlier result of an interrupted replacement, but the run needs this "
                 "name; move it away"
@@ -391,10 +392,6 @@ def _is_folder(path: Path) -> bool:
     return path.is_dir() and not path.is_symlink()
 
 
-def _is_empty(folder: Path) -> bool:
-    return _is_folder(folder) and not any(folder.iterdir())
-
-
 def _remove_if_empty(folder: Path) -> None:
     with suppress(OSError):  # it contains other files, or does not exist
         folder.rmdir()
@@ -415,14 +412,9 @@ def _is_result(folder: Path) -> bool:
     """Return whether a folder contains a trajectory, a checkpoint or a summary written by evac."""
     if (folder / CHECKPOINT_NAME).is_file() or is_trajectory(folder / TRAJECTORY_NAME):
         return True
-    versions = _summary(folder).get("versions")
-    return isinstance(versions, dict) and "evac" in versions
-
-
-def _summary(folder: Path) -> dict[str, Any]:
-    """Return the summary of a result folder, empty if there is none."""
     try:
         summary = json.loads(content_of(folder / SUMMARY_NAME).decode())
     except (OSError, ValueError):
-        return {}
-    return summary if isinstance(summary, dict) else {}
+        return False
+    versions = summary.get("versions") if isinstance(summary, dict) else None
+    return isinstance(versions, dict) and "evac" in versions

@@ -41,7 +41,12 @@ def make_world(building: Building, fields: Fields) -> World:
     link_open[list(building.closed)] = 0
     wall_level = np.concatenate([building.wall_level, door_level, link_level]).astype(np.int32)
     bucket_wall, bucket_start, shape, frame = _buckets(walls, wall_level)
-    linked = _linked(building)
+    # Only people on levels at most two portals apart can touch each other.
+    neighbours = np.eye(len(building.levels), dtype=np.int64)
+    for portal in building.portals:
+        neighbours[portal.levels, portal.levels[::-1]] = 1
+    linked = (neighbours @ neighbours > 0).astype(np.uint8)
+    own, other = np.nonzero(linked)
     return World(
         wall=np.ascontiguousarray(walls, dtype=np.float64),
         wall_level=wall_level,
@@ -68,7 +73,7 @@ def make_world(building: Building, fields: Fields) -> World:
         backed=walls_behind_exits(building),
         linked=linked,
         linked_start=np.concatenate([[0], np.cumsum(linked.sum(axis=1, dtype=np.int32))]).astype(np.int32),
-        linked_level=_linked_levels(linked),
+        linked_level=other[np.lexsort((other, other != own, own))].astype(np.int32),
         rounding=max(1e-12, 16.0 * np.finfo(float).eps * float(np.abs(fields.packed.origin).max())),
         fields=fields.packed,
     )
@@ -133,20 +138,6 @@ def walls_behind_exits(building: Building) -> Bytes:
         if shapely.intersects(shapely.union_all(behind).buffer(-ROUNDING), own).any():
             backed[way.level] = 1
     return backed
-
-
-def _linked(building: Building) -> np.ndarray:
-    """Mark pairs of levels at most two portals apart; only people on these can touch each other."""
-    neighbours = np.eye(len(building.levels), dtype=np.int64)
-    for portal in building.portals:
-        neighbours[portal.levels, portal.levels[::-1]] = 1
-    return (neighbours @ neighbours > 0).astype(np.uint8)
-
-
-def _linked_levels(linked: np.ndarray) -> IntArray:
-    """Return the linked levels of each level, its own first."""
-    own, other = np.nonzero(linked)
-    return other[np.lexsort((other, other != own, own))].astype(np.int32)
 
 
 def _buckets(walls: FloatArray, level: IntArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:

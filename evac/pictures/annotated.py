@@ -97,7 +97,9 @@ def levels_figure(
         _name_parts(axes, building, levels)
         for mark in marks:
             if mark.level in panels[number]:
-                _draw_mark(axes, mark)
+                segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
+                _line(axes, segment, OPENING, 2.2)
+                beside(axes, segment, mark.label, OPENING)
         for own in _by_place(building, panels, listed, number):
             _draw_findings(axes, own)
     _list_below(plans.figure, listed)
@@ -175,12 +177,6 @@ def _arrow(axes: Axes, level: Level) -> None:
     middle = shapely.get_coordinates(level.polygon.representative_point())[0]
     start, end = middle - reach * level.uphill, middle + reach * level.uphill
     axes.annotate("", tuple(end), xytext=tuple(start), arrowprops={"arrowstyle": "->", "color": UPHILL, "lw": 0.9})
-
-
-def _draw_mark(axes: Axes, mark: Mark) -> None:
-    segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
-    _line(axes, segment, OPENING, 2.2)
-    beside(axes, segment, mark.label, OPENING)
 
 
 def _by_place(

@@ -73,7 +73,7 @@ class Aimed:
 
 def aim(building: Building, levels: Sequence[Level], camera: Camera) -> Aimed:
     """Choose the parameters that a camera leaves open."""
-    heights = _floor_heights(levels)
+    heights = np.unique(np.round([level.z_min for level in levels if level.kind == "floor"], 1))
     angle = camera.elevation if camera.elevation is not None else ELEVATION if len(heights) > 1 else ELEVATION_FLAT
     tilt = math.radians(angle)
     if camera.azimuth is not None:
@@ -97,11 +97,6 @@ def _axes(azimuth: float, tilt: float) -> FloatArray:
     toward = np.append(math.cos(tilt) * ground, math.sin(tilt))
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     return np.array([right, np.cross(toward, right), toward])
-
-
-def _floor_heights(levels: Sequence[Level]) -> FloatArray:
-    """Return the different heights of the floors, ascending [m]."""
-    return np.unique(np.round([level.z_min for level in levels if level.kind == "floor"], 1))
 
 
 def _clear_stretch(

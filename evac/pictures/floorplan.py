@@ -17,7 +17,7 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building, Exit, Level, Place
+from evac.building.model.building import Building, Level, Place
 from evac.building.model.marks import marks_of
 from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
@@ -152,7 +152,12 @@ def draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fill
             axes.add_collection(shut)
     for exit_ in building.exits:
         if exit_.level in rows:
-            _draw_exit(axes, exit_, building.is_open(exit_), has_widths)
+            colour, name = palette.EXIT, exit_.name
+            if not building.is_open(exit_):
+                colour, name = palette.CLOSED, f"{exit_.name} (closed)"
+            axes.add_collection(LineCollection(_ends(exit_.segments), colors=colour, linewidths=3.5, zorder=4))
+            name = f"{name} {exit_.width:.2f} m" if has_widths else name
+            beside(axes, exit_.segments, name, colour, size=8.5, weight="bold")
 
 
 def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> None:
@@ -190,13 +195,6 @@ def _draw_place(axes: Axes, place: Place) -> None:
         zorder=6,
         parse_math=False,
     )
-
-
-def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:
-    colour = palette.EXIT if is_open else palette.CLOSED
-    axes.add_collection(LineCollection(_ends(exit_.segments), colors=colour, linewidths=3.5, zorder=4))
-    name = exit_.name if is_open else f"{exit_.name} (closed)"
-    beside(axes, exit_.segments, f"{name} {exit_.width:.2f} m" if has_width else name, colour, size=8.5, weight="bold")
 
 
 def beside(

@@ -233,7 +233,10 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
             # The palette of a GIF is that of the first picture, and of the first after each change of the building.
             first = {trajectory.building_at(float(trajectory.time[k])).condition: k for k in reversed(frames)}
             samples = np.concatenate([renderer.image(k) for k in first.values()])
-            _write_gif(new, images, fps, samples)
+            # One palette for all pictures avoids flickering.
+            palette = Image.fromarray(samples).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
+            shown = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+            next(shown).save(new, save_all=True, append_images=shown, duration=1000.0 / fps, loop=0)
 
 
 def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
@@ -260,13 +263,6 @@ def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
 def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
     if path.suffix not in endings:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {' or '.join(endings)}")
-
-
-def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float, samples: NDArray[np.uint8]) -> None:
-    """Write a GIF with the palette of samples for all pictures, to avoid flickering."""
-    palette = Image.fromarray(samples).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
-    shown = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
-    next(shown).save(path, save_all=True, append_images=shown, duration=1000.0 / fps, loop=0)
 
 
 def _write_mp4(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:

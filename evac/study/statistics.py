@@ -426,17 +426,11 @@ def _mean(times: FloatArray, groups: NDArray[Any] | None, confidence: float) -> 
             low = high = math.nan
             verb = "decides" if few == 1 else "decide"
             doubts.append(f"no interval, because {counted(few, values)} of {len(sample)} {verb} it")
-        elif _skewness(sample) > SKEWED:
+        elif (spread := sample.std()) and ((sample - sample.mean()) ** 3).mean() / spread**3 > SKEWED:
             doubts.append(f"skewed by long {values}s")
     if doubts and len(times) >= least_runs(50.0) and math.isfinite(percentile(times, 50.0)):
         doubts.append(f"prefer {MEDIAN}")
     return Estimate("mean", float(complete.mean()), low, high, len(complete), "; ".join([*notes, *doubts]))
-
-
-def _skewness(values: FloatArray) -> float:
-    deviations = values - values.mean()
-    spread = float(np.sqrt((deviations**2).mean()))
-    return float((deviations**3).mean()) / spread**3 if spread else 0.0
 
 
 def _blocked_note(times: FloatArray) -> str:

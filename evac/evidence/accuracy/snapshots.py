@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evac.building.model.building import Building
 from evac.directions.fields import Fields
 from evac.evidence.models import make_engine
 from evac.evidence.scenes import fields_of, packed, room
@@ -55,7 +54,9 @@ def standing_crowd(kind: str, people: int, seed: int) -> DoorCrowd:
     side = float(np.sqrt(people / DENSITY))
     generator = np.random.default_rng(np.random.SeedSequence([seed, people]))
     crowd = _rows(people, side) if kind == "in rows" else _crowd(people, side, generator)
-    found = DoorCrowd(kind, make_engine(make_world(door_room(side), door_fields(side)), people), crowd)
+    low, high = 0.5 * (side - DOOR), 0.5 * (side + DOOR)
+    door_room = room((0.0, 0.0, side, side), exits=((side, low, side, high),))
+    found = DoorCrowd(kind, make_engine(make_world(door_room, door_fields(side)), people), crowd)
     found.open_door(kind == "arriving")
     return found
 
@@ -73,12 +74,6 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     for _ in range(int(np.ceil(10.0 * seconds))):
         crowd.walk(model, 10)
     return crowd
-
-
-def door_room(side: float) -> Building:
-    """Return a square room with a door in the middle of its right wall."""
-    low, high = 0.5 * (side - DOOR), 0.5 * (side + DOOR)
-    return room((0.0, 0.0, side, side), exits=((side, low, side, high),))
 
 
 def door_fields(side: float) -> Fields:

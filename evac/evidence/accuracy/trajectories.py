@@ -149,7 +149,8 @@ def measure(
                 continue
             walks = [walked(problem, model, shift, step, drive) for shift in shifts]
             errors = [_distance(place, truth) for (place, _), truth in zip(walks, truths, strict=True)]
-            path = _fastest(problem) * step
+            crowd = problem.scene(0.0).crowd
+            path = float(max(crowd.speed.max(), np.hypot(*crowd.velocity.T).max())) * step
             error = math.sqrt(float(np.mean(np.square(errors))))
             rows.append(
                 {
@@ -183,12 +184,6 @@ def _distance(places: FloatArray, truth: FloatArray) -> float:
     return float(np.max(np.hypot(*(places - truth).T)))
 
 
-def _fastest(problem: Motion) -> float:
-    """Return the greatest desired or initial speed [m/s]."""
-    crowd = problem.scene(0.0).crowd
-    return float(max(crowd.speed.max(), np.hypot(*crowd.velocity.T).max()))
-
-
 def _scene(position: Any, velocity: Any = 0.0, extra: Any = None, walls: Any = (), **settings: Any) -> Scene:
     """Return people in a large room who all head along x, or elsewhere with `extra` directions added."""
     settings = {"mass": MASS, "radius": RADIUS, "tau": TAU, "speed": SPEED, **settings}
@@ -196,10 +191,6 @@ def _scene(position: Any, velocity: Any = 0.0, extra: Any = None, walls: Any = (
     if extra is not None:
         crowd.extra_direction[:] = extra
     return Scene(BOUNDS, room(BOUNDS, walls), one_direction(BOUNDS), crowd)
-
-
-def _free_walk(shift: float) -> Scene:
-    return _scene([[-5.0 + shift, 0.0]])
 
 
 def _free_walk_end(plugin: str, parameters: dict[str, Any], shift: float) -> FloatArray:
@@ -258,7 +249,7 @@ UNDRIVEN = LEAPFROG | {("DEM", "explicit")}
 MIDPOINT = frozenset({("NSM2, K_N = 0", "exponential"), ("NSM2, K_N = 1e5", "exponential")})
 
 PROBLEMS = (
-    Motion("free walk", 2.0, _free_walk, _free_walk_end, MIDPOINT),
+    Motion("free walk", 2.0, lambda shift: _scene([[-5.0 + shift, 0.0]]), _free_walk_end, MIDPOINT),
     Motion("wall hit", 0.8, _wall_hit, _wall_hit_end, UNDRIVEN),
     Motion("head-on pair", 1.2, lambda shift: _pair(shift, 0.0), None, LEAPFROG),
     Motion("oblique pair", 1.2, lambda shift: _pair(shift, 0.2), None, LEAPFROG | {("NSM1 inertial", "exponential")}),

@@ -102,10 +102,6 @@ class Trial:
         extra = self.report["sub_steps"] - self.report["steps"]
         return ", ".join([*told, *([f"{extra:.0f} more sub-steps"] if extra > 0 else [])])
 
-    def has_failures(self) -> bool:
-        """Return whether the engine counted failed steps."""
-        return any(self.report.get(key, 0.0) for key in FAILURES)
-
 
 @dataclass(frozen=True)
 class Verdict:
@@ -195,7 +191,7 @@ def judge(
     words = f"{error:.2g} {unit}, {error / right:.2g} times the bound{told}"
     if error <= tolerable:
         return Verdict(DEGRADED, error, words)
-    if is_reported or trial.has_failures():
+    if is_reported or any(trial.report.get(key, 0.0) for key in FAILURES):
         return Verdict(BEYOND, error, f"{words}; theory allows {tolerable:.2g} {unit}")
     return Verdict(WRONG, error, f"{error:.2g} {unit} and nothing tells of it")
 
