@@ -61,7 +61,10 @@ class GeojsonImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read the features; raise ValueError if the file is not GeoJSON."""
-        documents = [_parsed(text) for text in _texts(path)]
+        try:
+            documents = [json.loads(text) for text in _texts(path)]
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise ValueError(f"invalid JSON: {error}") from error
         if len(documents) == 1 and _are_exported(documents[0]):
             return _plan_of_features(documents[0]["features"], path)
         objects = [item for document in documents for item in _objects(document)]
@@ -86,7 +89,8 @@ class GeojsonImporter(Importer):
                     plan.note("repaired", text, place=place_of(one.shape))
                     whole = shapely.make_valid(one.shape, method="structure", keep_collapsed=False)
                     features[row] = replace(one, shape=whole)
-            own = [{**_properties(item), **_labels(item)} for item in objects]
+            labels = ({key: item[key] for key in ("id", "feature_type") if key in item} for item in objects)
+            own = [{**_properties(item), **of} for item, of in zip(objects, labels, strict=True)]
             shapes = [one.shape for one in features]
             storeys, steps, nowhere = read_map(profile, [*zip(own, shapes, strict=True)])
             for text, shape in nowhere:
@@ -237,18 +241,6 @@ def _texts(path: Path) -> list[str]:
             return [archive.read(one).decode("utf-8-sig") for one in names]
     except (BadZipFile, UnicodeDecodeError) as error:
         raise ValueError(f"cannot be read: {error}") from error
-
-
-def _parsed(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"invalid JSON: {error}") from error
-
-
-def _labels(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the number and the type of a feature of IMDF, which are not among its properties."""
-    return {key: item[key] for key in ("id", "feature_type") if key in item}
 
 
 def _edge(at: FloatArray, way: FloatArray, width: float) -> FloatArray:

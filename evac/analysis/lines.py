@@ -190,7 +190,15 @@ def _recorded(trajectory: Trajectory) -> list[LineFlow]:
 
     @cache
     def ways(closed: frozenset[int]) -> "networkx.MultiDiGraph":
-        return _ways(replace(building, closed=closed))
+        """Return the levels as a graph whose edges are open links, with their numbers as keys; -1 is outside."""
+        now, graph = replace(building, closed=closed), networkx.MultiDiGraph()
+        graph.add_nodes_from(range(-1, len(now.levels)))
+        for portal in filter(now.is_open, now.portals):
+            for pair in (portal.levels, portal.levels[::-1]):
+                graph.add_edge(*pair, key=portal.index)
+        for exit_ in filter(now.is_open, now.exits):
+            graph.add_edge(exit_.level, -1, key=now.link_of(exit_))
+        return graph
 
     @cache
     def paths(closed: frozenset[int], source: int) -> dict[int, list[int]]:
@@ -288,17 +296,3 @@ def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
     turns, share = turns[hits], share[hits]
     rows = here[turns]
     return moved.person[rows], moved.begin[rows] + share * moved.span[rows], after[turns] >= 0.0
-
-
-def _ways(building: Building) -> "networkx.MultiDiGraph":
-    """Return the levels as a graph whose edges are open portals and exits, with their links as keys; -1 is outside."""
-    import networkx
-
-    ways = networkx.MultiDiGraph()
-    ways.add_nodes_from(range(-1, len(building.levels)))
-    for portal in filter(building.is_open, building.portals):
-        for pair in (portal.levels, portal.levels[::-1]):
-            ways.add_edge(*pair, key=portal.index)
-    for exit_ in filter(building.is_open, building.exits):
-        ways.add_edge(exit_.level, -1, key=building.link_of(exit_))
-    return ways

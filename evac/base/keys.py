@@ -170,12 +170,9 @@ def faults_of(error: ValidationError, root: type[Table]) -> list[Fault]:
     """Convert the errors of pydantic for a table to faults in the terms of case.toml."""
     details_of = error.errors(include_url=False, include_context=True)
     parents = {other["loc"][:length] for other in details_of for length in range(len(other["loc"]))}
-    return [_fault(details, root) for details in details_of[:MOST_FAULTS] if not _is_repeat(details, parents)]
-
-
-def _is_repeat(details: ErrorDetails, parents: set[Key]) -> bool:
-    """Return whether a list is reported as too short only because items of it are not valid."""
-    return details["type"] == "too_short" and details["loc"] in parents
+    # A list is also reported as too short if items of it are not valid.
+    own = [one for one in details_of[:MOST_FAULTS] if one["type"] != "too_short" or one["loc"] not in parents]
+    return [_fault(details, root) for details in own]
 
 
 def _fault(details: ErrorDetails, root: type[Table]) -> Fault:

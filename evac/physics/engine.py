@@ -268,7 +268,7 @@ class CompiledEngine(Engine):
             state.problem = make_problem(len(state.bodies.row), room)
         loaded = entries_of_parts(model, self._forces, self.full or have_seams(state.world.backed))
         addresses = {name: entry.address for name, entry in loaded.items()}
-        solver = load_solver(self._solver(model)) if isinstance(model, SolvedContactModel) else no_solver()
+        solver = load_solver(solver_of(model, self._solvers)) if isinstance(model, SolvedContactModel) else no_solver()
         state.parts = allocate(Parts, 0, **addresses, parameters=self._own, solver=solver, stronger=no_solver())
         for k, force in enumerate(self._pair_forces):
             state.forces.address[k] = force.pair.address
@@ -303,7 +303,7 @@ class CompiledEngine(Engine):
         why = f"levels: {len(backed)}, of which {int(backed.sum())} have walls right behind an exit"
         rows = [("contacts across portals and exits", self.full or have_seams(backed), why)]
         if isinstance(model, SolvedContactModel):
-            stronger, later = self._solver(model).stronger, "loaded if a solve does not converge"
+            stronger, later = solver_of(model, self._solvers).stronger, "loaded if a solve does not converge"
             rows += [
                 (f"solver {model.solver}", True, f"contact.{model.name}.solver"),
                 (f"solver {stronger}, for solves that fail", self.full, later),
@@ -326,13 +326,10 @@ class CompiledEngine(Engine):
             effects[force.name] = f"{between}; {effects[force.name]}" if force.name in effects else between
         return effects
 
-    def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
-        return solver_of(model, self._solvers, stronger)
-
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load a part that a step turned out to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
-            self.state.parts.stronger = load_solver(self._solver(model, stronger=True))
+            self.state.parts.stronger = load_solver(solver_of(model, self._solvers, stronger=True))
         else:
             self.state.parts.separation = separate.address
 
@@ -463,7 +460,7 @@ class CompiledEngine(Engine):
         report["greatest_overlap_at"] = self.deepest_overlap()
         report["failed_solver"] = ""
         if isinstance(model, SolvedContactModel) and report["failed_solves"]:
-            report["failed_solver"] = place_of(self._solver(model))
+            report["failed_solver"] = place_of(solver_of(model, self._solvers))
         report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
         return report | {"model": model.name, "parameters": model.values()}
 

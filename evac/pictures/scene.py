@@ -171,21 +171,20 @@ class _Scene:
                 self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
         here = np.isin(building.wall_level, self.rows)
         ends = building.wall_level[here].repeat(2)
-        self._add_ribbon(building.walls[here], ends, WALL_HEIGHT, palette.WALL, palette.EDGE)
+        self._add_ribbon(building.walls[here], ends, palette.WALL, WALL_HEIGHT, palette.EDGE)
         for level in self.levels:
             if level.slope == 0.0 and (tops := furniture_of(level)):
                 self._add_flat(level.index, shapely.multipolygons(tops), palette.FURNITURE, 1.0, WALL_HEIGHT)
         for exit_ in building.exits:
             if exit_.level in self.rows:
-                self._add_link(exit_.segments, exit_.level, self._colour_of(exit_))
+                self._add_ribbon(exit_.segments, exit_.level, self._colour_of(exit_))
         for portal in building.portals:
             shown = [level for level in portal.levels if level in self.rows]
             if shown and not building.is_open(portal):
-                self._add_link(portal.segments, shown[0], palette.CLOSED)
-
+                self._add_ribbon(portal.segments, shown[0], palette.CLOSED)
         for number, door in enumerate(building.doors, start=building.n_links):
             if number in building.closed and door.level in self.rows:
-                self._add_link(door.segment.reshape(1, 4), door.level, palette.CLOSED)
+                self._add_ribbon(door.segment.reshape(1, 4), door.level, palette.CLOSED)
         for mark in marks_of(building):
             if mark.level in self.rows:
                 self._add_flat(mark.level, mark.shape, palette.CLOSED, MARK_OPACITY[mark.kind])
@@ -193,7 +192,7 @@ class _Scene:
             colour = PLACES[place.kind]
             if place.kind == "line":
                 line = shapely.get_coordinates(place.shape).reshape(1, 4)
-                self._add_ribbon(line, place.level, ABOVE, colour, colour)
+                self._add_ribbon(line, place.level, colour, ABOVE)
             else:
                 shape = shapely.buffer(place.shape, SIGN) if place.kind == "sign" else place.shape
                 opacity = 1.0 if place.kind == "sign" else PLACE_OPACITY
@@ -215,11 +214,9 @@ class _Scene:
         surface = pyvista.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
         self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
 
-    def _add_link(self, segments: FloatArray, level: int, colour: str) -> None:
-        """Add a strip on the segments of an exit or of a closed portal."""
-        self._add_ribbon(segments, level, EXIT_HEIGHT, colour, colour)
-
-    def _add_ribbon(self, plan: FloatArray, level: ArrayLike, height: float, colour: str, edge_colour: str) -> None:
+    def _add_ribbon(
+        self, plan: FloatArray, level: ArrayLike, colour: str, height: float = EXIT_HEIGHT, edge_colour: str = ""
+    ) -> None:
         """Add upright strips of `height` on segments in plan (s, 4), with their upper edges."""
         if not len(plan):
             return
@@ -230,7 +227,9 @@ class _Scene:
         strips = pyvista.PolyData.from_regular_faces(quads.reshape(-1, 3), faces)
         self.plotter.add_mesh(strips, color=colour, lighting=False, opacity=0.75, render=False)
         edges = pyvista.line_segments_from_points((segments + up).reshape(-1, 3))
-        self.plotter.add_mesh(edges, color=edge_colour, line_width=self.size[0] / 800, lighting=False, render=False)
+        self.plotter.add_mesh(
+            edges, color=edge_colour or colour, line_width=self.size[0] / 800, lighting=False, render=False
+        )
 
     def _strips(self, exit_: Exit) -> Iterator[FloatArray]:
         """Yield the corners (4, 3) in the picture of the strip on each segment of an exit."""

@@ -170,7 +170,10 @@ class MotionPacker:
         self._seen[person] += 1
         uneven = np.flatnonzero(self._uneven[level])
         if uneven.size:
-            self._numbers("heights", self._off_plane(level[uneven], position[uneven]))
+            plane = np.array(self._planes)[level[uneven]]
+            height = plane[:, 0] + (plane[:, 1:] * position[uneven]).sum(axis=1)
+            off = elevation(self.building, level[uneven], position[uneven]) - height
+            self._numbers("heights", np.rint(off / GRAIN).astype(np.int64))
         codes = {
             "speeds": np.rint(found.speed / PACE).astype(np.int64),
             "waited": np.rint(found.waited / MOMENT).astype(np.int64),
@@ -254,13 +257,6 @@ class MotionPacker:
         before, self._smoke = self._smoke, np.minimum(codes, 254.0).astype(np.uint8)
         change = self._smoke - before
         return np.concatenate([np.ones(1, np.uint8), change]) if change.any() else np.zeros(1, np.uint8)
-
-    def _off_plane(self, level: IntArray, position: FloatArray) -> NDArray[np.int64]:
-        """Return heights above the planes of the levels [cm]."""
-        plane = np.array(self._planes)[level]
-        height = plane[:, 0] + (plane[:, 1:] * position).sum(axis=1)
-        off: NDArray[np.int64] = np.rint((elevation(self.building, level, position) - height) / GRAIN).astype(np.int64)
-        return off
 
     def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
         """Write whole numbers as bytes, and those that do not fit to ``wide``."""

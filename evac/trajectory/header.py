@@ -171,10 +171,7 @@ def origin_from_json(data: Any) -> FloatArray:
     HeaderError
         The origin is missing or not valid.
     """
-    origin = _numbers(data, "", "origin", (), COORDINATE_MAX)
-    if origin.shape != (2,):
-        raise HeaderError(f"origin has {len(origin)} numbers instead of 2")
-    return origin
+    return _numbers(data, "", "origin", (), COORDINATE_MAX, 2)
 
 
 def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> Level:
@@ -187,9 +184,6 @@ def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> L
     a, b, c = vertices[triangles, :2].transpose(1, 0, 2)
     if ((b - a)[:, 0] * (c - a)[:, 1] == (b - a)[:, 1] * (c - a)[:, 0]).any():
         raise HeaderError(f"{key}.triangles contains a triangle without area in plan")
-    uphill = _numbers(data, key, "uphill", (), 2.0)
-    if uphill.shape != (2,):
-        raise HeaderError(f"{key}.uphill has {len(uphill)} numbers instead of 2")
     return Level(
         index=index,
         name=_get(data, key, "name", str),
@@ -197,7 +191,7 @@ def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> L
         stair=stair,
         triangles=triangles,
         polygon=_polygon(data, key),
-        uphill=uphill,
+        uphill=_numbers(data, key, "uphill", (), 2.0, 2),
         slope=_number(data, key, "slope", 0.0, 0.5 * pi),
         z_min=_number(data, key, "z_min", -COORDINATE_MAX, COORDINATE_MAX),
         z_max=_number(data, key, "z_max", -COORDINATE_MAX, COORDINATE_MAX),
@@ -243,9 +237,7 @@ def _place(index: int, data: Any, levels: int) -> Place:
 
 def _door(index: int, data: Any, levels: int) -> Door:
     key = f"building.doors.{index}"
-    segment = _numbers(data, key, "segment", (), COORDINATE_MAX)
-    if segment.shape != (4,):
-        raise HeaderError(f"{key}.segment has {len(segment)} numbers instead of 4")
+    segment = _numbers(data, key, "segment", (), COORDINATE_MAX, 4)
     width = _number(data, key, "width", 0.0, COORDINATE_MAX)
     return Door(_get(data, key, "name", str), _row(data, key, "level", levels), segment, width)
 
@@ -327,9 +319,13 @@ def _array(data: Any, place: str, key: str, kinds: str, shape: tuple[int, ...]) 
     return array
 
 
-def _numbers(data: Any, place: str, key: str, shape: tuple[int, ...], greatest: float) -> FloatArray:
-    """Return finite numbers between -greatest and greatest."""
+def _numbers(
+    data: Any, place: str, key: str, shape: tuple[int, ...], greatest: float, count: int | None = None
+) -> FloatArray:
+    """Return finite numbers between -greatest and greatest, or rows of them; of so many, if a count is given."""
     array = _array(data, place, key, "iuf", shape).astype(np.float64)
+    if count not in (None, len(array)):
+        raise HeaderError(f"{place + '.' if place else ''}{key} has {len(array)} numbers instead of {count}")
     if not (np.abs(array) <= greatest).all():
         raise HeaderError(f"{place + '.' if place else ''}{key} contains numbers greater than {greatest:g}")
     return array

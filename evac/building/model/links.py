@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from evac.base.arrays import IndexArray
 from evac.base.change import Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
@@ -237,7 +236,8 @@ def levels_reaching(building: Building, exits: Iterable[Exit | Area], barred: Co
 
 def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:
     """Warn of levels from which no exit can be reached, except the levels in `closed`."""
-    part = _parts(building)
+    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
+    part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     open_levels = {way.level for way in building.exits if building.is_open(way)}
     notes = []
     for number in np.unique(part):
@@ -249,9 +249,3 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
             x, y = building.levels[members[0]].polygon.representative_point().coords[0]
             notes.append(Finding("warning", text, names[0], (x, y)))
     return tuple(notes)
-
-
-def _parts(building: Building) -> IndexArray:
-    """Return the part of the building that each level belongs to: open portals join levels to parts."""
-    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
-    return connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))

@@ -1,7 +1,5 @@
 """Conversion of a plan to a surface mesh: doors join rooms, obstacles and stairs are cut out, exits are opened."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -36,6 +34,7 @@ from evac.building.plan.outlines import (
 )
 from evac.building.plan.plancheck import beside_floor, both_sides, low_storeys, with_cause
 from evac.building.plan.planparts import SNAP, Item, Stair
+from evac.building.plan.shapes import naming_part
 from evac.building.surface.surfacemesh import SurfaceMesh
 
 if TYPE_CHECKING:
@@ -90,7 +89,7 @@ class _Drawing:
         self._cut_exits()
         self._make_stairs()
         for item in self.exits:
-            with self._naming(f"exit {item.name!r}"):
+            with naming_part(self.plan.source, f"exit {item.name!r}"):
                 self._open_exit(item)
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
@@ -112,14 +111,6 @@ class _Drawing:
         if name not in self.plan.storeys:
             hint = did_you_mean(name, list(self.plan.storeys))
             raise BuildingError(f"{self.plan.source}: {what}: no storey is named {name!r}; {hint}")
-
-    @contextmanager
-    def _naming(self, what: str) -> Iterator[None]:
-        """Prefix geometry errors with the plan and the part."""
-        try:
-            yield
-        except ValueError as error:
-            raise BuildingError(f"{self.plan.source}: {what}: {error}") from error
 
     def _find(self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray) -> None:
         """Add a finding on a storey, at a geometry or at the middle of a segment."""
@@ -152,7 +143,7 @@ class _Drawing:
             low, high = expanse(door)
             bounds = shapely.bounds(own)
             is_near = (bounds[:, :2] <= high).all(axis=1) & (bounds[:, 2:] >= low).all(axis=1)
-            with self._naming(f"door {door.name!r}"):
+            with naming_part(self.plan.source, f"door {door.name!r}"):
                 try:
                     ground = self._open_door(door, united([own[k] for k in np.flatnonzero(is_near)]))
                 except ValueError:  # its message also says what is farther away
@@ -217,13 +208,13 @@ class _Drawing:
             what = f"stair {stair.name!r}"
             for storey in (stair.lower, stair.upper):
                 self._check_storey(what, storey)
-            with self._naming(what):
+            with naming_part(self.plan.source, what):
                 pieces, upper, ways = self._stair_pieces(stair)
             self.pieces[stair.name] = pieces
             ends.append((what, "lower", stair.lower, stair.lower_edge, ways[0]))
             ends.append((what, "upper", stair.upper, upper, ways[1]))
         for name, kind, values in plan.pieces:
-            with self._naming(f"stair {name!r}"):
+            with naming_part(self.plan.source, f"stair {name!r}"):
                 if kind == "flight":
                     made = stairs.flight(*values)
                 elif kind == "slope":
@@ -236,7 +227,7 @@ class _Drawing:
                 for storey in plan.storeys:
                     self._cut_for_headroom(name, pieces, storey)
         for what, end, storey, edge, way in ends:
-            with self._naming(what):
+            with naming_part(self.plan.source, what):
                 self._join(what, end, storey, edge, way)
 
     def _stair_pieces(self, stair: Stair) -> tuple[list[stairs.Piece], FloatArray, list[FloatArray]]:

@@ -13,7 +13,7 @@ from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding
 from evac.building.plan.planparts import OUTSIDE, Item, Stair, Storey
-from evac.building.plan.shapes import Shape, inclined_of, is_point, polygons_of, segment_of
+from evac.building.plan.shapes import Shape, inclined_of, is_point, naming_part, polygons_of, segment_of
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building
@@ -219,11 +219,8 @@ class Plan:
         if polygon is not None:
             if (lower_edge, lower_z, upper_edge, upper_z) != (None, None, None, None):
                 raise BuildingError(f"{self.source}: {what}: give either polygon or edges, and not both")
-            try:
-                shapes = inclined_of(polygon)
-            except ValueError as error:
-                raise BuildingError(f"{self.source}: {what}: {error}") from error
-            self.pieces.append((stair, "slope", (shapes,)))
+            with naming_part(self.source, what):
+                self.pieces.append((stair, "slope", (inclined_of(polygon),)))
             return
         for key, value in (("lower_edge", lower_edge), ("upper_edge", upper_edge)):
             if value is None:
@@ -403,16 +400,12 @@ class Plan:
             raise BuildingError(f"{self.source}: there are two {kind} named {name!r}; rename one")
 
     def _polygons(self, what: str, storey: str | None, given: Shape) -> tuple[BaseGeometry, ...]:
-        try:
+        with naming_part(self.source, what):
             return tuple(polygons_of(given, storey, self.findings))
-        except ValueError as error:
-            raise BuildingError(f"{self.source}: {what}: {error}") from error
 
     def _segment(self, what: str, key: str, given: Shape | None) -> FloatArray:
-        try:
+        with naming_part(self.source, f"{what}: {key}"):
             return segment_of(given if given is not None else [])
-        except ValueError as error:
-            raise BuildingError(f"{self.source}: {what}: {key}: {error}") from error
 
     def _vector(self, what: str, key: str, value: Any) -> FloatArray:
         try:

@@ -1,6 +1,8 @@
 """Conversion of plane shapes (shapely geometries, WKT, GeoJSON, coordinates) to polygons and segments."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import FARTHEST, LEAST_LENGTH
+from evac.base.errors import BuildingError
 from evac.building.geometry.overlays import GRID, flat_parts, place_of
 from evac.building.model.findings import Finding
 
@@ -18,6 +21,15 @@ Shape: TypeAlias = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
 
 #: Greatest depth of nested parentheses in WKT: a multipolygon in a collection has five.
 MOST_NESTED = 100
+
+
+@contextmanager
+def naming_part(source: Path, part: str) -> Iterator[None]:
+    """Prefix a ValueError with a plan and its part, as a BuildingError."""
+    try:
+        yield
+    except ValueError as error:
+        raise BuildingError(f"{source}: {part}: {error}") from error
 
 
 def geometries(given: Shape) -> Iterator[BaseGeometry]:

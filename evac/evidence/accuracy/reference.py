@@ -4,19 +4,19 @@ This module shares no code with the methods that it is compared with.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 IntArray = NDArray[np.int32]
 
@@ -181,9 +181,7 @@ def _solved_by_clarabel(quadratic: Any, matrix: Any, bound: FloatArray, refineme
     ).solve()
 
 
-def geodesics(
-    plan: "BaseGeometry", target: FloatArray, points: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def geodesics(plan: BaseGeometry, target: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return exact lengths of the shortest paths in a plan to a straight line, by its visibility graph.
 
     A shortest path is straight between reflex corners of the outline; its last segment ends at the nearest point of the
@@ -220,30 +218,17 @@ def geodesics(
     away = aim - points
     norm = np.maximum(np.hypot(*away.T), 1e-300)
     direction = away / norm[:, None]
-    return length, direction, _lead(total, length, points, hops, target, direction)
-
-
-def _lead(
-    total: FloatArray,
-    length: FloatArray,
-    points: FloatArray,
-    hops: FloatArray,
-    target: FloatArray,
-    direction: FloatArray,
-) -> FloatArray:
-    """Return the additional length of the best path whose first direction differs by more than 5 degrees."""
+    # Another first corner is one whose direction differs by more than 5 degrees.
     aims = np.repeat(hops[None], len(points), axis=0)
     aims[:, -1] = _nearest_on(target, points)
     away = aims - points[:, None]
     away /= np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-300)[..., None]
     other = np.einsum("pnk,pk->pn", away, direction) < np.cos(np.radians(5.0))
-    return np.asarray(np.where(other, total, np.inf).min(axis=1) - length)
+    return length, direction, np.where(other, total, np.inf).min(axis=1) - length
 
 
-def _reflex_corners(plan: "BaseGeometry") -> FloatArray:
+def _reflex_corners(plan: BaseGeometry) -> FloatArray:
     """Return the corners (k, 2) around which a shortest path can bend: the inside angle is more than 180 degrees."""
-    from shapely.geometry.polygon import orient
-
     corners: list[FloatArray] = []
     solid = orient(plan)
     for ring in (solid.exterior, *solid.interiors):
@@ -254,10 +239,8 @@ def _reflex_corners(plan: "BaseGeometry") -> FloatArray:
     return np.concatenate(corners)
 
 
-def _visible(room: "BaseGeometry", start: FloatArray, end: FloatArray) -> NDArray[np.bool_]:
+def _visible(room: BaseGeometry, start: FloatArray, end: FloatArray) -> NDArray[np.bool_]:
     """Return for each pair of points (k, 2) whether the straight line between them stays in the room."""
-    import shapely
-
     shapely.prepare(room)
     # Some shapely versions treat a line of zero length as invalid, so a tiny length is added.
     lines = shapely.linestrings(np.stack([start, end + 1e-12], axis=1))

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from evac.study.asking import repeat, sweep
-from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, percentile_of, share_interval
+from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, share_interval
 from evac.study.stopping import GROWTH, STOPPED_CONFIDENCE, until_known
 from evac.study.study import Study
 
@@ -151,10 +150,8 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
         greatest = max(row["covers [%]"] for row in rows)
         evidence.verdict(at_least(f"Least coverage, {what}", least, LEAST_COVER, "%", COVERAGE))
         evidence.verdict(at_most(f"Greatest coverage, {what}", greatest, MOST_COVER, "%", COVERAGE))
-    of = percentile_of("percentile 95")
-    assert of is not None
     evidence.verdict(
-        reported("Runs below which the 95th percentile has no 95 % interval", f"{least_runs(of)}", section=COVERAGE)
+        reported("Runs below which the 95th percentile has no 95 % interval", f"{least_runs(95.0)}", section=COVERAGE)
     )
     evidence.heading(COVERAGE)
     blocked = int(np.isinf(times).sum())
@@ -437,17 +434,12 @@ def _loop(simulation: Simulation) -> float:
     return time.process_time() - start
 
 
-@cache
-def _colours() -> dict[str, str]:
-    return dict(zip(FIXED, ("#0072B2", "#009E73", "#D55E00"), strict=True))
-
-
 def _draw(fixed: Sequence[Row], stopped: Sequence[Row]) -> Any:
     """Draw coverage over the number of runs."""
     figure, axis = new_figure(7.0, 4.0)
     axis.axhspan(LEAST_COVER, MOST_COVER, color="0.93")
     axis.axhline(100.0 * CONFIDENCE, color="0.6", linewidth=0.8)
-    for name, colour in _colours().items():
+    for name, colour in zip(FIXED, ("#0072B2", "#009E73", "#D55E00"), strict=True):
         of = [row for row in fixed if row["statistic"] == name]
         axis.plot([row["runs"] for row in of], [row["covers [%]"] for row in of], "o-", color=colour, label=name)
         of = [row for row in stopped if row["statistic"] == name]

@@ -80,7 +80,11 @@ class Threads:
             result=np.zeros(8 * number),
         )
         self._state = state
-        self._members = [_make_member(state, k) for k in range(1, number)]
+        self._members: list[Member] = []
+        for k in range(1, number):
+            contacts, events = make_contacts(len(state.contacts.body)), allocate(Events, len(state.events.row))
+            own, listing = state.replace(contacts=contacts, events=events), state.replace(lists=_own_lists(state))
+            self._members.append(Member(number=k, main=state, own=own, listing=listing))
         self._threads: list[threading.Thread] = []
         self._calls: list[SimpleQueue[bool]] = []
         self._done: SimpleQueue[bool] = SimpleQueue()
@@ -169,13 +173,6 @@ def _dismiss(calls: "Sequence[SimpleQueue[bool]]") -> None:
     """Let threads end that are not serving."""
     for call in calls:
         call.put(False)
-
-
-def _make_member(state: State, number: int) -> Member:
-    """Return what a thread works on."""
-    contacts, events = make_contacts(len(state.contacts.body)), allocate(Events, len(state.events.row))
-    own, listing = state.replace(contacts=contacts, events=events), state.replace(lists=_own_lists(state))
-    return Member(number=number, main=state, own=own, listing=listing)
 
 
 def _own_lists(state: State) -> Lists:
