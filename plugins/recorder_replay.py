@@ -45,7 +45,7 @@ class ReplayRecorder(Recorder):
             rows = np.flatnonzero(crowd.level >= 0).astype(np.int32)
             level, time = crowd.level[rows], simulation.time
             velocity = in_space(self.motion.building, level, simulation.displacement_velocity[rows])
-            started = crowd.start_time[rows] <= time
+            started = (crowd.start_time[rows] <= time) & ~simulation.standing[rows]
             found = rows, level, crowd.position[rows], velocity, started, crowd.contact_force[rows]
             dose = None if simulation.dose is None else simulation.dose[rows]
             smoke = None if self.motion.field is None else self.motion.field.values

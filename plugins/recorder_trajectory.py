@@ -44,7 +44,7 @@ class TrajectoryRecorder(Recorder):
             crowd, scene = simulation.population.crowd, simulation.scene
             changes, fields = scene.changes[self._writer.changes :], [*scene.fields_of_behaviours.values()]
             velocity = simulation.displacement_velocity
-            self._writer.append(simulation.time, crowd, velocity, changes, fields, simulation.dose)
+            self._writer.append(simulation.time, crowd, velocity, changes, fields, simulation.dose, simulation.standing)
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:

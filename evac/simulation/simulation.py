@@ -191,6 +191,11 @@ class Simulation:
         """The greater one of the doses of gases and heat of each person, (n,); None in a case without doses."""
         return None if self.exposure is None else self.exposure.dose(self.time)
 
+    @property
+    def standing(self) -> NDArray[np.bool_]:
+        """Who waits for nothing, (n,): they have arrived at a refuge or assembly area, or gases have stopped them."""
+        return self.places.arrived if self.exposure is None else self.places.arrived | self.exposure.stopped
+
     def _watch_people(self) -> None:
         """Keep the initial state of people, and begin to watch how they get on."""
         crowd, settings = self.population.crowd, self.case.simulation

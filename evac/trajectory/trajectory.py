@@ -52,7 +52,7 @@ class Frame(TypedDict):
     speed : (c,) float64 [m/s]
         Magnitude of the velocity, on stairs along the slope.
     started : (c,) bool
-        Whether the response time of each person is over.
+        Whether the response time of each person is over; False of those who stay at a place or have been stopped.
     contact_force : (c,) float64 [N]
         Sum of the contact forces.
     crowd_pressure : (c,) float64 [N/m]

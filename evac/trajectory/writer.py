@@ -140,6 +140,7 @@ class TrajectoryWriter:
         changes: Sequence[Change] = (),
         fields: Sequence[LevelField] = (),
         dose: FloatArray | None = None,
+        standing: NDArray[np.bool_] | None = None,
     ) -> None:
         """Write one frame with all people who are inside at `time`.
 
@@ -155,6 +156,8 @@ class TrajectoryWriter:
             Those given at first, with their present values.
         dose : (n,) float64, optional
             Doses of all people, if they are recorded.
+        standing : (n,) bool, optional
+            Those who do not walk on: see `Simulation.standing`; nobody if not given.
 
         Raises
         ------
@@ -185,6 +188,8 @@ class TrajectoryWriter:
                 )
         text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
         whole, started = (rows, crowd.level[rows]), crowd.start_time[rows] <= time
+        if standing is not None:
+            started &= ~standing[rows]
         batch = self._batch(time, whole, started, motion, text, values)
         with writing(f"the trajectory at {time:.3f} s", self.path):
             self._write(sealed(batch.serialize().to_pybytes(), self.length))

@@ -4,13 +4,14 @@ import pytest
 from shapely import box
 
 import evac
+from evac.analysis.queues import find_queues
 from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
 
 
-def case_of(*events, places=("yard",), rooms=(None,), number=8, **group):
+def case_of(*events, places=("yard",), rooms=(None,), number=8, shown=False, **group):
     """Return a case of a class in a room, with a yard and a corner behind its door, and an exit of the room."""
     plan = evac.Plan()
     plan.storey("floor", box(0, 0, 10, 10).union(box(10, 4, 10.2, 5.2)).union(box(10.2, 0, 22, 10)))
@@ -31,7 +32,7 @@ def case_of(*events, places=("yard",), rooms=(None,), number=8, **group):
             "event": [{"kind": "strategy", "target": "class"} | event for event in events],
             "contact": {"model": "nsm2"},
             "behaviours": {"walking": {}},
-            "output": {"trajectory": False, "replay": False, "picture": False},
+            "output": dict.fromkeys(("trajectory", "replay", "picture"), shown),
         }
     )
 
@@ -46,6 +47,19 @@ def test_people_go_to_their_assembly_area_and_count_as_there(tmp_path):
     again = evac.read_results(tmp_path / "run")
     assert again.places == results.places
     assert main_results(again)["At assembly area 'at yard'"] == "8"
+
+
+def test_who_has_arrived_waits_for_nothing(tmp_path):
+    """The class gathers, stays for a minute and goes on: the queues of the run and people's times of waiting."""
+    on = {"when": {"count": 8, "area": "yard", "after": 60.0}, "value": []}
+    results = evac.run(case_of(on, shown=True), tmp_path / "run")
+    assert results.evacuated == 8
+    assert results.time > 80.0
+    queues = find_queues(results.trajectory)
+    assert sum(queue.waited for queue in queues) < 8 * 20.0
+    assert not any(
+        queue.at_once[(results.trajectory.time > 50.0) & (results.trajectory.time < 60.0)].any() for queue in queues
+    )
 
 
 def test_who_finds_no_room_goes_to_another_area_or_leaves():

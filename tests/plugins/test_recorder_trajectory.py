@@ -59,6 +59,7 @@ def simulation(tmp_path):
         population=SimpleNamespace(crowd=crowd, groups=groups),
         displacement_velocity=np.array([[0.5, 0.0], [0.0, 0.25], [0.0, 0.0]]),
         dose=None,
+        standing=np.zeros(3, np.bool_),
         time=0.0,
         seed=11,
         folder=tmp_path / "result",
