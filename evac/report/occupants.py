@@ -30,7 +30,7 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
     return section(
         "occupants",
         "Occupants and assumptions",
-        people=sum(group.size for group in case.people),
+        people=sum(_size(group, run) for group in case.people),
         groups=_groups(case, run),
         characteristics=_characteristics(case, run),
         is_drawn=run is not None,
@@ -51,16 +51,34 @@ def _groups(case: CaseTable, run: Results | None) -> list[tuple[object, ...]]:
     areas = {area.name: area.polygon.area for area in building.areas} if building else {}
 
     def row(group: GroupTable) -> tuple[object, ...]:
-        size = areas.get(group.area or "")
-        if group.area:
-            where = f"area {group.area}"
-        else:
-            on = f"level {group.level}" if group.level else f"z = {group.z:g} m" if group.z is not None else "a level"
-            where = f"given places on {on}"
+        size = None if group.arrive else areas.get(group.area or "")
         density = fixed(group.size / size, 2) if size else None
-        return group.name, group.size, where, density, ", ".join(group.exits) or "any exit", group.strategy
+        ways = (", ".join(group.exits) or "any exit") if group.leave else "they stay"
+        if group.leave and group.assembly:
+            ways = f"assembly area {', '.join(group.assembly)}"
+        return group.name, _size(group, run), _start(group), density, ways, group.strategy
 
     return [row(group) for group in case.people]
+
+
+def _size(group: GroupTable, run: Results | None) -> int:
+    """Return the number of people of a group: in a run, those who were drawn to arrive as well."""
+    return group.size if run is None else next(len(one.rows) for one in run.groups if one.name == group.name)
+
+
+def _start(group: GroupTable) -> str:
+    """Return where the people of a group start, or where and when they arrive."""
+    on = f"level {group.level}" if group.level else f"z = {group.z:g} m" if group.z is not None else "a level"
+    where = f"area {group.area}" if group.area else on if group.positions is None else f"given places on {on}"
+    if group.arrive is None:
+        return where
+    for kind in ("exit", "portal"):
+        if name := group.arrive.get(kind):
+            where = f"{kind} {name}"
+    if times := group.arrive.get("times"):
+        return f"arrive: {where}, {len(times)} from {min(times):g} to {max(times):g} s"
+    span = f"from {group.arrive.get('from', 0.0):g} to {group.arrive.get('to', 0.0):g} s"
+    return f"arrive: {where}, {group.arrive.get('rate', 0.0):g} per second {span}"
 
 
 def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any]]:
@@ -75,7 +93,7 @@ def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any
         rows.append(
             {
                 "names": ", ".join(group.name for group in groups),
-                "people": sum(group.size for group in groups),
+                "people": sum(_size(group, run) for group in groups),
                 "rows": [
                     (what, unit, told(given.get(name)), *_drawn(run, groups, name, digits))
                     for name, (what, unit, digits) in QUANTITIES.items()

@@ -98,7 +98,10 @@ class GroupTable(BaseModel):
     level: str | None = None
     z: float | None = None
     positions: list[list[float]] | None = None
+    arrive: dict[str, Any] | None = None
+    leave: bool = True
     exits: list[str] = []
+    assembly: list[str] = []
     strategy: str = ""
     behaviours: dict[str, Any] = {}
 

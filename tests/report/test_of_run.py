@@ -249,6 +249,20 @@ def test_shares_are_of_those_who_are_to_leave(tmp_path):
     top = page.text.partition("Project")[0]
     assert "0 of 9 people were still inside" in top
     assert "1 person had not come" in top
+    occupants = {row[0]: row[1:] for row in page.table("Groups, their start areas")[1:]}
+    assert occupants["train"][:3] == ["2", "arrive: area room, 2 from 0 to 500 s", "-"]
+    assert occupants["staff"][3] == "they stay"
+
+
+def test_people_who_arrive_at_a_rate_are_counted_as_drawn(tmp_path):
+    arrive = {"rate": 0.5, "from": 0.0, "to": 10.0, "exit": "door"}
+    people = [{"name": "guests", "number": 4, "level": "room"}, {"name": "visitors", "arrive": arrive}]
+    results = evac.run(load_case("square_room", {"people": people, **QUIET}), tmp_path / "r", progress=False)
+    came = results.number_of_people - 4
+    assert came
+    occupants = {row[0]: row[1:] for row in Page(run_report(tmp_path / "r")).table("Groups, their start areas")[1:]}
+    assert occupants["guests"][:2] == ["4", "level room"]
+    assert occupants["visitors"][:2] == [str(came), "arrive: exit door, 0.5 per second from 0 to 10 s"]
 
 
 def test_a_run_in_which_nobody_is_to_leave_has_a_report(tmp_path):
