@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from evac.analysis.measures import joined, records
 from evac.base.arrays import FloatArray
+from evac.base.errors import counted
 from evac.building.model.building import Building, Level, Portal
 from evac.trajectory.trajectory import Trajectory
 
@@ -51,9 +52,9 @@ class Queue:
 
     def __str__(self) -> str:
         """Return a sentence without its end."""
-        mean = self.waited / self.people
+        who = counted(self.people, "person", "people")
         return (
-            f"{self.place}: {self.people} people waited {mean:.1f} s on average, {self.most} at once at "
+            f"{self.place}: {who} waited {self.waited / self.people:.1f} s on average, {self.most} at once at "
             f"{self.time:.1f} s around ({self.x:.1f}, {self.y:.1f}) on {self.level!r}"
         )
 

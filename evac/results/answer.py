@@ -69,6 +69,8 @@ def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
 
 def _verdict(results: "Results") -> str:
     out = f"{results.evacuated} of {counted(results.number_of_people, 'person', 'people')} out"
+    if results.at_places:
+        out += f", {results.at_places} at a safe place"
     if len(results.stopped):
         out += f", {len(results.stopped)} stopped by gases or heat"
     if results.is_complete:

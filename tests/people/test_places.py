@@ -7,6 +7,7 @@ import evac
 from evac.analysis.queues import find_queues
 from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
+from evac.results.answer import answer_of
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
 
@@ -47,6 +48,7 @@ def test_people_go_to_their_assembly_area_and_count_as_there(tmp_path):
     again = evac.read_results(tmp_path / "run")
     assert again.places == results.places
     assert main_results(again)["At assembly area 'at yard'"] == "8"
+    assert answer_of(again).verdict.endswith("0 of 8 people out, 8 at a safe place")
 
 
 def test_who_has_arrived_waits_for_nothing(tmp_path):
