@@ -182,7 +182,10 @@ class MotionPacker:
         if dose is not None:
             codes["doses"] = np.rint(np.minimum(dose, MOST_DOSE) / PART).astype(np.int64)
         if smoke is not None:
-            self._write("smoke", self._change_of_smoke(smoke))
+            before = self._smoke
+            self._smoke = np.minimum(np.rint(-255.0 * np.expm1(-DEPTH * smoke)), 254.0).astype(np.uint8)
+            change = self._smoke - before  # modulo 256
+            self._write("smoke", np.append(np.uint8(1), change) if change.any() else np.zeros(1, np.uint8))
         for name, values in codes.items():
             last = getattr(self, f"_{name}")
             self._numbers(name, values - last[person])
@@ -250,13 +253,6 @@ class MotionPacker:
         self._started[person] = started
         moved = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
         return np.concatenate([*moved, [begun.size], begun]).astype("<i4")
-
-    def _change_of_smoke(self, smoke: FloatArray) -> NDArray[np.uint8]:
-        """Return the bytes of a frame, for which uint8 is modulo 256."""
-        codes = np.rint(-255.0 * np.expm1(-DEPTH * smoke))
-        before, self._smoke = self._smoke, np.minimum(codes, 254.0).astype(np.uint8)
-        change = self._smoke - before
-        return np.concatenate([np.ones(1, np.uint8), change]) if change.any() else np.zeros(1, np.uint8)
 
     def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
         """Write whole numbers as bytes, and those that do not fit to ``wide``."""

@@ -24,7 +24,6 @@ from evac.evidence.accuracy.problems import (
     KINDS,
     LAWS,
     ContactProblem,
-    Law,
     contact_problem,
     default_solver,
     snapshots,
@@ -49,10 +48,6 @@ class Stage:
     people: int
     cap: float
     tolerances: tuple[float, ...] = TOLERANCES
-
-    def tolerances_for(self, law: Law) -> tuple[float, ...]:
-        """Return those that are, as velocities, not below the precision of the reference."""
-        return tuple(tolerance for tolerance in self.tolerances if tolerance > 0.99 * PRECISION * law.scale)
 
 
 QUICK = (Stage(100, 0.02, TOLERANCES[::2]),)
@@ -158,7 +153,9 @@ def _stage_rows(stage: Stage, seed: int) -> list[dict[str, Any]]:
         for solver in plugins().solvers:
             for first in STARTS:
                 cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
-                for row in measure(problem, truth, solver, first == "warm", cap, stage.tolerances_for(law)):
+                # Tolerances that are, as velocities, not below the precision of the reference.
+                tolerances = tuple(one for one in stage.tolerances if one > 0.99 * PRECISION * law.scale)
+                for row in measure(problem, truth, solver, first == "warm", cap, tolerances):
                     rows.append({**head, "start": first, "solver": solver, **row, "reference run [s]": None})
     return rows
 

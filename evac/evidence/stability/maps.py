@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from evac.base.arrays import FloatArray
 from evac.evidence.evidence import Evidence, new_figure
@@ -181,14 +182,8 @@ def _places(values: Sequence[float], wanted: FloatArray) -> FloatArray:
     usable = [k for k, value in enumerate(values) if 0.0 < value < np.inf]
     if len(usable) < 2:
         return np.full(len(wanted), np.nan)
-    logarithm = np.log([values[k] for k in usable])
-    places = np.array(usable, dtype=float)
-    sought = np.log(np.asarray(wanted, dtype=float))
-    places_ = np.interp(sought, logarithm, places)
-    first = (places[1] - places[0]) / (logarithm[1] - logarithm[0])
-    last = (places[-1] - places[-2]) / (logarithm[-1] - logarithm[-2])
-    places_ = np.where(sought < logarithm[0], places[0] + first * (sought - logarithm[0]), places_)
-    return np.asarray(np.where(sought > logarithm[-1], places[-1] + last * (sought - logarithm[-1]), places_))
+    spline = make_interp_spline(np.log([values[k] for k in usable]), np.array(usable, dtype=float), k=1)
+    return np.asarray(spline(np.log(wanted)))  # which goes on straight beyond the ends
 
 
 def _draw_legend(figure: Any, cells: Sequence[Cell], styles: Mapping[str, str]) -> None:
