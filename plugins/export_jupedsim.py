@@ -1,7 +1,7 @@
 """Exporter "jupedsim": JuPedSim SQLite databases (version 2), one for each level."""
 
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 
@@ -92,14 +92,10 @@ def _write(path: Path, level: Level, rows: np.ndarray, frames: int, frame_rate: 
                 base.executemany("INSERT INTO metadata VALUES (?, ?)", ((k, str(v)) for k, v in metadata.items()))
                 base.execute("INSERT INTO geometry VALUES (?, ?)", (key, wkt))
                 base.executemany("INSERT INTO frame_data VALUES (?, ?)", ((frame, key) for frame in range(frames)))
-                base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?)", _typed(rows))
+                typed = ((int(frame), int(person), *place) for frame, person, *place in rows.tolist())
+                base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?)", typed)
     except sqlite3.Error as error:
         raise OSError(f"{path}: {error}") from error
-
-
-def _typed(rows: np.ndarray) -> Iterator[tuple[int, int, float, float, float, float]]:
-    for frame, person, *place in rows.tolist():
-        yield int(frame), int(person), *place
 
 
 evac_interface = 3

@@ -12,7 +12,7 @@ The next process that opens the folder cleans up after a killed one.
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path, PurePath
 from types import TracebackType
@@ -328,7 +328,7 @@ def check_folder(folder: Path) -> None:
 
 def files_of_others(folder: Path) -> set[str]:
     """Return the files in a folder that evac does not write itself, relative to it."""
-    written = set(_written(folder))
+    written = {path for pattern in WRITTEN for path in folder.glob(pattern) if not _is_folder(path)}
     others = (path for path in folder.rglob("*") if path not in written and not _is_folder(path))
     return {path.relative_to(folder).as_posix() for path in others}
 
@@ -381,11 +381,6 @@ def carry_over(source: Path, target: Path) -> None:
         os.rename(path, new)
     (source / MANIFEST_NAME).unlink(missing_ok=True)
     source.rmdir()
-
-
-def _written(folder: Path) -> Iterator[Path]:
-    for pattern in WRITTEN:
-        yield from (path for path in folder.glob(pattern) if not _is_folder(path))
 
 
 def _is_folder(path: Path) -> bool:

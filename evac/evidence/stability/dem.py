@@ -34,11 +34,6 @@ def crowd_in_corridor(number: int, rows: int, mass: float, tau: float = 0.5) -> 
     return scenes.people_in(bounds, places, mass=mass, tau=tau, speed=PRESS * tau / 0.5)
 
 
-def pair_at_wall() -> Scene:
-    """Return two people behind each other, walking against a wall."""
-    return scenes.people_in((0.0, 0.0, 8.0, 4.0), [(7.8, 2.0), (7.4, 2.0)], mass=60.0, speed=PRESS)
-
-
 def ring_around_big() -> Scene:
     """Return 40 small bodies pressing from all sides against a big one of the same mass."""
     bounds = (0.0, 0.0, 8.0, 8.0)
@@ -155,7 +150,9 @@ def _network_rows(evidence: Evidence) -> list[dict[str, Any]]:
     """Return the row of each network and drive."""
     stiffness = 1.2e5
     cases = {
-        "two people at a wall": pair_at_wall(),
+        "two people at a wall": scenes.people_in(
+            (0.0, 0.0, 8.0, 4.0), [(7.8, 2.0), (7.4, 2.0)], mass=60.0, speed=PRESS
+        ),
         "30 equal people packed": crowd_in_corridor(30, 5, 60.0),
         "the same, tau 0.01 s": crowd_in_corridor(30, 5, 60.0, tau=0.01),
         "40 small ones around a big one": ring_around_big(),

@@ -109,11 +109,6 @@ def far_from_origin(gap: float, east: float = 5e5, north: float = 5e6) -> Scene:
     return scenes.people_in(bounds, scenes.packed(12, 4, 0.2, east + 5.9, north + 1.0, gap), speed=1.5)
 
 
-def standing_room() -> Scene:
-    """Return 20 people who walk against a wall without limit of time."""
-    return scenes.people_in((0.0, 0.0, 6.0, 1.8), scenes.packed(20, 4, 0.2, 5.9, 0.0, 0.0), speed=1.5)
-
-
 def extremes(quick: bool) -> dict[str, Extreme]:
     """Return the extreme scenes by name; quick ones are smaller and shorter."""
     number, hour = (400, 60.0) if quick else (10_000, 3600.0)
@@ -157,7 +152,7 @@ def extremes(quick: bool) -> dict[str, Extreme]:
         ),
         f"{hour:g} s against a wall": Extreme(
             "speed in the last second, right up to 0.005 m/s",
-            standing_room,
+            lambda: scenes.people_in((0.0, 0.0, 6.0, 1.8), scenes.packed(20, 4, 0.2, 5.9, 0.0, 0.0), speed=1.5),
             _bounded(last_speed, 0.005, 1.5, "m/s"),
             hour,
             1.0,

@@ -10,7 +10,8 @@ from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.models import make_engine, make_model
 from evac.evidence.scenes import one_direction, room
 from evac.evidence.verdicts import reported
-from evac.physics.state import make_crowd
+from evac.physics.contact.model import ContactModel
+from evac.physics.state import Crowd, World, make_crowd
 from evac.physics.world import make_world
 
 PLANE = (-10.0, -10.0, 10.0, 10.0)  # m
@@ -129,14 +130,9 @@ def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities (81, 2) at every step."""
     ground = [[PLANE[0], 0.0, PLANE[2], 0.0]]
     crowd = make_crowd([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
-    engine = make_engine(make_world(room(PLANE, ground), one_direction(PLANE)), 1)
     model = make_model(name, normal_dissipation=0.0) if name == "NSM2" else make_model(name, gap_tolerance=1e-12)
-    position, velocity = [crowd.position[0].copy()], [crowd.velocity[0].copy()]
-    for step in range(80):
-        engine.advance(model, crowd, step, 1, STEP, False, False)
-        position.append(crowd.position[0].copy())
-        velocity.append(crowd.velocity[0].copy())
-    return np.array(position), np.array(velocity)
+    position, velocity = _walked(model, make_world(room(PLANE, ground), one_direction(PLANE)), crowd, 80)
+    return position[:, 0], velocity[:, 0]
 
 
 def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -144,12 +140,16 @@ def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     start = [[-1.5, 0.5 * OFFSET], [1.5, -0.5 * OFFSET]]
     crowd = make_crowd(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
     crowd.route[1] = 1
-    engine = make_engine(make_world(room(PLANE), one_direction(PLANE, (1.0, 0.0), (-1.0, 0.0))), 2)
-    model = make_model("NSM2")
-    position, velocity = [crowd.position.copy()], [crowd.velocity.copy()]
-    steps = round(DURATION / STEP)
+    world, steps = make_world(room(PLANE), one_direction(PLANE, (1.0, 0.0), (-1.0, 0.0))), round(DURATION / STEP)
+    return STEP * np.arange(steps + 1.0), *_walked(make_model("NSM2"), world, crowd, steps)
+
+
+def _walked(model: ContactModel, world: World, crowd: Crowd, steps: int) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities (steps + 1, people, 2) of a crowd at every step."""
+    engine = make_engine(world, len(crowd.level))
+    states = [(crowd.position.copy(), crowd.velocity.copy())]
     for step in range(steps):
         engine.advance(model, crowd, step, 1, STEP, False, False)
-        position.append(crowd.position.copy())
-        velocity.append(crowd.velocity.copy())
-    return STEP * np.arange(steps + 1.0), np.array(position), np.array(velocity)
+        states.append((crowd.position.copy(), crowd.velocity.copy()))
+    position, velocity = map(np.array, zip(*states, strict=True))
+    return position, velocity
