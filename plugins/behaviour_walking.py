@@ -119,8 +119,9 @@ class Walking(Behaviour):
     People who stand, because they have not started yet or wait for others, are walked around: if one of them is in the
     way, the heading turns instead towards the direction in which the person comes farthest, of those up to 90 degrees
     from e + S n, with a gap of 0.05 m to their bodies and up to walls. If there is no such way, it waits for those who
-    have not started, and creeps on if those who stand never start or wait for others. Before they start, people stand
-    firm: forces between people do not act on them.
+    have not started, and creeps on if those who stand never start or wait for others. Beside those who stand, people
+    also slow down before they run into others who walk, on either side. Before they start, people stand firm: forces
+    between people do not act on them.
 
     Bodies that touch have half the depth of the chest as radius, because shoulders turn. If two have wider bodies, such
     as wheelchairs, the distances at which they stop and the widths are greater by what they are wider together, and of
@@ -298,13 +299,11 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         list_near(world, sights, i, rule.sight, 0.0, 0.0, 0.0, 0.0)
     else:
         list_near(world, sights, i, rule.sight, ex, ey, hx, hy)
-    standing, free = 0, 0.0
+    first, free = sights.number, rule.sight
     if is_inside:
         if someone_stands:
-            standing = list_standing(world, sights, rule, i)
-        side = 0.0
-        if rule.side_step > 0.0:
-            side += side_step(world, crowd, sights, motion, rule, standing, i)
+            first = list_standing(world, sights, rule, i)
+        side = side_step(world, crowd, sights, motion, rule, first, i) if rule.side_step > 0.0 else 0.0
         if rule.wall_step > 0.0 and sights.open_to[i] == 0.0:
             step, lowest, highest = wall_step(world, crowd, sights, rule, i)
             side = min(max(side + step, lowest), highest)
@@ -312,11 +311,9 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
         tx, ty = ex - side * ey, ey + side * ex
         norm = math.sqrt(tx * tx + ty * ty)
         tx, ty = tx / norm, ty / norm
-        if standing:
-            tx, ty, free = way_round(world, crowd, sights, motion, rule, standing, i, tx, ty)
-        share = turn
-        if (ex * tx + ey * ty) * (ex * hx + ey * hy) < 0.0:
-            share = 1.0
+        if first < sights.number:
+            tx, ty, free = way_round(world, crowd, sights, motion, rule, first, i, tx, ty)
+        share = 1.0 if (ex * tx + ey * ty) * (ex * hx + ey * hy) < 0.0 else turn
         gx, gy = hx + share * (tx - hx), hy + share * (ty - hy)
         norm = math.sqrt(gx * gx + gy * gy)
         if norm < 1e-6:
@@ -355,23 +352,25 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
             continue
         if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
             best, least = speed, 0.0 if leads_on else min(rule.creep, wanted)
-    if standing:
-        free = min(free, free_way(crowd, sights, motion, rule, standing, i, hx, hy, TOUCHING))
+    if first < sights.number:
+        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, SOON, TOUCHING))
+        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, 0.0, TOUCHING))
         free = free_of_walls(world, crowd, sights, motion, i, free)
-        if free < rule.sight:
-            # A way of tau u is left to the present velocity u after the desired one is zero.
-            stop = crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
-            best = max(min(best, (free - stop) / rule.oncoming_time_gap), 0.0)
-            if will_start(crowd, sights, standing, time):
-                least = min(best, least)
+        walkers = free_way(crowd, sights, motion, rule, 0, first, i, hx, hy, SOON, TOUCHING)
+        # A way of tau u is left to the present velocity u after the desired one is zero.
+        stop = crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
+        if min(free, walkers) < rule.sight:
+            best = max(min(best, (min(free, walkers) - stop) / rule.oncoming_time_gap), 0.0)
+        if free < rule.sight and will_start(crowd, sights, first, time):
+            least = min(max((free - stop) / rule.oncoming_time_gap, 0.0), least)
     motion.factor[i] = max(best, least) / wanted
 
 
 @inner
 def list_standing(world, sights, rule, i):  # type: ignore[no-untyped-def]
-    """Move the people inside whom person i sees standing to the end of `sights.near`; return their number."""
-    standing, k = 0, 0
-    while k < sights.number - standing:
+    """Move the people inside whom person i sees standing to the end of `sights.near`; return the place of the first."""
+    first, k = sights.number, 0
+    while k < first:
         j = sights.near[k]
         k += 1
         if sights.wanted[j] > 0.0 or sights.level[j] >= sights.levels:
@@ -381,47 +380,48 @@ def list_standing(world, sights, rule, i):  # type: ignore[no-untyped-def]
         if not 0.0 < s <= rule.sight:
             continue
         if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
-            k, standing = k - 1, standing + 1
-            sights.near[k], sights.near[sights.number - standing] = sights.near[sights.number - standing], j
-    return standing
+            k, first = k - 1, first - 1
+            sights.near[k], sights.near[first] = sights.near[first], j
+    return first
 
 
 @inner
-def will_start(crowd, sights, standing, time):  # type: ignore[no-untyped-def]
+def will_start(crowd, sights, first, time):  # type: ignore[no-untyped-def]
     """Return whether one of those who stand starts later."""
-    for k in range(sights.number - standing, sights.number):
-        if time < crowd.start_time[sights.near[k]] < math.inf:
-            return True
-    return False
+    latest = -math.inf
+    for k in range(first, sights.number):
+        start = crowd.start_time[sights.near[k]]
+        latest = max(latest, start) if start < math.inf else latest
+    return time < latest
 
 
 @inner
-def free_way(crowd, sights, motion, rule, standing, i, hx, hy, clearance):  # type: ignore[no-untyped-def]
-    """Return how far person i can walk towards h before it is at a distance `clearance` from a body that stands.
+def free_way(crowd, sights, motion, rule, first, last, i, hx, hy, soon, clearance):  # type: ignore[no-untyped-def]
+    """Return how far person i can walk towards h before it is at a distance `clearance` from some of those near.
 
-    The way leads along the velocity that follows from the present one and the desired one.
+    The way leads along the present velocity plus a share `soon` of the change to the desired one; others keep theirs.
     """
     ux, uy = motion.velocity[i, 0], motion.velocity[i, 1]
-    x, y = ux + SOON * (sights.wanted[i] * hx - ux), uy + SOON * (sights.wanted[i] * hy - uy)
-    norm = math.sqrt(x * x + y * y)
-    if norm == 0.0:
-        return 0.0
-    x, y = x / norm, y / norm
-    free = rule.sight
-    for k in range(sights.number - standing, sights.number):
+    x, y = ux + soon * (sights.wanted[i] * hx - ux), uy + soon * (sights.wanted[i] * hy - uy)
+    speed, free = math.sqrt(x * x + y * y), rule.sight
+    for k in range(first, last):
         j = sights.near[k]
         dx, dy = sights.position[j, 0] - sights.position[i, 0], sights.position[j, 1] - sights.position[i, 1]
-        along, beside = x * dx + y * dy, x * dy - y * dx
+        rx, ry = x - motion.velocity[j, 0], y - motion.velocity[j, 1]
+        norm = math.sqrt(rx * rx + ry * ry)
+        if j == i or norm < FAINT or x * dx + y * dy <= 0.0:
+            continue
+        along, beside = (rx * dx + ry * dy) / norm, (rx * dy - ry * dx) / norm
         reach = crowd.contact_radius[i] + crowd.contact_radius[j] + clearance
         if along > 0.0 and abs(beside) < reach:
-            free = min(free, max(along - math.sqrt(reach * reach - beside * beside), 0.0))
+            free = min(free, max(along - math.sqrt(reach * reach - beside * beside), 0.0) * speed / norm)
     return free
 
 
 @inner
-def way_round(world, crowd, sights, motion, rule, standing, i, tx, ty):  # type: ignore[no-untyped-def]
+def way_round(world, crowd, sights, motion, rule, first, i, tx, ty):  # type: ignore[no-untyped-def]
     """Return the direction near (tx, ty) that leads person i past those who stand, and the free distance [m]."""
-    free = free_way(crowd, sights, motion, rule, standing, i, tx, ty, CLEARANCE)
+    free = free_way(crowd, sights, motion, rule, first, sights.number, i, tx, ty, SOON, CLEARANCE)
     if free == rule.sight:
         return tx, ty, free
     level, x, y = sights.level[i], sights.position[i, 0], sights.position[i, 1]
@@ -429,7 +429,7 @@ def way_round(world, crowd, sights, motion, rule, standing, i, tx, ty):  # type:
     for k in range(-TURNS, TURNS + 1):
         cosine, sine = TURNED[k + TURNS]
         cx, cy = cosine * tx - sine * ty, sine * tx + cosine * ty
-        free = free_way(crowd, sights, motion, rule, standing, i, cx, cy, CLEARANCE)
+        free = free_way(crowd, sights, motion, rule, first, sights.number, i, cx, cy, SOON, CLEARANCE)
         if k != 0:
             free = way_to_wall(world, level, x, y, cx, cy, free, crowd.contact_radius[i])
         value = free * (cosine + ASIDE) + STEADY * (cx * motion.heading[i, 0] + cy * motion.heading[i, 1])
@@ -474,14 +474,14 @@ def is_ahead(crowd, sights, motion, i, j, dx, dy):  # type: ignore[no-untyped-de
 
 
 @inner
-def side_step(world, crowd, sights, motion, rule, standing, i):  # type: ignore[no-untyped-def]
+def side_step(world, crowd, sights, motion, rule, first, i):  # type: ignore[no-untyped-def]
     """Return the side step of person i, relative to the desired direction, positive to the left."""
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
     vx, vy = motion.velocity[i, 0], motion.velocity[i, 1]
     total = 0.0
     farthest = rule.side_range * math.log(2.0 * rule.side_step / FAINT)  # gap at which the greatest weight is faint
-    for k in range(sights.number - standing):
+    for k in range(first):
         j = sights.near[k]
         dx = sights.position[j, 0] - sights.position[i, 0]
         dy = sights.position[j, 1] - sights.position[i, 1]

@@ -241,6 +241,27 @@ def test_who_has_not_started_is_walked_around_and_not_pushed(force):
         assert simulation.ended == "everybody out"
 
 
+@pytest.mark.parametrize("seed", [2, 8, 12])
+def test_a_crowd_walks_through_people_who_stand_and_pushes_none(seed):
+    """A person who turned into somebody beside it, or whose way led along a wall, pushed one by up to 0.11 m."""
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 16, 4))
+    plan.exit("out", "floor", [(16, 0), (16, 4)])
+    for name, ends in {"from": (0.3, 5.0), "among": (7.0, 11.0)}.items():
+        plan.area(name, "floor", box(ends[0], 0.3, ends[1], 3.7))
+    each = {"speed": {"normal": [1.34, 0.26], "minimum": 0.7}}
+    crowd = each | {"name": "crowd", "area": "from", "number": 30}
+    others = each | {"name": "others", "area": "among", "number": 8}
+    others["behaviours"] = {"response_time": {"time": {"constant": 200.0}}}
+    content = {"building": plan, "people": [crowd, others], "behaviours": {"walking": {}, "response_time": {}}}
+    simulation = Simulation(evac.load(content | {"contact": {"model": "nsm2"}, "simulation": {"seed": seed}}))
+    people = simulation.population.crowd
+    stands, start = people.start_time > 0.0, people.position.copy()
+    run_ticks(simulation, round(20.0 / simulation.case.simulation.tick))
+    assert np.hypot(*(people.position - start)[stands].T).max() < 0.01
+    assert (people.level[~stands] < 0).mean() > 0.8
+
+
 def passed(standing, walls=(), velocity=(0.0, 0.0)):
     """Return the factor and heading of a person at the origin that comes towards people who stand."""
     crowd = make_crowd([[0.0, 0.0], *standing], speed=1.2, radius=0.22, contact_radius=0.14)
