@@ -468,12 +468,18 @@ def _factor(grids: BuildingGrids, slow: IndexArray) -> FloatArray:
 
 
 def _within(grids: BuildingGrids, names: Iterable[str]) -> BoolArray:
-    """Mark the nodes (nodes,) in some areas and on their outlines, which along a wall would be a way of their own."""
+    """Mark the nodes (nodes,) in some areas, and between them and walls where no body fits.
+
+    These strips, and outlines along walls, would otherwise be ways of their own, in which people are stuck at posts.
+    """
     found = np.zeros(grids.size, np.bool_)
     for area in map(grids.building.area_named, names):
         assert area is not None
         grid = grids.levels[area.level]
-        ground = shapely.buffer(area.polygon, 0.5 * grids.lattice.spacing, join_style="mitre")
+        free = grids.building.levels[area.level].polygon - area.polygon
+        strips = shapely.get_parts(free - free.buffer(-grids.clearance).buffer(grids.clearance))
+        strips = strips[shapely.dwithin(strips, area.polygon, grids.lattice.spacing)]
+        ground = shapely.union_all([area.polygon, *strips]).buffer(0.5 * grids.lattice.spacing, join_style="mitre")
         shapely.prepare(ground)
         inside = shapely.intersects_xy(ground, *grid.window.coordinates()) & (grid.sheet == OWN)
         found[grid.packed] |= inside.ravel()

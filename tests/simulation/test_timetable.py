@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from shapely import box
 
 import evac
 from evac.base.errors import BuildingError, RunWarning, ScenarioError
@@ -215,6 +216,19 @@ def test_who_enters_a_barred_area_is_named_also_in_a_run_that_goes_on():
     assert set(found) == {"ground"}
     assert 5 < len(found["ground"]) <= len(above)
     assert set(found["ground"]) <= above
+
+
+@pytest.mark.parametrize("what", [{"kind": "bar"}, {"kind": "slow", "value": 0.05}])
+def test_nobody_is_stuck_at_a_post_beside_a_barred_or_slow_doorway(what):
+    """The area leaves 10 cm of the only door, which no body fits through."""
+    plan = evac.Plan()
+    plan.storey("f", box(0, 0, 10, 6).union(box(10, 2.5, 10.2, 3.5)).union(box(10.2, 0, 14, 6)))
+    plan.exit("out", "f", [(14, 2), (14, 4)])
+    plan.area("doorway", "f", box(10, 2.5, 10.2, 3.4))
+    group = {"name": "people", "preset": "wheelchair", "positions": [[8.0, 2.0], [8.0, 4.5]], "level": "f"}
+    table = {"building": plan, "people": [group], "event": [{"time": 0.5, "target": "doorway"} | what]}
+    table["contact"], table["behaviours"] = {"model": "nsm2"}, {"walking": {}}
+    assert evac.run(evac.load(table, {"simulation.duration": 60.0}), progress=False).ended == "everybody out"
 
 
 def test_a_slow_area_ends_and_the_speed_is_as_before():
