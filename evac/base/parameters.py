@@ -83,6 +83,8 @@ class Parameter:
                 raise PluginError(f"{key}: expected true or false, got {reprlib.repr(value)}")
             return value
         if isinstance(self.default, str):
+            if type(value) is int and not self.choices:
+                return str(value)  # as the name of a layer
             if not isinstance(value, str):
                 raise PluginError(f"{key}: expected a word, got {reprlib.repr(value)}")
             if self.choices and value not in self.choices:

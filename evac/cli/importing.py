@@ -23,8 +23,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help="file of the building, or of each storey")
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="new folder for the case")
-    what = "numbers of the openings that become exits"
-    parser.add_argument("--exit", dest="exits", default="", metavar="N,N", help=what)
+    what = "numbers of the openings that become exits (may be repeated)"
+    parser.add_argument("--exit", dest="exits", action="append", default=[], metavar="N,N", help=what)
     many = parser.add_mutually_exclusive_group()
     many.add_argument("--people", type=int, metavar="N", help="number of people, divided among the rooms by area")
     many.add_argument("--density", type=float, metavar="D", help="people per square metre of every room (0.1)")
@@ -48,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     options = values_of("--option", arguments.option)
     if arguments.plan is not None:
         options["plan"] = arguments.plan
-    exits = [int(number) for number in _numbers("--exit", arguments.exits, whole=True)]
+    exits = [int(number) for number in _numbers("--exit", ",".join(arguments.exits), whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
     from evac.base.display import Display
 

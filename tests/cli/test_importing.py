@@ -31,6 +31,12 @@ def test_an_import_in_two_calls(evac, room, capsys, tmp_path):
     }  # fmt: skip
 
 
+def test_exits_can_be_given_one_by_one(evac, room, capsys):
+    assert evac("import", room, "--out", "case", "--exit", "1", "--exit", "3,4") == 0
+    (exits,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("exits")]
+    assert exits.split(maxsplit=1)[1].strip() == "exit 1, exit 3, exit 4"
+
+
 def test_an_incomplete_building_is_refused_unless_it_is_wanted(evac, capsys, tmp_path):
     plan = Plan()
     for k in range(3):
@@ -79,10 +85,21 @@ def two_plans(tmp_path):
 @pytest.mark.parametrize(
     ("plan", "floors"), [("1", "1, 24.0 m2"), ("2", "1, 36.0 m2"), ("2,1", "2, 60.0 m2"), (None, "2, 60.0 m2")]
 )
-def test_plans_of_a_drawing_are_chosen(evac, two_plans, plan, floors, capsys):
-    words = [] if plan is None else ["--plan", plan]
+@pytest.mark.parametrize("option", ["--plan", "--option"])
+def test_plans_of_a_drawing_are_chosen(evac, two_plans, option, plan, floors, capsys):
+    words = [] if plan is None else [option, plan if option == "--plan" else f"plan={plan}"]
     assert evac("import", "plans.dxf", "--out", "case", "--exit", "1", "--partial", *words) == 0
     assert floors in capsys.readouterr().out
+
+
+def test_a_layer_whose_name_is_a_number_is_an_option(evac, capsys, tmp_path):
+    drawing = pytest.importorskip("ezdxf").new()
+    for layer, width in (("0", 6), ("furniture", 2)):
+        corners = [(0, 1), (0, 0), (width, 0), (width, 4), (0, 4), (0, 2)]
+        drawing.modelspace().add_lwpolyline(corners, dxfattribs={"layer": layer})
+    drawing.saveas(tmp_path / "plan.dxf")
+    assert evac("import", "plan.dxf", "--out", "case", "--exit", "1", "--option", "walls=0") == 0
+    assert "1, 24.0 m2" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("plan", ["3", "0", "1,1", "-1", "1.2", "one", "1,"])
