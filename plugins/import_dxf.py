@@ -19,8 +19,8 @@ from evac.building.geometry.overlays import place_of
 from evac.building.geometry.segments import segment_lengths
 from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
-from evac.building.recover.drawings import doors_of, plans_of, swing_of, unit_of, use_of, walls_by_spacing
-from evac.building.recover.linework import faces_of, reaching, rooms_of
+from evac.building.recover.drawings import APART, doors_of, plans_of, swing_of, unit_of, use_of, walls_by_spacing
+from evac.building.recover.linework import THICKEST_WALL, faces_of, reaching, rooms_of
 from evac.building.recover.treadlines import flights_of, stairs_of
 from evac.building.surface.resolution import LARGEST, SMALLEST, helpful_factor
 
@@ -273,6 +273,12 @@ class DxfImporter(Importer):
             text = f"{face.area:.2f} m2 between walls, too small for a room"
             plan.note("left out", text, storey, place_of(face))
         plan.note("assumed", f"walls drawn as one line between two rooms are {self.wall:g} m thick (wall)", storey)
+        outlines = shapely.get_parts(shapely.get_exterior_ring(shapely.get_parts(rooms.floor)))
+        first, *others = plans_of([*lines, *outlines], THICKEST_WALL)
+        for other in others:
+            text = f"a plan {other.distance(first) + THICKEST_WALL:.1f} m from another one that nothing joins"
+            remedy = f"if it is another storey, move it in the drawing to more than {APART:g} m from the other"
+            plan.note("warning", f"{text} is on the same storey; {remedy}", storey, place_of(other))
         self._add_storey(plan, storey, [*shapely.get_parts(rooms.floor)], z, lines)
         for number, ends in enumerate(rooms.doors.reshape(-1, 2, 2), start=1):
             plan.door(f"{self._prefix(storey)}door {number}", storey, ends)

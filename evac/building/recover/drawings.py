@@ -214,14 +214,16 @@ def _joined(doors: FloatArray) -> FloatArray:
     return np.array([*distinct.values()]).reshape(-1, 4)
 
 
-def plans_of(walls: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+def plans_of(walls: Sequence[BaseGeometry], apart: float = APART) -> list[BaseGeometry]:
     """Return the ground of each plan in a drawing, from left to right and from the top down.
 
     Parameters
     ----------
     walls : sequence of LineString [m]
+    apart : float [m]
+        Plans are farther apart than this.
     """
-    near = shapely.union_all(shapely.buffer([*walls], APART / 2, quad_segs=2))
+    near = shapely.union_all(shapely.buffer([*walls], apart / 2, quad_segs=2))
     filled = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(near)])
     parts = shapely.get_parts(filled)
     tree = shapely.STRtree(parts)
