@@ -188,7 +188,8 @@ def _floor_of(pieces: Lines, doors: FloatArray, solid: BaseGeometry) -> BaseGeom
     """Return the union of the rooms; small faces are rooms only if they have a door."""
     at = shapely.union_all(_as_lines(doors)).buffer(BESIDE)
     rooms = [one for one in _wide(pieces) if one.area >= LEAST_ROOM or (one.area >= LEAST_CABIN and one.intersects(at))]
-    return shapely.difference(shapely.union_all(rooms, grid_size=GRID), solid, grid_size=GRID)
+    ground = shapely.get_parts(shapely.difference(shapely.union_all(rooms, grid_size=GRID), solid, grid_size=GRID))
+    return shapely.union_all(ground[shapely.area(ground) >= LEAST_CABIN], grid_size=GRID)
 
 
 def reaching(doors: FloatArray, walls: Sequence[BaseGeometry] | Lines) -> FloatArray:
