@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from evac.base.errors import EvacWarning, in_one_line, text_of
+from evac.cli.streams import wrapped
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -72,7 +73,8 @@ def report_crash(error: BaseException, what: str, case: "Case | None" = None, no
     advice = "please report it"
     if isinstance(error, MemoryError):
         what, advice = "not enough memory", "use fewer people, a coarser directions.spacing or fewer processes"
-    print(f"evac: {what}: {in_one_line(error)}; {advice} ({crash_file(error, case, notes)})", file=sys.stderr)
+    line = f"evac: {what}: {in_one_line(error)}; {advice} ({crash_file(error, case, notes)})"
+    print(wrapped(line, sys.stderr), file=sys.stderr)
 
 
 def crash_file(error: BaseException, case: "Case | None" = None, notes: Sequence[str] = ()) -> str:

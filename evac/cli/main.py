@@ -7,9 +7,12 @@ import importlib
 import os
 import signal
 import sys
+import textwrap
 from collections.abc import Sequence
+from typing import NoReturn
 
 from evac.base.errors import EvacError, PluginError
+from evac.base.parameters import did_you_mean
 from evac.cli.crash import (
     INTERNAL_ERROR,
     catch_the_rest,
@@ -28,21 +31,8 @@ INTERRUPTED_STATUS = 130
 
 #: Commands in the order of the help, and the modules whose names differ from those of their commands.
 COMMANDS = (
-    *(
-        "run",
-        "resume",
-        "repeat",
-        "sweep",
-        "list",
-        "check",
-        "import",
-        "new",
-        "explain",
-        "plugins",
-        "cache",
-        "conditions",
-    ),
-    *("replay", "export", "render", "map", "report", "compare", "verify", "evidence"),
+    *("run", "resume", "repeat", "sweep", "list", "check", "import", "new", "explain", "plugins", "cache"),
+    *("conditions", "replay", "export", "render", "map", "report", "compare", "verify", "evidence"),
 )
 MODULES = {"list": "catalogue", "import": "importing"}
 
@@ -80,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments: argparse.Namespace | None = None
     with shown_warnings() as hidden:
         try:
-            arguments = parser().parse_args(argv)
+            arguments = parsed(argv)
             return int(arguments.execute(arguments))
         except EvacError as error:
             details = ""
@@ -124,21 +114,58 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """Help whose paragraphs are divided between words for the terminal; lines after the first hang by their indent."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return "\n\n".join(self._filled(part.strip("\n"), width) for part in text.split("\n\n"))
+
+    def _filled(self, part: str, width: int) -> str:
+        is_list = "\n  " in part
+        lines = part.split("\n") if is_list else [" ".join(part.split())]
+        return "\n".join(textwrap.fill(line, width, subsequent_indent=7 * " " if is_list else "") for line in lines)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors fit the terminal and name what was meant."""
+
+    def error(self, message: str) -> NoReturn:
+        self.print_usage(sys.stderr)
+        print(wrapped(f"{self.prog}: {message}", sys.stderr), file=sys.stderr)
+        self.exit(BAD_INPUT)
+
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        if action.choices is not None and value not in action.choices:
+            hint = did_you_mean(str(value), list(action.choices))
+            raise argparse.ArgumentError(action, f"{value!r} is unknown; {hint}")
+
+
+def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the arguments of a command line; those that its command does not have are named with its usage."""
+    arguments, unknown = parser().parse_known_args(argv)
+    if unknown:
+        own: argparse.ArgumentParser = arguments.parser
+        options = [word for word in unknown if word.startswith("--")]
+        known = [option for action in own._actions for option in action.option_strings]
+        hint = f"; {did_you_mean(options[0], known)}" if options else ""
+        own.error(f"unknown: {' '.join(options or unknown)}{hint}")
+    return arguments
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
-    top = argparse.ArgumentParser(
+    top = _Parser(
         prog="evac",
         description="Evacuation of multi-floor buildings, person by person.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=_Help,
     )
     top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         module = importlib.import_module(f"evac.cli.{MODULES.get(name, name)}")
-        summary = (module.__doc__ or "").partition(": ")[2].partition("\n")[0]
-        sub = commands.add_parser(name, help=summary, description=module.__doc__)
-        sub.formatter_class = argparse.RawDescriptionHelpFormatter
+        summary = (module.__doc__ or "").partition(": ")[2].partition(".\n")[0]
+        sub = commands.add_parser(name, help=summary, description=module.__doc__, formatter_class=_Help)
         module.declare(sub)
-        sub.set_defaults(execute=module.execute)
+        sub.set_defaults(execute=module.execute, parser=sub)
     return top

@@ -60,8 +60,8 @@ def say(line: str, lines: int, is_bold: bool = False) -> int:
 
 
 def shown(value: object) -> str:
-    """Format a value: floats with four digits, None and empty strings as a dash, booleans as yes or no."""
-    if value is None or value == "":
+    """Format a value: floats with four digits, None, NaN and empty strings as a dash, booleans as yes or no."""
+    if value in (None, "") or value != value:  # NaN
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"

@@ -100,7 +100,9 @@ class Difference:
 
     @property
     def verdict(self) -> str:
-        """Longer, shorter, or not certain: the interval contains zero, or there is none."""
+        """Longer, shorter, or not certain: the interval contains zero, or there is none; or that there is no pair."""
+        if not self.change.runs:
+            return "no pair"
         low, high = self.change.low, self.change.high
         return "longer" if low > 0.0 else "shorter" if high < 0.0 else "not certain"
 
@@ -192,7 +194,8 @@ class Comparison:
         runs = [(one.label, one.results.trajectory) for one in self.designs if one.results is not None]
         recorded = [(label, trajectory) for label, trajectory in runs if trajectory is not None]
         for label, trajectory in recorded[1:]:
-            for quantity in MAPS:
+            levels = [{one.name for one in of.building.levels} for of in (recorded[0][1], trajectory)]
+            for quantity in MAPS if levels[0] & levels[1] else ():
                 yield figures.difference_picture(recorded[0][1], trajectory, quantity, label)
 
 

@@ -82,7 +82,7 @@ def _times(results: "Results") -> str:
     if results.last_out is None:
         return ""
     most = time_of_share(results.crowd.exit_time[results.leaving], MOST)
-    share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"{MOST:g} % never are"
+    share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"{MOST:g} % never are out"
     if results.is_complete:
         return f"Evacuation time: the last is out after {results.last_out:.2f} s, {share}"
     return f"The last of those who are out left after {results.last_out:.2f} s; {share}"
@@ -98,7 +98,8 @@ def _exits(results: "Results") -> tuple[str, ...]:
         closed = " (closed)" if name in shut else ""
         lines.append(f"Exit {name!r}{closed}: {counted(use['people'], 'person', 'people')}{last}{flow}")
     if others := used[len(lines) :]:
-        lines.append(f"{len(others)} other exits: {sum(use['people'] for _, use in others)} people")
+        people = sum(use["people"] for _, use in others)
+        lines.append(f"{len(others)} other exits: {counted(people, 'person', 'people')}")
     return tuple(lines)
 
 

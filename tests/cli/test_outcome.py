@@ -129,7 +129,7 @@ def test_the_answer_has_a_dozen_lines_of_80_columns_at_most(monkeypatch, remarks
     words = "people who did not leave as their route says, in a sentence of more than a line of the terminal " * 2
     answer = Answer(
         verdict="NOT everybody is out (no progress): 7 of 9 people out after 60.00 s",
-        times="The last of those who are out left after 40.00 s; 95 % never are",
+        times="The last of those who are out left after 40.00 s; 95 % never are out",
         exits=(
             "Exit 'a': 4 people, the last after 40.00 s",
             "Exit 'b': 2 people",

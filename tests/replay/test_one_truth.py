@@ -218,7 +218,7 @@ def answer_of(run):
     """Lines of the answer by kind, as they have to be."""
     times, leaving = run.exit_times(), run.leaving
     most, complete = time_of(times, len(leaving), 95), run.summary["ended"].startswith("everybody")
-    share = "95 % never are" if most is None else f"95 % are out after {most:.2f} s"
+    share = "95 % never are out" if most is None else f"95 % are out after {most:.2f} s"
     last = "Evacuation time: the last is out after" if complete else "The last of those who are out left after"
     exits = []
     closed = {one["what"] for one in run.summary["changes"] if one["kind"] == "close"}
