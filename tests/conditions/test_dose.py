@@ -48,6 +48,11 @@ def test_the_forms_differ(form, time):
     assert 60.0 / rate(form, co=1000, hcn=100, co2=4, o2=17) == pytest.approx(time, abs=0.5)
 
 
+def test_the_forms_differ_by_more_than_a_factor_of_two_with_much_cyanide_or_little_oxygen():
+    for air in ({"co": 500, "hcn": 200, "co2": 3, "o2": 18}, {"co": 1000, "co2": 1, "o2": 12}):
+        assert rate("fds", **air) > 2.0 * rate("iso", **air)
+
+
 def test_activity_sets_the_breathing_rate():
     air = {"co": np.array([1000.0])}
     rest, light, heavy = (gas_rate("fds", activity, air)[0] for activity in ("rest", "light", "heavy"))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import evac
+from evac.analysis.measures import records
 from evac.cli.main import main
 from evac.export.vtk import people_polydata
 from evac.simulation.simulation import Simulation
@@ -234,6 +235,20 @@ def test_smoke_on_the_levels_is_recorded_and_read_by_behaviours(tmp_path):
     assert field.at([0, 0], np.array([[10.5, 1.0], [80.5, 1.0]]))[times == 4.0].tolist() == [[8.0, 0.0]]
     assert field.at([0], np.array([[10.5, 1.0]]))[times == 2.0].tolist() == [[0.0]]
     assert 4.0 <= results.crowd.start_time[0] <= 4.2
+
+
+def test_people_who_are_stopped_do_not_wait_in_a_queue(tmp_path):
+    area = {"name": "west", "level": "f", "polygon": [[0, 0], [50, 0], [50, 2], [0, 2]]}
+    table = prescribed(area="west", values={"extinction": 0.0, "co": 1e5, "co2": 0.0, "o2": 21.0})
+    case = corridor(table, positions=((0.5, 1.0), (90.0, 1.0)), dose=DOSE).change({"building.areas": [area]})
+    results = evac.run(case, tmp_path / "result")
+    assert (results.stopped.tolist(), results.exit_status) == ([0], 3)
+    (found,) = records(results.trajectory)
+    assert found.started[
+        (found.person == 0) & (results.trajectory.time[found.frame] < results.exposure["stopped_at"][0])
+    ].all()
+    assert not found.waits.any()
+    assert "queue" not in results.answer.queue
 
 
 def test_doses_and_smoke_are_in_the_tables_of_motion_and_in_exports(tmp_path):
