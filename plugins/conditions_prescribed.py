@@ -49,11 +49,9 @@ class Prescribed(ConditionSource):
         if self._low >= self._high:
             raise ScenarioError(f"below: {self._high:g} m is not higher than above, {self._low:g} m; raise it")
         levels = scene.levels()
-        if settings.area is not None:
-            area = scene.building.area_named(settings.area)
-            assert area is not None  # levels() has found it
-            shapely.prepare(area.polygon)
+        if settings.area is not None and (area := scene.building.area_named(settings.area)):  # levels() has found it
             self._polygon = area.polygon
+            shapely.prepare(area.polygon)
         if (settings.file is None) == (settings.values is None):
             raise ScenarioError("values: give either the values (values), or a CSV file with them (file)")
         if settings.file is None:

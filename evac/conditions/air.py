@@ -42,13 +42,7 @@ class Air:
         What each source may use, with the files that it has asked for.
     """
 
-    def __init__(
-        self,
-        case: "Case",
-        building: Building,
-        heads: dict[str, float],
-        needed: tuple[str, ...],
-    ) -> None:
+    def __init__(self, case: "Case", building: Building, heads: dict[str, float], needed: tuple[str, ...]) -> None:
         self._where, self._settings = case.source, case.conditions
         self.sources: list[ConditionSource] = [
             create("source", case.registry.get("condition_source", one.source), one.parameters)

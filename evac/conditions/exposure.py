@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray
+from evac.base.defaults import TENABLE
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.simulation.scene import Scene
 
-#: Visibility below which a storey is commonly regarded as untenable, and the least that is distinguished from 0 [m].
-TENABLE, LEAST = 10.0, 1e-6
+#: Least visibility that is distinguished from 0 [m].
+LEAST = 1e-6
 
 #: Doses above which people are counted.
 TOLD = (0.3, 1.0)

@@ -213,11 +213,7 @@ def _nodes_in(path: Path, lines: list[str]) -> list[tuple[FloatArray, FloatArray
 
 
 def _block_of(
-    path: Path,
-    quantity: str,
-    nodes: Sequence[FloatArray],
-    bounds: NDArray[np.int64],
-    is_centred: bool,
+    path: Path, quantity: str, nodes: Sequence[FloatArray], bounds: NDArray[np.int64], is_centred: bool
 ) -> Block:
     """Return the block of a slice file, whose times are read."""
     axes, ends = [], np.empty((3, 2))

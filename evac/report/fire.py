@@ -3,13 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from evac.base.defaults import TENABLE
 from evac.building.model.storeys import storeys
 from evac.report import figures
 from evac.report.templates import Cell, Section, fixed, section
 from evac.results.results import Results
-
-#: Visibility below which a storey is commonly regarded as untenable [m].
-TENABLE = 10.0
 
 
 def fire_section(run: Results) -> Section:
