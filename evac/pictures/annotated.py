@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -33,6 +34,9 @@ MARK = {"missing": "#c0392b", "warning": "#c0392b", "repaired": "#1f77b4", "assu
 
 #: Background of names.
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
+
+#: Size of names that would cover others at their own size [points].
+SMALL = 4.5
 
 #: Height of a line of the list and margin around it [inches], and number of letters per inch.
 LINE, MARGIN, LETTERS = 0.17, 0.3, 13.5
@@ -100,6 +104,7 @@ def levels_figure(
                 segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
                 _line(axes, segment, OPENING, 2.2)
                 beside(axes, segment, mark.label, OPENING)
+        _keep_apart(plans.figure, axes)
         for own in _by_place(building, panels, listed, number):
             _draw_findings(axes, own)
     _list_below(plans.figure, listed)
@@ -135,6 +140,27 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
         flats = [level for level in levels if level.stair == stair]
         flat = max(flats, key=lambda level: (level.kind == "landing", level.polygon.area))
         _name(axes, flat.polygon, stair, palette.TEXT)
+
+
+def _keep_apart(figure: Figure, axes: Axes) -> None:
+    """Write names of a kind smaller if two would cover each other; leave out those that still cover another name.
+
+    Exits and marks are written as they are, then the names of stairs, areas and doors, and the widths of portals.
+    """
+    axes.apply_aspect()
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    kinds = [palette.TEXT, AREA, palette.EDGE]
+    named = [text for text in axes.texts if text.get_text()]
+    written = [text.get_window_extent(renderer) for text in named if text.get_color() not in kinds]
+    for kind in kinds:
+        texts = sorted((text for text in named if text.get_color() == kind), key=lambda text: -len(text.get_text()))
+        boxes = written + [text.get_window_extent(renderer) for text in texts]
+        is_crowded = any(box.count_overlaps(boxes) > 1 for box in boxes[len(written) :])
+        for text in texts:
+            text.set_fontsize(SMALL if is_crowded else text.get_fontsize())
+            box = text.get_window_extent(renderer)
+            text.set_visible(not box.count_overlaps(written))
+            written += [box] * text.get_visible()
 
 
 def _list_below(figure: Figure, listed: list[tuple[int, Finding]]) -> None:

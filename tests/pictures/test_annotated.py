@@ -6,7 +6,7 @@ import shapely
 from evac import Plan
 from evac.building.model.findings import Finding
 from evac.building.model.storeys import storeys
-from evac.pictures.annotated import Mark, draw_levels, panel_of
+from evac.pictures.annotated import Mark, draw_levels, levels_figure, panel_of
 
 
 @pytest.fixture
@@ -65,6 +65,19 @@ def test_marks_and_findings_are_in_the_picture(building, tmp_path):
     ):
         assert word in text, word
     assert "a door" not in text
+
+
+def test_names_cover_no_other_name():
+    plan = Plan()
+    plan.storey("ground", shapely.box(0, 0, 60, 6))
+    plan.exit("door", "ground", [(0, 3), (0, 4)])
+    for k in range(40):
+        plan.area(f"office number {k}", "ground", shapely.box(1.4 * k + 1, 1, 1.4 * k + 2, 2))
+    figure = levels_figure(plan.building(), greatest=(4.0, 3.0))
+    figure.draw_without_rendering()
+    shown = [text.get_window_extent() for text in figure.axes[0].texts if text.get_visible() and text.get_text()]
+    assert 2 <= len(shown) < 41
+    assert all(box.count_overlaps(shown) == 1 for box in shown)  # itself
 
 
 def test_doors_between_rooms_are_in_the_picture_with_their_widths(tmp_path):
