@@ -73,6 +73,7 @@ def plans(building: Building) -> list[Picture]:
         "Plans of the storeys at one scale, with coordinates [m]. Green: exits with their names and clear widths;"
         " dashed lines: portals between levels with their clear widths; violet: areas in which people can start."
         " Flights, with an arrow that points upwards, and landings are drawn with the floor below them. Red: closed."
+        " Names for which there is no room are in the tables."
     )
     if building.places:
         caption += " Blue areas: refuges; green areas: assembly areas; green squares: signs, with their exits."
