@@ -48,7 +48,7 @@ def run(case: Case, folder: Path) -> str:
     plan = folder / "case" / "building.plan.toml"
     if not plan.exists():
         return "refused" if status else "imported as a mesh"
-    plan.write_text(CHANGES[generator.choice(EVERY)](plan.read_text(encoding="utf-8"), generator), encoding="latin-1")
+    plan.write_text(CHANGES[generator.choice(EVERY)](plan.read_text(encoding="latin-1"), generator), encoding="latin-1")
     again, _ = call([*words, "--partial"])
     return f"{'incomplete' if status else 'imported'}, {'edits refused' if again else 'again'}"
 
