@@ -206,7 +206,7 @@ class DxfImporter(Importer):
         """Add the storey of a drawing with outlines of the floor: closed ones, and faces of open lines."""
         floor = [one for one in drawn if one.use == "floor"]
         lines = [one.line for one in floor if not one.is_closed]
-        ground: list[BaseGeometry] = [one.polygon for one in floor if one.is_closed]
+        ground: list[BaseGeometry] = [shapely.Polygon(one.line.coords) for one in floor if one.is_closed]
         if lines:
             faces = faces_of(lines, self.gap)
             ground += faces.faces
@@ -225,10 +225,8 @@ class DxfImporter(Importer):
                 raise ValueError(f"plan = {self.plan!r}: the drawing has {len(grounds)} plans; give numbers, as in 1,2")
             numbers = chosen
         if len(grounds) > 1:
-            text = f"{len(grounds)} plans, numbered from the left and the top"
-            plan.note(
-                "assumed", f"{text}; {'those chosen' if self.plan else 'all'} are storeys, the lowest first (plan)"
-            )
+            text = f"{'those chosen' if self.plan else 'all'} are storeys, the lowest first (plan)"
+            plan.note("assumed", f"{len(grounds)} plans, numbered from the left and the top; {text}")
         corner = np.array(grounds[numbers[0] - 1].bounds[:2])
         for index, number in enumerate(numbers):
             ground = grounds[number - 1]
@@ -259,8 +257,7 @@ class DxfImporter(Importer):
         lines += [*shapely.linestrings(reaching(shapely.get_coordinates(long), lines).reshape(-1, 2, 2))]
         others = [side for one in drawn if one.use == "doors" and not one.is_curve for side in one.sides]
         if self.doors:
-            closing = [shapely.get_coordinates(one).ravel() for one in others]
-            doors = np.concatenate([doors, np.array(closing).reshape(-1, 4)])
+            doors = np.concatenate([doors, shapely.get_coordinates(others).reshape(-1, 4)])
             others = []
         others = [side for side in others if not swept.covers(side)]
         solids = [one.polygon for one in walls if one.is_solid]
@@ -367,7 +364,7 @@ class Drawn:
     @property
     def polygon(self) -> BaseGeometry:
         """The polygon enclosed by a closed line."""
-        return shapely.make_valid(shapely.Polygon(self.line.coords))
+        return shapely.make_valid(shapely.Polygon(self.line.coords), method="structure", keep_collapsed=False)
 
     @property
     def is_solid(self) -> bool:

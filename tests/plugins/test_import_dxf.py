@@ -64,6 +64,14 @@ def test_layers_of_the_convention(drawing, tmp_path, prefix):
     assert any("exit 1" in one for one in findings(building, "repaired"))
 
 
+def test_an_outline_that_crosses_itself_is_repaired_and_told(drawing, tmp_path):
+    outline = [(0, 0), (8, 0), (8, 6), (1, 6), (1, 1), (5, 1), (5, 4), (0, 4)]
+    add(drawing.modelspace(), "walkablearea", outline)
+    building = building_of(drawing, tmp_path)
+    assert ground(building) == pytest.approx(8 * 4 + 7 * 2)  # what the outline goes around twice is ground, too
+    assert len(findings(building, "repaired")) == 1
+
+
 def test_an_exit_farther_from_the_outline_stays_where_it_is(drawing, tmp_path):
     add(drawing.modelspace(), "walkablearea", ROOM)
     add(drawing.modelspace(), "exits", [(7.0, 1), (7.7, 1), (7.7, 2), (7.0, 2)])
