@@ -82,9 +82,7 @@ def paired(lines: Sequence[BaseGeometry]) -> NDArray[np.bool_]:
     apart = np.abs(way[one, 0] * off[:, 1] - way[one, 1] * off[:, 0])
     alike = np.abs((way[one] * way[other]).sum(axis=1)) > 0.999
     fits = alike & (apart > SPACING[0]) & (length[other] > 0.3 * length[one]) & (length[one] > LEAST_SIDE)
-    found = np.zeros(len(ends), dtype=bool)
-    found[one[fits]] = True
-    return found
+    return np.isin(np.arange(len(ends)), one[fits])
 
 
 def walls_by_spacing(layers: Mapping[str, Sequence[BaseGeometry]]) -> dict[str, str]:
@@ -100,9 +98,7 @@ def walls_by_spacing(layers: Mapping[str, Sequence[BaseGeometry]]) -> dict[str, 
         If no layer has pairs of lines, the layer with the longest lines.
     """
     total = {name: sum(line.length for line in lines) for name, lines in layers.items()}
-    double = {
-        name: float(np.array([line.length for line in lines])[paired(lines)].sum()) for name, lines in layers.items()
-    }
+    double = {name: float(shapely.length([*lines])[paired(lines)].sum()) for name, lines in layers.items()}
     least = 0.2 * max(double.values(), default=0.0)
     found = [name for name in layers if double[name] > max(PAIRED * total[name], least, 1e-9)]
     if found:

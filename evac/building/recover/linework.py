@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 import shapely
@@ -130,19 +131,14 @@ def rooms_of(
     known = np.asarray(doors, dtype=np.float64).reshape(-1, 4)
     across = reaching(known, drawn.pieces)
     found = _door_lines(drawn.pieces, gap, door)
-    found = [
-        (middle, pair)
-        for middle, pair in found
-        if not _is_at(_as_lines(across), shapely.LineString(middle.reshape(2, 2)))
-    ]
+    found = [one for one in found if not _is_at(_as_lines(across), shapely.LineString(one[0].reshape(2, 2)))]
     ends = shapely.get_coordinates([*panes]).reshape(-1, 4)
     is_long = segment_lengths(ends) > THICKEST_WALL
     sills = _joining(reaching(ends[is_long], drawn.pieces), drawn.pieces)  # through frames
     sills = [one for one in sills if not _is_at(_as_lines(across), one)]
-    openings = [_hull(pair).buffer(BETWEEN_PANES) for _, pair in found]
-    is_window = [sum(_is_at([one], sill) for sill in sills) > 1 for one in openings]
-    found = [one for one, has_panes in zip(found, is_window, strict=True) if not has_panes]
-    openings = [one for one, has_panes in zip(openings, is_window, strict=True) if not has_panes]
+    at = [_hull(pair).buffer(BETWEEN_PANES) for _, pair in found]
+    is_door = [sum(_is_at([one], sill) for sill in sills) < 2 for one in at]
+    found, openings = [*compress(found, is_door)], [*compress(at, is_door)]
     glass = [sill for sill in sills if not _is_at(openings, sill)]
     jambs = [side for _, pair in found if len(pair) == 2 for side in (pair[:, :2], pair[:, 2:])]
     glass += [shapely.LineString(one) for one in jambs] + _joining(ends[~is_long], drawn.pieces)
