@@ -97,19 +97,15 @@ class Together(Behaviour):
             unit.append(own.astype(np.int32))
         self._rows, self._unit, self._place = np.concatenate(rows), np.concatenate(unit), places
         self._stage = np.array([GATHERS if place else LEAVES for place in places], dtype=np.int32)
-        self._send_to_places()
+        routes = scene.scene.fields.routes
+        for k in np.flatnonzero(self._stage[self._unit] == GATHERS).tolist():
+            steepest = routes[scene.crowd.route[self._rows[k]]].steepest
+            to_place = Route(refuge=self._place[self._unit[k]], steepest=steepest)
+            scene.crowd.route[self._rows[k]] = routes.index(to_place)
         self._arrived = np.zeros(len(self._rows), dtype=np.uint8)
         self._since = np.zeros(len(places))  # last progress, or the end of the count [s]
         self._least = np.full(len(places), np.inf)  # least travel time of the last member [s]
         self._counted = np.full(len(places), np.inf)  # when each unit was counted [s]
-
-    def _send_to_places(self) -> None:
-        """Set the routes to the places of those whose units gather there, with the slopes that they use."""
-        routes = self._scene.scene.fields.routes
-        for k in np.flatnonzero(self._stage[self._unit] == GATHERS).tolist():
-            steepest = routes[self._scene.crowd.route[self._rows[k]]].steepest
-            own = Route(refuge=self._place[self._unit[k]], steepest=steepest)
-            self._scene.crowd.route[self._rows[k]] = routes.index(own)
 
     def _checked_place(self, group: Any) -> str:
         """Return the place at which a group gathers; an empty text if it does not."""

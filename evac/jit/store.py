@@ -92,7 +92,9 @@ class Store:
         start = len(_MAGIC) + 32
         code = content[start:]
         if content[:start] == _MAGIC + _checksum(digest, code):
-            self._note_use(path)
+            with suppress(OSError):  # a read-only folder
+                if not self.is_shipped and _age(path) > 86400.0:
+                    os.utime(path)  # so that it is not removed as old
             return code
         if not self.is_shipped:
             with suppress(OSError):
@@ -140,13 +142,6 @@ class Store:
         if (self.folder, what) not in _warned:
             _warned.add((self.folder, what))
             warnings.warn(message, CacheWarning, stacklevel=3)
-
-    def _note_use(self, path: Path) -> None:
-        """Update the time of a used file, so that it is not removed as old."""
-        if not self.is_shipped:
-            with suppress(OSError):  # a read-only folder
-                if _age(path) > 86400.0:
-                    os.utime(path)
 
     def prune(self) -> None:
         """Remove files not used for a long time, and files of interrupted processes."""
