@@ -194,6 +194,7 @@ class Places:
         self._places = tuple(place for place in building.places if place.kind not in ("sign", "line"))
         self._crowd = crowd
         self._index = {place.name: index for index, place in enumerate(self._places)}
+        self._is_assembly = np.array([place.kind == "assembly" for place in self._places], dtype=np.bool_)
         self._ways = [
             {self._index[name]: routes.index(route) for name, route in routes_to_places(case, people).items()}
             for people in case.people
@@ -217,8 +218,7 @@ class Places:
 
     def has_assembly_areas(self, names: Sequence[str]) -> bool:
         """Return whether names are those of assembly areas, at least one."""
-        known = [place.name for place in self._places if place.kind == "assembly"]
-        return bool(names) and set(names) <= set(known)
+        return bool(names) and all(name in self._index and self._is_assembly[self._index[name]] for name in names)
 
     def can_be_sent(self, group: int, names: Sequence[str]) -> bool:
         """Return whether a group has routes to assembly areas."""
@@ -236,10 +236,6 @@ class Places:
         moves = rows[~self._sent[group, self._meant[rows]] & self._is_assembly[self._meant[rows]]]
         self.arrived[moves] = False
         return bool((before != self._sent[group]).any())
-
-    @property
-    def _is_assembly(self) -> NDArray[np.bool_]:
-        return np.array([place.kind == "assembly" for place in self._places], dtype=np.bool_)
 
     def exit_routes(self, rows: NDArray[np.integer[Any]]) -> IntArray:
         """Return the routes of people to exits: of those who go to an area, the route that they had before."""
