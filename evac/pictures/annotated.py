@@ -2,7 +2,8 @@
 
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,9 +65,16 @@ def draw_levels(
     if path.suffix.lower() not in PICTURES:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {', '.join(PICTURES)}")
     figure = levels_figure(building, findings, marks, title)
-    with replacing(path, "the picture") as new, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")  # names in scripts that the font does not have are drawn as boxes
+    with replacing(path, "the picture") as new, _any_script():
         figure.savefig(new)
+
+
+@contextmanager
+def _any_script() -> Iterator[None]:
+    """Draw names in scripts that the font does not have as boxes, without a warning for each letter."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")
+        yield
 
 
 def levels_figure(
@@ -104,7 +112,8 @@ def levels_figure(
                 segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
                 _line(axes, segment, OPENING, 2.2)
                 beside(axes, segment, mark.label, OPENING)
-        _keep_apart(plans.figure, axes)
+        with _any_script():
+            _keep_apart(plans.figure, axes)
         for own in _by_place(building, panels, listed, number):
             _draw_findings(axes, own)
     _list_below(plans.figure, listed)
