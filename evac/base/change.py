@@ -83,6 +83,11 @@ class Change:
         object.__setattr__(self, "values", values)
 
     def __str__(self) -> str:
+        return f"{self.words} at {self.time:g} s"
+
+    @property
+    def words(self) -> str:
+        """What happens to what, without the time."""
         value, ends = self.values.get("value"), self.values.get("value") is False
         done = {
             "open": "opened",
@@ -93,7 +98,7 @@ class Change:
             "strategy": f"to {', '.join(value) or 'any exit'}" if isinstance(value, tuple) else f"on the {value} way",
             "alarm": "alarmed",
         }.get(self.kind, self.kind)
-        return f"{repr(self.what) if self.what else 'everybody'} {done} at {self.time:g} s"
+        return f"{repr(self.what) if self.what else 'everybody'} {done}"
 
     def as_row(self) -> dict[str, Any]:
         """Return the change as a dictionary that can be written as JSON."""

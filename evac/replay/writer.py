@@ -90,7 +90,7 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         "origin": motion.origin.tolist(),
         "closed": [[time, sorted(at.shut)] for time, at in conditions.items()],
         "marks": [[time, marks_for_page(at, motion.origin)] for time, at in conditions.items()],
-        "changes": [[change.time, str(change)] for change in changes],
+        "changes": [[change.time, change.words] for change in changes],
         "grain": GRAIN,
         "tallest": MOST_HEIGHT,
         "moment": MOMENT,
