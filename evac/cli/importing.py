@@ -96,7 +96,9 @@ def _show(made: "Imported") -> None:
     from evac.importing.report import MOST_OPENINGS, opening_row
 
     building = made.building
-    floors = [[level.polygon.area for level in own if level.kind == "floor"] for _, own in storeys(building)]
+    floors = [own for _, levels in storeys(building) if (own := [level for level in levels if level.kind == "floor"])]
+    named = {own[0].name.partition(" z=")[0] for own in floors}  # a storey of two heights has two floors
+    area = sum(level.polygon.area for own in floors for level in own)
     full = [room.number for room in made.rooms if room.number]
     count = Counter(finding.kind for finding in made.findings)
     for missing in made.missing:
@@ -104,7 +106,7 @@ def _show(made: "Imported") -> None:
     show_facts(
         {
             "imported": ", ".join(str(file) for file in made.files),
-            "storeys": f"{sum(map(bool, floors))}, {sum(map(sum, floors)):.1f} m2",
+            "storeys": f"{len(named)}, {area:.1f} m2",
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
             "people": f"{sum(full)} in {counted(len(full), 'room')}",
