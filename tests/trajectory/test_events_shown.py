@@ -46,7 +46,7 @@ def test_the_replay_tells_them(results):
     page = (results.folder / "replay.html").read_text(encoding="utf-8")
     data = re.search(r'id="data-about">([^<]*)<', page)[1]
     about = json.loads(zlib.decompress(base64.b64decode(data)))
-    assert about["changes"] == [[change.time, str(change)] for change in results.changes]
+    assert about["changes"] == [[change.time, change.words] for change in results.changes]
     marks = dict(about["marks"])
     assert list(marks) == [time for time, _ in about["closed"]]
     kinds = {time: [mark["kind"] for mark in now] for time, now in marks.items()}
