@@ -1,4 +1,4 @@
-"""The corridor of NIST 2.5 and ISO 18, 100 m by 2 m, and rooms in which people stand in gases."""
+"""The corridor of NIST 2.5 and ISO 18, 100 m by 2 m, rooms in which people stand in gases, and two storeys."""
 
 import evac
 
@@ -31,3 +31,14 @@ def standing(dose=None, people=1, **values):
     group = {"name": "p", "level": "f", "positions": places, "radius": 0.1, "leave": False}
     tables = {"people": [group], "smoke": {"law": "none"}, "dose": {"heat": "none", **(dose or {})}}
     return corridor({"source": "prescribed", "values": values}, **tables)
+
+
+def two_storeys():
+    """Return the plan of two storeys of one room each, with a stair and an exit below."""
+    room = [[0, 0], [12, 0], [12, 8], [0, 8]]
+    stair = {"name": "stair", "lower": "down", "lower_edge": [[4, 1.2], [4, 2.7]], "upper": "up", "length": 5.0}
+    return {
+        "storeys": [{"name": name, "z": z, "polygons": [room]} for name, z in (("down", 0.0), ("up", 3.0))],
+        "stairs": [{**stair, "direction": [1, 0]}],
+        "exits": [{"name": "out", "storey": "down", "segment": [[0, 3], [0, 5]]}],
+    }

@@ -5,6 +5,7 @@ import pytest
 
 import evac
 from evac.simulation.simulation import Simulation
+from tests.conditions.corridor import two_storeys
 from tests.runs import assert_same_bits, run_ticks
 
 
@@ -124,13 +125,8 @@ def test_lean_full_and_threads_give_the_same_bits():
 
 def test_smoke_that_ends_at_a_stair_leaves_the_ways_round_its_posts_and_those_to_refuges():
     """Without the clearance beside the end of the smoke, a person stands at the post of the stair for ever."""
-    room = [[0, 0], [12, 0], [12, 8], [0, 8]]
-    stair = {"name": "stair", "lower": "down", "lower_edge": [[4, 1.2], [4, 2.7]], "upper": "up", "length": 5.0}
-    plan = {
-        "storeys": [{"name": name, "z": z, "polygons": [room]} for name, z in (("down", 0.0), ("up", 3.0))],
-        "stairs": [{**stair, "direction": [1, 0]}],
-        "exits": [{"name": "out", "storey": "down", "segment": [[0, 3], [0, 5]]}],
-        "areas": [{"name": "safe", "storey": "up", "polygon": [[10, 6], [12, 6], [12, 8], [10, 8]]}],
+    plan = two_storeys() | {
+        "areas": [{"name": "safe", "storey": "up", "polygon": [[10, 6], [12, 6], [12, 8], [10, 8]]}]
     }
     walker = {"name": "p", "level": "up", "positions": [[2, 6]], "speed": 1.3}
     table = {

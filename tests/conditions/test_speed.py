@@ -9,7 +9,7 @@ import evac
 from evac.conditions.law import share_in_smoke, share_with_irritants
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
-from tests.conditions.corridor import corridor, prescribed
+from tests.conditions.corridor import corridor, prescribed, two_storeys
 
 LAWS = Registry().smoke_laws
 
@@ -95,13 +95,7 @@ def test_irritants_slow_people_who_recover_behind_them():
 
 def test_the_law_is_applied_to_speeds_on_stairs():
     """The time down a flight in smoke, over that in clear air, is the inverse of the share of the speed."""
-    room = [[0, 0], [12, 0], [12, 8], [0, 8]]
-    stair = {"name": "stair", "lower": "down", "lower_edge": [[4, 1.2], [4, 2.7]], "upper": "up", "length": 5.0}
-    plan = {
-        "storeys": [{"name": name, "z": z, "polygons": [room]} for name, z in (("down", 0.0), ("up", 3.0))],
-        "stairs": [{**stair, "direction": [1, 0]}],
-        "exits": [{"name": "out", "storey": "down", "segment": [[0, 3], [0, 5]]}],
-    }
+    plan = two_storeys()
 
     def down(*conditions):
         changes = {"building.plan": plan, "people.p.level": "up", "people.p.positions": [[11.0, 2.0]]}
