@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.saved import taken
-from evac.building.model.elevation import in_space
+from evac.building.model.elevation import gradients, in_space
 from evac.contract.hooks import hookimpl
 from evac.folder.files import REPLAY_NAME
 from evac.trajectory.recorder import Recorder
@@ -44,7 +44,7 @@ class ReplayRecorder(Recorder):
             crowd = simulation.population.crowd
             rows = np.flatnonzero(crowd.level >= 0).astype(np.int32)
             level, time = crowd.level[rows], simulation.time
-            velocity = in_space(self.motion.building, level, simulation.displacement_velocity[rows])
+            velocity = in_space(gradients(self.motion.building), level, simulation.displacement_velocity[rows])
             started = (crowd.start_time[rows] <= time) & ~simulation.standing[rows]
             found = rows, level, crowd.position[rows], velocity, started, crowd.contact_force[rows]
             dose = None if simulation.dose is None else simulation.dose[rows]

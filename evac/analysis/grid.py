@@ -15,8 +15,11 @@ from evac.building.model.cells import Cells
 #: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].
 LEAST_SPACING, MOST_CELLS, MOST_KERNEL = 0.01, 10_000_000, 500
 
+#: Where the kernel ends, in standard deviations.
+TRUNCATED = 3.5
+
 #: Number of cells whose densities are computed together.
-MOST_TOGETHER = 1_000_000
+MOST_TOGETHER = 200_000
 
 
 class Grid(Cells):
@@ -83,16 +86,23 @@ class Grid(Cells):
         (f,) int64, (f, ny, nx) float64 [1/m2]
             Numbers of the times at which somebody is there, and the densities.
         """
-        frames, size = np.unique(frame), self._kept.size
-        cell = self.cell(position)
+        frames, cell = np.unique(frame), self.cell(position)
         weight = 1.0 / self._kept.ravel()[cell]
-        together = max(1, MOST_TOGETHER // size)
+        reach, together = math.ceil(TRUNCATED * self._deviation) + 1, max(1, MOST_TOGETHER // self._kept.size)
         for start in range(0, len(frames), together):
             some = frames[start : start + together]
             first, end = np.searchsorted(frame, [some[0], some[-1] + 1])
-            rows = np.searchsorted(some, frame[first:end]) * size + cell[first:end]
-            gathered = np.bincount(rows, weight[first:end], minlength=len(some) * size).reshape(-1, *self.shape)
-            yield some, self.smoothed(gathered.astype(np.float64, copy=False))
+            row, column = np.divmod(cell[first:end], self.shape[1])
+            # The densities of all other cells are zero.
+            low_y, low_x = max(0, int(row.min()) - reach), max(0, int(column.min()) - reach)
+            around = np.s_[low_y : int(row.max()) + reach + 1, low_x : int(column.max()) + reach + 1]
+            shape = len(some), *self.on_floor[around].shape
+            where = np.ravel_multi_index((np.searchsorted(some, frame[first:end]), row - low_y, column - low_x), shape)
+            gathered = np.bincount(where, weight[first:end], minlength=math.prod(shape)).reshape(shape)
+            densities = np.zeros((len(some), *self.shape))
+            smooth = self._smooth(gathered.astype(np.float64, copy=False)) / self.spacing**2
+            densities[:, *around] = np.where(self.on_floor[around], smooth, 0.0)
+            yield some, densities
 
     def density_at(self, position: FloatArray) -> FloatArray:
         """Return the density of people at points (s, 2) in the cell of each of them, (s,) [1/m2]."""
@@ -125,7 +135,7 @@ class Grid(Cells):
         from scipy.ndimage import gaussian_filter
 
         deviation = [0.0] * (values.ndim - 2) + [self._deviation] * 2
-        smooth: FloatArray = gaussian_filter(values, deviation, mode="constant", truncate=3.5)
+        smooth: FloatArray = gaussian_filter(values, deviation, mode="constant", truncate=TRUNCATED)
         return smooth
 
 

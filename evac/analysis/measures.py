@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.saved import taken
-from evac.building.model.elevation import in_space
+from evac.building.model.elevation import gradients, in_space
 from evac.trajectory.trajectory import Trajectory
 
 #: People slower than this wait [m/s].
@@ -173,10 +173,10 @@ def records(
     """
     measuring = Measuring(trajectory.number_of_people, waiting_speed)
     chosen = trajectory.rows if frames is None else [trajectory.rows[k] for k in frames.tolist()]
-    parts, count = list[Records](), 0
+    gradient, parts, count = gradients(trajectory.building), list[Records](), 0
     for number, now in enumerate(chosen):
         person, level, motion = now.person.astype(np.int32), now.level.astype(np.int32), now.motion.astype(np.float64)
-        speed = np.linalg.norm(in_space(trajectory.building, level, motion[:, 2:4]), axis=1)
+        speed = np.linalg.norm(in_space(gradient, level, motion[:, 2:4]), axis=1)
         after, target = np.full((len(person), 2), np.nan), np.full(len(person), -1, np.int32)
         if number + 1 < len(chosen):
             later = chosen[number + 1]

@@ -103,7 +103,7 @@ def draw_plans(
         panel = figure.add_axes(box)
         panel.set_axis_off()
         panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
-        panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
+        panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, y=1.0, pad=3, parse_math=False)
         draw_levels(panel, building, shown, is_filled, has_widths)
         axes.append(panel)
     if title is not None:

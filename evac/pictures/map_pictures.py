@@ -2,11 +2,12 @@
 
 import math
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.artist import Artist
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, ListedColormap, Normalize
@@ -15,6 +16,7 @@ from matplotlib.patches import PathPatch
 
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
+from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.storeys import storeys
 from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
@@ -77,30 +79,69 @@ def draw_map(
     --------
     >>> draw_map(evac.read_trajectory("school-result"), "density").savefig("density.png")  # doctest: +SKIP
     """
+    return next(draw_maps(trajectory, [quantity], maps, levels, dpi, service))
+
+
+def draw_maps(
+    trajectory: Trajectory,
+    quantities: Iterable[str],
+    maps: Mapping[str, LevelMaps] | None = None,
+    levels: Sequence[str | int] | None = None,
+    dpi: int = 120,
+    service: str = "",
+    flows: Iterable[LineFlow] | None = None,
+) -> Iterator[Figure]:
+    """Draw the maps of several quantities on the same plans, one after the other.
+
+    Parameters
+    ----------
+    trajectory, maps, levels, dpi, service
+        As for `draw_map`.
+    quantities : iterable of str
+    flows : iterable of LineFlow, optional
+        Passages through lines, for the map of the flow; by default those of the results beside the trajectory.
+
+    Yields
+    ------
+    Figure
+        The same figure each time, so that it has to be saved before the next one is drawn.
+
+    Raises
+    ------
+    ResultError
+        As for `draw_map`.
+    """
     if maps is None:
         maps = level_maps(trajectory, levels)
-    what = QUANTITIES.get(quantity)
-    grids = {name: level_map.array(quantity) for name, level_map in maps.items()}
-    assert what is not None  # array() raises an error for unknown quantities
     any_map = next(iter(maps.values()))
-    title = f"{trajectory.header.get('title', '')}\n{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s"
-    if quantity == "flow":
-        title += "; labels: people who passed the line, and people per second and metre"
     said = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
-    title += textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
+    said = textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
+    title = f"{trajectory.header.get('title', '')}\n"
     plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False)
-    scale = SCALES[quantity].with_service(service)
-    top, colours, norm = scale.end(high_value([*grids.values()])), _colours(scale), Normalize(0.0, 1.0)
-    drawn = {name: _drawn(one, quantity, scale, top) for name, one in maps.items()}
-    _draw_grids(plans, drawn, maps, colours, norm)
-    if quantity == "flow":
-        _label_lines(plans, recorded_flows(trajectory))
-    _add_scale(plans, ScalarMappable(norm, colours), scale, top)
-    if any(np.isinf(grid).any() for grid in grids.values()):
-        plans.figure.text(plans.side[0], 0.02, "not cleared", color=NEVER, fontsize=9, fontweight="bold")
-    if scale.below:
-        plans.figure.text(plans.side[0], 0.02, f"no colour: {scale.below}", color=palette.TEXT, fontsize=9)
-    return plans.figure
+    subtitle, nearest = plans.figure.texts[-1], {name: _nearest_cells(one) for name, one in maps.items()}
+    lasting = set(_artists(plans))
+    for quantity in quantities:
+        for artist in set(_artists(plans)) - lasting:
+            artist.remove()
+        grids = {name: level_map.array(quantity) for name, level_map in maps.items()}
+        what, scale = QUANTITIES[quantity], SCALES[quantity].with_service(service)
+        explained = (
+            "; labels: people who passed the line, and people per second and metre" if quantity == "flow" else ""
+        )
+        subtitle.set_text(f"{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s{explained}{said}")
+        _draw_values(plans, grids, maps, nearest, scale)
+        if quantity == "flow":
+            _label_lines(plans, recorded_flows(trajectory) if flows is None else flows)
+        if any(np.isinf(grid).any() for grid in grids.values()):
+            plans.figure.text(plans.side[0], 0.02, "not cleared", color=NEVER, fontsize=9, fontweight="bold")
+        if scale.below:
+            plans.figure.text(plans.side[0], 0.02, f"no colour: {scale.below}", color=palette.TEXT, fontsize=9)
+        yield plans.figure
+
+
+def _artists(plans: Plans) -> list[Artist]:
+    """Return all parts of a figure with plans."""
+    return [part for whole in (plans.figure, *plans.axes) for part in whole.get_children()]
 
 
 def draw_cut(
@@ -136,17 +177,9 @@ def draw_cut(
     draw_levels(axes, building, shown, is_filled=False, has_widths=False)
     for text in axes.texts:
         text.set_clip_on(True)
-    scale = SCALES[quantity]
-    top, colours, norm = (
-        scale.end(high_value([one.array(quantity) for one in maps.values()])),
-        _colours(scale),
-        Normalize(0.0, 1.0),
-    )
-    drawn = {one.name: _drawn(maps[one.name], quantity, scale, top) for one in shown}
-    side = left + 0.8 * width, bottom, 0.2 * width, height
-    plans = Plans(figure, (axes,), (tuple(shown),), side)
-    _draw_grids(plans, drawn, maps, colours, norm)
-    _add_scale(plans, ScalarMappable(norm, colours), scale, top)
+    plans = Plans(figure, (axes,), (tuple(shown),), (left + 0.8 * width, bottom, 0.2 * width, height))
+    nearest = {one.name: _nearest_cells(maps[one.name]) for one in shown}
+    _draw_values(plans, {name: one.array(quantity) for name, one in maps.items()}, maps, nearest, SCALES[quantity])
 
 
 def draw_difference(first: Trajectory, other: Trajectory, quantity: str, dpi: int = 120) -> Figure:
@@ -212,8 +245,10 @@ def write_maps(
         As for `draw_map`, or a file cannot be written.
     """
     written = []
-    for quantity in quantities:
-        figure = draw_map(trajectory, quantity, maps, levels, service=service)
+    quantities = list(quantities)
+    for quantity, figure in zip(
+        quantities, draw_maps(trajectory, quantities, maps, levels, service=service), strict=True
+    ):
         is_file = path.suffix.lower() in FORMATS
         place = path if is_file else path / map_name(quantity)
         with writing("the map", place):
@@ -224,29 +259,59 @@ def write_maps(
     return written
 
 
+def _draw_values(
+    plans: Plans,
+    grids: Mapping[str, FloatArray],
+    maps: Mapping[str, LevelMaps],
+    nearest: Mapping[str, IntArray],
+    scale: Scale,
+) -> None:
+    """Draw the values of levels with the colours of a scale, and the scale at the right; infinity as 2 of 1."""
+    top = scale.end(high_value([*grids.values()]))
+    drawn = {}
+    for name, (row, column) in nearest.items():
+        filled = grids[name][row, column]
+        drawn[name] = np.where(np.isinf(filled), 2.0, scale.share(filled, top))
+    colours, norm = _colours(scale), Normalize(0.0, 1.0)
+    _draw_grids(plans, drawn, maps, colours, norm)
+    ticks = scale.ticks(top)
+    ticks = [tick for k, tick in enumerate(ticks) if k == 0 or tick[0] >= ticks[k - 1][0] + LEAST_STEP]
+    shares, texts = zip(*ticks, strict=True)
+    source = f", {SERVICES[scale.service].source}" if scale.service else ""
+    bar = _add_bar(plans, ScalarMappable(norm, colours), f"{scale.label} [{scale.unit}]{source}")
+    bar.set_ticks(shares, labels=texts)
+
+
+def _nearest_cells(maps: LevelMaps) -> IntArray:
+    """Return the row and column of the nearest cell on the floor, (2, ny, nx): maps are clipped to the floor."""
+    from scipy.ndimage import distance_transform_edt
+
+    cells: IntArray = distance_transform_edt(np.isnan(maps.density), return_distances=False, return_indices=True)
+    return cells
+
+
 def _draw_grids(
-    plans: Plans, grids: Mapping[str, np.ndarray], maps: Mapping[str, LevelMaps], colours: Colormap, norm: Normalize
+    plans: Plans, grids: Mapping[str, FloatArray], maps: Mapping[str, LevelMaps], colours: Colormap, norm: Normalize
 ) -> None:
     """Draw the values in the cells of levels on their plans, clipped to the floors."""
     for axes, shown in zip(plans.axes, plans.levels, strict=True):
+        limits = axes.get_xlim(), axes.get_ylim()
         for level in shown:
-            axes.add_patch(PathPatch(outline_of(level.polygon), facecolor=NO_VALUE, edgecolor="none", zorder=0.5))
-            if level.name not in grids:
-                continue
-            clip = PathPatch(outline_of(level.polygon), transform=axes.transData)
-            limits = axes.get_xlim(), axes.get_ylim()
-            image = axes.imshow(
-                np.ma.masked_invalid(grids[level.name]),
-                origin="lower",
-                extent=maps[level.name].extent,
-                cmap=colours,
-                norm=norm,
-                zorder=1,
-                aspect="auto",
-                interpolation="nearest",
-            )
-            image.set_clip_path(clip)
-            axes.set(xlim=limits[0], ylim=limits[1])
+            floor = PathPatch(outline_of(level.polygon), facecolor=NO_VALUE, edgecolor="none", zorder=0.5)
+            axes.add_patch(floor)
+            if level.name in grids:
+                image = axes.imshow(
+                    np.ma.masked_invalid(grids[level.name]),
+                    origin="lower",
+                    extent=maps[level.name].extent,
+                    cmap=colours,
+                    norm=norm,
+                    zorder=1,
+                    aspect="auto",
+                    interpolation="nearest",
+                )
+                image.set_clip_path(floor)
+        axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def _colours(scale: Scale) -> Colormap:
@@ -255,28 +320,6 @@ def _colours(scale: Scale) -> Colormap:
     opacity = np.minimum(share / 0.4, 1.0) ** 0.8 if scale.is_veiled else (share > 0.0).astype(float)
     colours = ListedColormap(np.column_stack([scale.ramp(), 0.92 * opacity]))
     return colours.with_extremes(bad=(0, 0, 0, 0), over=NEVER)
-
-
-def _drawn(maps: LevelMaps, quantity: str, scale: Scale, top: float) -> np.ndarray:
-    """Return a map for `imshow`: shares of the scale, infinity as 2, and cells cut by the edge of the floor filled.
-
-    Cells whose centre is off the floor get the value of the nearest cell; the image is clipped to the floor.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    grid = maps.array(quantity)
-    row, column = distance_transform_edt(np.isnan(maps.density), return_distances=False, return_indices=True)
-    filled = grid[row, column]
-    return np.where(np.isinf(filled), 2.0, scale.share(filled, top))
-
-
-def _add_scale(plans: Plans, colours: ScalarMappable, scale: Scale, top: float) -> None:
-    """Add the colour bar of a scale at the right."""
-    ticks = scale.ticks(top)
-    ticks = [tick for k, tick in enumerate(ticks) if k == 0 or tick[0] >= ticks[k - 1][0] + LEAST_STEP]
-    shares, texts = zip(*ticks, strict=True)
-    source = f", {SERVICES[scale.service].source}" if scale.service else ""
-    _add_bar(plans, colours, f"{scale.label} [{scale.unit}]{source}").set_ticks(shares, labels=texts)
 
 
 def _add_bar(plans: Plans, colours: ScalarMappable, label: str) -> Colorbar:

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
-from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, level_maps
-from evac.analysis.queues import find_queues
+from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.results import Results
@@ -46,13 +45,8 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
     watched = Exceedance(trajectory, places.density)
     maps = level_maps(trajectory, watch=watched.add)
     found = watched.congestion(least_time)
-    queues = find_queues(trajectory)
-    pictures = [
-        figures.map_picture(
-            trajectory, name, maps, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.", places.service
-        )
-        for name in places.maps
-    ]
+    queues = run.queues
+    pictures = figures.map_pictures(trajectory, places.maps, maps, run.flows, places.service)
     return (
         section(
             "congestion",

@@ -11,7 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from evac.analysis.maps import LevelMaps
+from evac.analysis.lines import LineFlow
+from evac.analysis.maps import QUANTITIES, LevelMaps
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
@@ -19,7 +20,7 @@ from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import draw_cut, draw_difference, draw_map
+from evac.pictures.map_pictures import draw_cut, draw_difference, draw_maps
 from evac.pictures.pictures import Curve, curves_figure, runs_figure
 from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
@@ -121,7 +122,9 @@ def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
     for axes, levels in zip(plans_.axes, plans_.levels, strict=True):
         x, y = place[np.isin(level, [one.index for one in levels])].T
         axes.plot(x, y, "o", color=palette.CLOSED, markersize=2.5, markeredgewidth=0.0, zorder=6)
-        axes.set_title(f"{axes.get_title('left')}: {len(x)} inside", fontsize=9, loc="left", pad=3, parse_math=False)
+        axes.set_title(
+            f"{axes.get_title('left')}: {len(x)} inside", fontsize=9, loc="left", y=1.0, pad=3, parse_math=False
+        )
     caption = f"People who were still inside at {frame['time']:.1f} s, {len(place)} in all, as red marks."
     return drawing(plans_.figure, caption, caption)
 
@@ -203,8 +206,16 @@ def _mapped(figure: Figure, caption: str, class_: str = "map") -> Picture:
     return _picture(file, "png", caption, caption, class_)
 
 
-def map_picture(
-    trajectory: Trajectory, quantity: str, maps: Mapping[str, LevelMaps], caption: str, service: str = ""
-) -> Picture:
-    """Return the map of one quantity."""
-    return _mapped(draw_map(trajectory, quantity, maps, dpi=DPI, service=service), caption)
+def map_pictures(
+    trajectory: Trajectory,
+    quantities: Sequence[str],
+    maps: Mapping[str, LevelMaps],
+    flows: Sequence[LineFlow],
+    service: str = "",
+) -> list[Picture]:
+    """Return the maps of some quantities."""
+    figures = draw_maps(trajectory, quantities, maps, dpi=DPI, service=service, flows=flows)
+    return [
+        _mapped(figure, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.")
+        for name, figure in zip(quantities, figures, strict=True)
+    ]

@@ -6,12 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from evac.analysis.queues import find_queues
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
 from evac.contract.builtin import DEFAULT_MOVEMENT
-from evac.folder.files import TRAJECTORY_NAME
-from evac.trajectory.trajectory import read_trajectory
 
 if TYPE_CHECKING:
     from evac.results.results import Results
@@ -104,10 +101,9 @@ def _exits(results: "Results") -> tuple[str, ...]:
 
 
 def _queue(results: "Results") -> str:
-    if results.folder is None or not (results.folder / TRAJECTORY_NAME).is_file():
+    if results.trajectory is None:
         return ""
-    queues = find_queues(read_trajectory(results.folder))
-    return f"Longest queue, {queues[0]}" if queues else "Nobody had to wait"
+    return f"Longest queue, {results.queues[0]}" if results.queues else "Nobody had to wait"
 
 
 def _movement(keepers: Sequence[str]) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from evac.analysis.flows import exit_table
 from evac.analysis.lines import LineFlow, flow_rows, line_flows, link_flows, totals
 from evac.analysis.occupancy import Moves, moves_of
+from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError
@@ -390,11 +391,14 @@ class Results:
     @cached_property
     def flows(self) -> tuple[LineFlow, ...]:
         """Passages through exits and portals and, from the recorded motion, through doors and the lines of the case."""
-        if self.folder is None or not (self.folder / TRAJECTORY_NAME).is_file():
+        if self.trajectory is None:
             return tuple(link_flows(self.building, self.moves))
-        from evac.trajectory.trajectory import read_trajectory
+        return tuple(line_flows(self.trajectory, self.moves).values())
 
-        return tuple(line_flows(read_trajectory(self.folder), self.moves).values())
+    @cached_property
+    def queues(self) -> tuple[Queue, ...]:
+        """The queues in the recorded motion, the longest first; empty without it."""
+        return find_queues(self.trajectory) if self.trajectory is not None else ()
 
     def egress(self, rows: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the egress curve of all people, or of the people with indices `rows`.

@@ -233,13 +233,13 @@ class Trajectory:
 
     def __getitem__(self, k: int) -> Frame:
         """Return the people inside in frame `k`; negative indices count from the end."""
-        from evac.building.model.elevation import elevation, in_space
+        from evac.building.model.elevation import elevation, gradients, in_space
 
         rows = self.rows[k]
         motion = rows.motion.astype(np.float64)
         person, level = rows.person.astype(np.int32), rows.level.astype(np.int32)
         position = motion[:, :2] + self.origin
-        velocity = in_space(self.building, level, motion[:, 2:4])
+        velocity = in_space(gradients(self.building), level, motion[:, 2:4])
         return Frame(
             time=float(self.time[k]),
             person=person,

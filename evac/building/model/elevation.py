@@ -51,9 +51,13 @@ def triangles_on(building: Building, level: int, shape: BaseGeometry) -> FloatAr
     return on_level(building, level, np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces]))
 
 
-def in_space(building: Building, level: IntArray, velocity: FloatArray) -> FloatArray:
-    """Return velocities in space (n, 3) of people on levels (n,) with velocities in plan (n, 2), along the slopes."""
-    gradient = np.array([np.tan(level.slope) * level.uphill for level in building.levels]).reshape(-1, 2)
+def gradients(building: Building) -> FloatArray:
+    """Return the rise of each level per metre along x and y, (levels, 2)."""
+    return np.array([np.tan(level.slope) * level.uphill for level in building.levels]).reshape(-1, 2)
+
+
+def in_space(gradient: FloatArray, level: IntArray, velocity: FloatArray) -> FloatArray:
+    """Return velocities in space (n, 3) of people on levels (n,) with velocities in plan (n, 2), see `gradients`."""
     return np.column_stack([velocity, np.einsum("ij,ij->i", velocity, gradient[level])])
 
 
