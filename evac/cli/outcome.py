@@ -87,12 +87,8 @@ def _show_outcome(summary: dict[str, Any], results: Results) -> None:
 
 def _show_places(summary: dict[str, Any], results: Results) -> None:
     columns = ("people", "last_out", "width", "flow", "flow_per_metre")
-    building = results.building
-    closed = {way.name for way in building.exits if not building.is_open(way)}
-    exits = [
-        (f"{name} (closed)" if name in closed else name, *(use[column] for column in columns))
-        for name, use in summary["exits"].items()
-    ]
+    labels = {way.name: results.building.label_of(way) for way in results.building.exits}
+    exits = [(labels[name], *(use[column] for column in columns)) for name, use in summary["exits"].items()]
     show_table("Exits", ("exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"), exits)
     if summary["stairs"]:
         stairs = [

@@ -152,11 +152,9 @@ def draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fill
             axes.add_collection(shut)
     for exit_ in building.exits:
         if exit_.level in rows:
-            colour, name = palette.EXIT, exit_.name
-            if not building.is_open(exit_):
-                colour, name = palette.CLOSED, f"{exit_.name} (closed)"
+            colour = palette.EXIT if building.is_open(exit_) else palette.CLOSED
             axes.add_collection(LineCollection(_ends(exit_.segments), colors=colour, linewidths=3.5, zorder=4))
-            name = f"{name} {exit_.width:.2f} m" if has_widths else name
+            name = f"{building.label_of(exit_)}{f' {exit_.width:.2f} m' if has_widths else ''}"
             beside(axes, exit_.segments, name, colour, size=8.5, weight="bold")
 
 

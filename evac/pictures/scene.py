@@ -301,8 +301,7 @@ class _Scene:
         if way[1] < 0.0:  # above the upright strip
             place[1] -= self.project.scale * EXIT_HEIGHT * self.project.axes[1, 2]
         anchor = ("l" if way[0] > 0.7 else "r" if way[0] < -0.7 else "m") + ("a" if way[1] > 0 else "d")
-        name = exit_.name if self.building.is_open(exit_) else f"{exit_.name} (closed)"
-        return Label(name, place, anchor, self._colour_of(exit_))
+        return Label(self.building.label_of(exit_), place, anchor, self._colour_of(exit_))
 
     def _place_label(self, place: Place) -> Label:
         """Return the name of a place or a line, or the exit that a sign shows."""

@@ -88,8 +88,15 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
     about = _about(account) | {
         "building": building,
         "origin": motion.origin.tolist(),
-        "closed": [[time, sorted(at.shut)] for time, at in conditions.items()],
-        "marks": [[time, marks_for_page(at, motion.origin)] for time, at in conditions.items()],
+        "states": [
+            {
+                "since": time,
+                "shut": sorted(at.shut),
+                "entrances": sorted(at.shut - at.closed),
+                "marks": marks_for_page(at, motion.origin),
+            }
+            for time, at in conditions.items()
+        ],
         "changes": [[change.time, change.words] for change in changes],
         "grain": GRAIN,
         "tallest": MOST_HEIGHT,

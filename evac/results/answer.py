@@ -88,12 +88,11 @@ def _times(results: "Results") -> str:
 def _exits(results: "Results") -> tuple[str, ...]:
     used = sorted(results.exits.items(), key=lambda item: -item[1]["people"])
     building, lines = results.building_or_none, list[str]()
-    shut = {one.name for one in building.exits if not building.is_open(one)} if building else set()
+    notes = {one.name: building.label_of(one).removeprefix(one.name) for one in building.exits} if building else {}
     for name, use in used[: MOST_EXITS if len(used) <= MOST_EXITS else MOST_EXITS - 1]:
         last = "" if use["last_out"] is None else f", the last after {use['last_out']:.2f} s"
         flow = "" if use["flow"] is None else f", {use['flow']:.2f} /s ({use['flow_per_metre']:.2f} /s/m)"
-        closed = " (closed)" if name in shut else ""
-        lines.append(f"Exit {name!r}{closed}: {counted(use['people'], 'person', 'people')}{last}{flow}")
+        lines.append(f"Exit {name!r}{notes.get(name, '')}: {counted(use['people'], 'person', 'people')}{last}{flow}")
     if others := used[len(lines) :]:
         people = sum(use["people"] for _, use in others)
         lines.append(f"{len(others)} other exits: {counted(people, 'person', 'people')}")

@@ -55,7 +55,7 @@ def shown(capsys):
             building=SimpleNamespace(
                 levels=[SimpleNamespace(name="room")],
                 exits=[SimpleNamespace(name="door")],
-                is_open=lambda way: way.name not in closed,
+                label_of=lambda way: f"{way.name} (closed)" if way.name in closed else way.name,
             ),
             answer=SimpleNamespace(movement="People keep distances (mine)"),
             leaving=range(5),

@@ -135,17 +135,28 @@ def test_counts_and_curves_are_those_of_the_run(browser, room):
     assert browser.run("document.title") == results.case.title
 
 
-def test_a_closed_exit_is_marked_in_the_table(browser, tmp_path):
+def test_exits_that_are_closed_or_only_let_in_are_marked(browser, tmp_path):
     plan = evac.Plan()
     plan.storey("hall", box(0, 0, 6, 4))
     plan.exit("front", "hall", [(0, 1), (0, 3)])
     plan.exit("back", "hall", [(6, 1), (6, 3)])
+    plan.exit("side", "hall", [(2, 4), (4, 4)])
     people = [{"name": "people", "level": "hall", "number": 2}]
     case = {"building": {"plan": plan, "closed": ["back"]}, "people": people, "contact": {"model": "nsm2"}}
-    evac.run(evac.load(case, {"simulation.duration": 1.0}), tmp_path / "result")
+    case["event"] = [{"time": 0.0, "kind": "one_way", "target": "side", "value": "in"}]
+    results = evac.run(evac.load(case, {"simulation.duration": 1.0}), tmp_path / "result")
+    notes = {"front": "", "back": " (closed)", "side": " (entrance only)"}
+    names = {way.name: way.name + notes[way.name] for way in results.building.exits}
+    assert {way.name: results.building.label_of(way) for way in results.building.exits} == names
+    assert {line.partition(":")[0].replace("'", "") for line in results.answer.exits} == {
+        f"Exit {name}" for name in names.values()
+    }
     browser.open(tmp_path / "result" / "replay.html")
-    rows = browser.run("[...document.querySelectorAll('#exits tbody tr')].map((row) => [row.innerText, row.className])")
-    assert {name.split()[0]: mark for name, mark in rows} == {"front": "", "back": "closed"}
+    told = "getComputedStyle(row.cells[0], '::after').content.replaceAll('\"', '')"
+    rows = browser.run(f"[...document.querySelectorAll('#exits tbody tr')].map((row) => [row.innerText, {told}])")
+    assert {name.split()[0]: mark.replace("none", "") for name, mark in rows} == notes
+    labels = browser.run("[...document.querySelectorAll('#labels span')].map((span) => span.textContent)")
+    assert set(names.values()) <= set(labels)
 
 
 def test_people_are_drawn_in_the_colour_of_their_group_at_their_place(browser, storeys):

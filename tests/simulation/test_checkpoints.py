@@ -153,7 +153,7 @@ def closed_by_time(page):
     """Return what a page shows as closed: links from a time on."""
     page = page.read_text(encoding="utf-8")
     about = re.search(r'id="data-about">([^<]*)<', page)[1]
-    return json.loads(zlib.decompress(base64.b64decode(about)))["closed"]
+    return [[one["since"], one["shut"]] for one in json.loads(zlib.decompress(base64.b64decode(about)))["states"]]
 
 
 def test_a_door_that_has_closed_stays_closed(tmp_path, closing):

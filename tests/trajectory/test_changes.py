@@ -98,7 +98,7 @@ def trajectory(result):
 def closed_in(page):
     """Return the links that a replay shows as closed, from each time on."""
     about = re.search(r'id="data-about">([^<]*)<', page.read_text(encoding="utf-8"))[1]
-    return json.loads(zlib.decompress(base64.b64decode(about)))["closed"]
+    return [[one["since"], one["shut"]] for one in json.loads(zlib.decompress(base64.b64decode(about)))["states"]]
 
 
 def reds(image):

@@ -47,8 +47,7 @@ def test_the_replay_tells_them(results):
     data = re.search(r'id="data-about">([^<]*)<', page)[1]
     about = json.loads(zlib.decompress(base64.b64decode(data)))
     assert about["changes"] == [[change.time, change.words] for change in results.changes]
-    marks = dict(about["marks"])
-    assert list(marks) == [time for time, _ in about["closed"]]
+    marks = {state["since"]: state["marks"] for state in about["states"]}
     kinds = {time: [mark["kind"] for mark in now] for time, now in marks.items()}
     assert kinds[0.0] == kinds[1.0] == []
     assert kinds[1.5] == ["one_way"] * 2

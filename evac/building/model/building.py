@@ -325,6 +325,11 @@ class Building:
         link = self.link_of(way)
         return link not in self.closed and (link, way.level) not in self.one_way
 
+    def label_of(self, exit_: Exit) -> str:
+        """Return the name of an exit, and in parentheses whether it is closed or lets people only in."""
+        note = "" if self.is_open(exit_) else " (entrance only)" if self.lets_in(exit_) else " (closed)"
+        return f"{exit_.name}{note}"
+
     def leads_from(self, portal: Portal, level: int) -> bool:
         """Return whether a portal can be passed from one of its levels."""
         return self.is_open(portal) and (portal.index, portal.other(level)) not in self.one_way

@@ -49,7 +49,7 @@ class Labels {
 
   // Puts every label beside what it names, where it covers nobody and no other label, and where no floor lies before what
   // it names; it is hidden where there is no such place. Styles are written only where they change.
-  update(camera, closed, selected, people, density, width, height) {
+  update(camera, state, selected, people, density, width, height) {
     const { cells } = this;
     const aim = [...camera.matrix, this.layout.spread, this.layout.storey, width, height].join();
     for (const item of this.items) if (aim !== this.aim) item.boxes = new Map();  // By the side: null where a floor lies before it.
@@ -58,7 +58,7 @@ class Labels {
     cells.markPeople(camera, people);
     if (camera.isFlat) cells.mark(...SCALE.map((value, i) => value + (i % 2 ? height : width)));
     for (const item of selected ? [this.who, ...this.items] : [...this.items, this.who]) {
-      const box = this.boxOf(item, camera, closed, selected, density), { style } = item.span;
+      const box = this.boxOf(item, camera, state, selected, density), { style } = item.span;
       if (box) {
         cells.mark(...box);
         const place = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
@@ -70,14 +70,14 @@ class Labels {
   }
 
   // Left, top, right and bottom of a label; null where it has no place.
-  boxOf(item, camera, closed, selected, density) {
+  boxOf(item, camera, state, selected, density) {
     const { layout, cells } = this, isWho = item === this.who;
     if (isWho ? !selected : !layout.visible[item.level] || item.kind === "storey" && layout.storey >= 0) return null;
     if (isWho) this.rename(item, selected.name);
     if (item.kind === "exit") {
-      const isClosed = closed.includes(this.record.building.portals.length + item.index);
-      item.span.className = isClosed ? "closed" : "exit";
-      this.rename(item, isClosed ? `${item.name} (closed)` : item.name);
+      const note = this.record.noteOn(item.index, state);
+      item.span.className = note ? "closed" : "exit";
+      this.rename(item, note ? `${item.name} (${note})` : item.name);
     }
     const boxes = isWho ? new Map() : item.boxes, places = SIDES[item.kind === "storey" && camera.isFlat && !layout.isSection ? "plan" : item.kind] ?? SIDES.any;
     const fits = (side) => {

@@ -34,7 +34,7 @@ async function start() {
   };
   const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
-  let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
+  let look = {}, built = null, isStale = true, last = null, told = 0, felt = 0;
   const drawn = [];
   let measured = null, drawnFrom = null;
   let opened = null, remembering = null;
@@ -56,7 +56,7 @@ async function start() {
 
   function arrange() {
     layout.arrange(state.view, state.storey, state.spread, aspect());
-    isBuilt = false;
+    built = null;
     for (const view of VIEWS) by(`view-${view}`).setAttribute("aria-pressed", view === state.view);
     by("storey-tool").hidden = storeys.length < 2 || state.view === "section";
     by("storey").value = state.storey;
@@ -206,13 +206,12 @@ async function start() {
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     camera.aspect = wide / Math.max(1, tall);
     camera.update();
-    const shut = record.closedAt(state.time);
-    if (!isBuilt || shut !== closed) {
-      closed = shut;
-      stage.build(layout, density, closed, record.marksAt(state.time), { exit: unit(about.colours.exit), closed: unit(about.colours.closed), places: Object.fromEntries(Object.entries(about.colours.places).map(([kind, colour]) => [kind, unit(colour)])) });
+    const building = record.stateAt(state.time);
+    if (built !== building) {
+      built = building;
+      stage.build(layout, density, building, { exit: unit(about.colours.exit), closed: unit(about.colours.closed), places: Object.fromEntries(Object.entries(about.colours.places).map(([kind, colour]) => [kind, unit(colour)])) });
       select(state.selected);
       showMeasured();
-      isBuilt = true;
     }
     const now = record.at(state.time);
     const isLate = began - felt > TELL_EVERY || !state.isPlaying || now.count < SHADOWED;
@@ -226,7 +225,7 @@ async function start() {
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
     stage.draw(camera, people, { ...look, layer: state.isLayered ? 1 : 0, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
-    labels.update(camera, closed, selectedPlace(now), people, density, wide, tall);
+    labels.update(camera, building, selectedPlace(now), people, density, wide, tall);
     updateScale(camera, tall);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     if (!state.isPlaying) remember();

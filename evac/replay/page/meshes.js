@@ -56,7 +56,7 @@ function* sidesOf(segments, grain) {
 }
 
 // Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor. Places and marks: a carpet.
-function glowMesh(layout, storey, closed, marks, colours) {
+function glowMesh(layout, storey, { shut, marks }, colours) {
   const { building, grain } = layout, values = [];
   const wide = Math.max(0.25, Math.max(...layout.extent) / 220);
   const curtain = (level, segments, colour) => {
@@ -73,16 +73,15 @@ function glowMesh(layout, storey, closed, marks, colours) {
   };
   building.exits.forEach((exit, index) => {
     if (!layout.shows(exit.level, storey)) return;
-    const isClosed = closed.includes(building.portals.length + index);
-    curtain(exit.level, exit.segments, isClosed ? colours.closed : colours.exit);
+    curtain(exit.level, exit.segments, shut.includes(building.portals.length + index) ? colours.closed : colours.exit);
   });
   building.portals.forEach((portal, index) => {
-    if (!closed.includes(index)) return;
+    if (!shut.includes(index)) return;
     for (const level of portal.levels) if (layout.shows(level, storey)) curtain(level, portal.segments, colours.closed);
   });
   building.doors.forEach((door, index) => {
-    const isClosed = closed.includes(building.portals.length + building.exits.length + index);
-    if (isClosed && layout.shows(door.level, storey)) curtain(door.level, door.segments, colours.closed);
+    const isShut = shut.includes(building.portals.length + building.exits.length + index);
+    if (isShut && layout.shows(door.level, storey)) curtain(door.level, door.segments, colours.closed);
   });
   const carpet = ({ level, triangles }, colour, share, lift) => {
     if (!layout.shows(level, storey)) return;

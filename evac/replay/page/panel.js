@@ -65,9 +65,9 @@ class Panel {
     const out = countUpTo(series.out, time);
     by("inside").textContent = series.inside.at(time);
     by("outside").textContent = out;
-    const closed = record.closedAt(time), { portals } = record.building;
+    const state = record.stateAt(time);
     series.exits.forEach(({ times, index: exit }, index) => {
-      this.exits[index][0].parentElement.classList.toggle("closed", closed.includes(portals.length + exit));
+      this.exits[index][0].parentElement.cells[0].dataset.note = record.noteOn(exit, state);
       this.exits[index][0].textContent = countUpTo(times, time);
       this.exits[index][1].textContent = flowAt(times, time, record.begin).toFixed(1);
     });

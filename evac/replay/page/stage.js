@@ -85,11 +85,11 @@ class Stage {
   }
 
   // Makes the meshes of everything that the layout shows, storey by storey.
-  build(layout, density, closed, marks, colours) {
+  build(layout, density, state, colours) {
     layout.storeys.forEach((_, storey) => {
       this.mesh(`floor ${storey}`, floorMesh(layout, storey, density), [3, 2, 2]);
       this.mesh(`solid ${storey}`, solidMesh(layout, storey), [3, 4]);
-      this.mesh(`glow ${storey}`, glowMesh(layout, storey, closed, marks, colours), [3, 4]);
+      this.mesh(`glow ${storey}`, glowMesh(layout, storey, state, colours), [3, 4]);
     });
   }
 

@@ -137,18 +137,12 @@ class Record {
     return now;
   }
 
-  closedAt(time) {
-    return this.heldAt(this.closed, time);
-  }
+  // What is shut and marked in the building at a time.
+  stateAt(time) { return this.states.findLast(({ since }) => since <= time + 1e-9); }
 
-  // The slow and barred areas, and the arrows of links, at a time.
-  marksAt(time) {
-    return this.heldAt(this.marks, time);
-  }
-
-  heldAt(states, time) {
-    let held = [];
-    for (const [since, state] of states) if (since <= time + 1e-9) held = state;
-    return held;
+  // What a state makes of an exit: nothing, if people can leave by it.
+  noteOn(exit, { shut, entrances }) {
+    const link = this.building.portals.length + exit;
+    return entrances.includes(link) ? "entrance only" : shut.includes(link) ? "closed" : "";
   }
 }
