@@ -1,20 +1,20 @@
 """Common parts of all kinds of evidence: measured tables, plots, timings and the page with them.
 
-A kind of evidence is a module with ``run(evidence: Evidence) -> None``. It passes a function that measures, and writes
-the page from the returned rows. Rows are stored as CSV files and read from them, so that the page can be written again
-without measuring:
+A kind of evidence is a package with ``page.run(evidence: Evidence) -> None`` and the template of its page, ``page.md``.
+It passes a function that measures, and writes the page from the returned rows. Rows are stored as CSV files and read
+from them, so that the page can be written again without measuring:
 
 >>> evidence = Evidence("scaling", folder)  # doctest: +SKIP
 >>> rows = evidence.measured("hall", lambda: [{"people": people, "time [s]": walk(people)}])  # doctest: +SKIP
 >>> evidence.verdict(at_most("Time of the hall", rows[0]["time [s]"], 2.0, "s", "The hall"))  # doctest: +SKIP
->>> evidence.heading("The hall")  # doctest: +SKIP
->>> evidence.table("hall", rows, "A hall.")  # doctest: +SKIP
+>>> evidence.show("hall", __name__, rows=rows)  # doctest: +SKIP
 >>> evidence.write_page("Time and memory", "What a hall takes.")  # doctest: +SKIP
 """
 
 import csv
 import json
 import platform
+import re
 import subprocess
 import sys
 import time
@@ -22,12 +22,15 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from evac.base.arrays import FloatArray
 from evac.base.distributions import generator_for
@@ -145,23 +148,26 @@ class Evidence:
         """Add a row to the verdict table at the head of the page."""
         self._findings.append(finding)
 
-    def heading(self, words: str) -> None:
-        """Open a section of the page."""
-        self._page.append(f"## {words}")
+    def show(self, block: str, module: str, **values: Any) -> None:
+        """Add a block of the template of the page, which knows the constants of a module and the values.
 
-    def text(self, sentences: str) -> None:
-        """Add a paragraph; numbers in it are formatted from data, never typed."""
-        self._page.append(" ".join(sentences.split()))
+        The template is page.md in the package of the kind. Numbers are never typed into it. Beside `table`, `data` and
+        `plot` it has ``imported``, for the constants of other modules, and the filter ``told``, which formats a number
+        by a specification, ``"g"`` by default.
+        """
+        template = templates().get_template(f"{self.kind}/page.md")
+        own = {"table": self.table, "data": self.data, "plot": self.plot}
+        self.add("".join(template.blocks[block](template.new_context({**vars(sys.modules[module]), **own, **values}))))
+
+    def add(self, text: str) -> None:
+        """Add Markdown to the page; the lines of a paragraph are joined."""
+        paragraphs = re.split(r"\n\s*\n", text.strip())
+        self._page += [one if one.startswith("|") else " ".join(one.split()) for one in paragraphs]
 
     def table(
-        self,
-        name: str,
-        rows: Sequence[Row],
-        caption: str,
-        formats: Mapping[str, str] | None = None,
-        columns: Sequence[str] = (),
-    ) -> None:
-        """Add a table to the page, and write NAME.csv unless `measured` has written it.
+        self, name: str, rows: Sequence[Row], formats: Mapping[str, str] | None = None, columns: Sequence[str] = ()
+    ) -> str:
+        """Return a table and the link to its file, which follow its caption; write NAME.csv unless it was measured.
 
         The keys of the first row are the headings of the columns, with units. `formats` has format specifications of
         columns, such as ``{"time [s]": ".2f"}``; other floats have three significant digits. `columns` are those of the
@@ -169,20 +175,19 @@ class Evidence:
         """
         self._store(name, rows)
         shown = [{key: row[key] for key in columns or row} for row in rows]
-        self._page.append(f"{' '.join(caption.split())} ([{name}.csv]({name}.csv))")
-        self._page.append(markdown_table(shown, formats or {}))
+        return f"([{name}.csv]({name}.csv))\n\n{markdown_table(shown, formats or {})}"
 
-    def data(self, name: str, rows: Sequence[Row], words: str = "The numbers behind it") -> None:
-        """Add a link to NAME.csv to the page, for long tables."""
+    def data(self, name: str, rows: Sequence[Row]) -> str:
+        """Return a link to NAME.csv, for long tables, and write it unless it was measured."""
         self._store(name, rows)
-        self._page.append(f"{words}: [{name}.csv]({name}.csv), {len(rows)} rows.")
+        return f"[{name}.csv]({name}.csv), {len(rows)} rows."
 
-    def plot(self, name: str, draw: Callable[[], "Figure"], caption: str) -> None:
-        """Draw NAME.png, unless only the page is written, and add it to the page."""
+    def plot(self, name: str, caption: str, draw: Callable[..., "Figure"], *data: Any) -> str:
+        """Return the figure NAME.png with its caption; draw it from the data, unless only the page is written."""
         if not self.page_only:
             with replacing(self.folder / f"{name}.png", "the figure") as new:
-                draw().savefig(new, dpi=130, metadata={"Software": None})
-        self._page.append(f"![{caption}]({name}.png)\n\n*{caption}*")
+                draw(*data).savefig(new, dpi=130, metadata={"Software": None})
+        return f"![{caption}]({name}.png)\n\n*{caption}*"
 
     def write_page(self, title: str, examined: str) -> Path:
         """Write README.md and run.json: the subject, the verdicts, the conditions, and everything added, in order."""
@@ -229,6 +234,15 @@ class Evidence:
         if not path.is_file():
             raise ResultError(f"{path}: no such file; run `evac evidence {self.kind}` without --page-only first")
         return path
+
+
+@cache
+def templates() -> Environment:
+    """Return the templates of the pages, in Markdown."""
+    found = Environment(loader=PackageLoader("evac", "evidence"), undefined=StrictUndefined, trim_blocks=True)
+    found.globals["imported"] = import_module
+    found.filters["told"] = lambda value, specification="g": format(value, specification)
+    return found
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:

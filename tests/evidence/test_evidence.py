@@ -27,10 +27,16 @@ from evac.evidence.verdicts import MET, MOST_ROWS, NOT_MET, REPORTED, UNDECIDED,
 PAGES = Path(__file__).parents[2] / "docs" / "evidence"
 
 
+def figure_of(number):
+    figure, axis = new_figure()
+    axis.plot([1, 2], [3, number])
+    return figure
+
+
 def test_table_is_written_in_full_and_shown_rounded(tmp_path):
     evidence = Evidence("lean", tmp_path, quick=True)
     rows = [{"model": "DEM", "time [s]": 1.0 / 3.0, "runs": 5}, {"model": "NSM2", "time [s]": None, "runs": 7}]
-    evidence.table("times", rows, "Times.")
+    evidence.add(f"Times. {evidence.table('times', rows)}")
     page = evidence.write_page("A page", "Times.").read_text()
     with (tmp_path / "times.csv").open() as file:
         back = list(csv.DictReader(file))
@@ -41,9 +47,8 @@ def test_table_is_written_in_full_and_shown_rounded(tmp_path):
 
 def test_page_holds_what_was_added_in_order_and_says_what_it_was_computed_with(tmp_path):
     evidence = Evidence("scaling", tmp_path, quick=True, seed=9)
-    evidence.text("First\n   words.")
-    evidence.heading("Part")
-    evidence.plot("line", lambda: new_figure()[0], "A line.")
+    evidence.add("First\n   words.\n\n## Part")
+    evidence.add(evidence.plot("line", "A line.", figure_of, 1))
     evidence.verdict(at_most("time [s]", 1.0, 2.0, section="Part"))
     page = evidence.write_page("Title", "What was done.").read_text()
     head = ("# Title", "What was done.", "| [time [s]](#part) |", "Quick run")
@@ -63,8 +68,8 @@ def test_files_are_replaced_as_a_whole_and_links_are_not_followed(tmp_path):
         (tmp_path / name).write_text("mine")
         (own / name).symlink_to(tmp_path / name)
     evidence = Evidence("lean", own, quick=True)
-    evidence.table("times", [{"runs": 5}], "Times.")
-    evidence.plot("line", lambda: new_figure()[0], "A line.")
+    evidence.table("times", [{"runs": 5}])
+    evidence.plot("line", "A line.", figure_of, 1)
     evidence.write_page("A page", "Times.")
     assert {(tmp_path / name).read_text() for name in names} == {"mine"}
     assert sorted(path.name for path in own.iterdir()) == sorted(names)
@@ -74,9 +79,7 @@ def test_files_are_replaced_as_a_whole_and_links_are_not_followed(tmp_path):
 def test_same_plot_gives_the_same_file(tmp_path):
     evidence = Evidence("scaling", tmp_path)
     for name in ("one", "two"):
-        figure, axis = new_figure()
-        axis.plot([1, 2], [3, 4])
-        evidence.plot(name, lambda figure=figure: figure, "A line.")
+        evidence.plot(name, "A line.", figure_of, 1)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
 
 
@@ -134,8 +137,7 @@ def test_a_page_written_again_is_the_page_of_the_run_that_measured(tmp_path):
         evidence = Evidence("lean", tmp_path, seed=1 if page_only else 4, page_only=page_only)
         rows = measured_rows(evidence, 0.1, 0.2)
         assert evidence.seed == 4
-        evidence.table("values", rows, "Values.")
-        evidence.plot("line", lambda: new_figure()[0], "A line.")
+        evidence.add(f"Values. {evidence.table('values', rows)}\n\n{evidence.plot('line', 'A line.', figure_of, 1)}")
         pages.append(evidence.write_page("Title", "What.").read_text())
         (tmp_path / "line.png").unlink(missing_ok=True)
     assert pages[0] == pages[1]

@@ -65,40 +65,8 @@ def run(evidence: Evidence) -> None:
     coarser = evidence.measured("clean_ways", lambda: _coarser_rows(plans(), clean(), _default_spacing(spacings)))
     orders = _order_rows(rows)
     _judge(evidence, orders, angles, _default_spacing(spacings))
-    evidence.heading(SECTION)
-    evidence.text(
-        f"""Travel times at 1 m/s from {points} random places, half of them within 0.4 m of a wall, against exact ones:
-        a visibility graph (L-corner, room with a pillar turned by 20 degrees, upper floor of the shipped school),
-        or, over a flight of 32 degrees between two floors, the least time over the points where the seams are
-        crossed. Times are without clearance from walls. The time of a build is that of all fields of the plan."""
-    )
-    evidence.table("fields_order", orders, "Measured orders of the errors of travel times, over all spacings.")
-    evidence.data("fields", rows, "Errors of travel times [mm at 1 m/s], and time of a build")
-    evidence.plot(
-        "fields",
-        lambda: draw(rows),
-        "Error of travel times over the time it takes to build them; numbers: spacing [m], of the points above.",
-    )
-    evidence.text(
-        f"""Angles between the directions people get and the exact ones, by distance to the nearest wall; no body's
-        centre comes nearer than its radius, some 0.2 m. "ours" is what `build_fields` gives without clearance;
-        "np.gradient" the central differences of the same travel times, continued into the walls by the nearest value.
-        Places where another way is nearly as short, and those within {CLEAR_EXIT:g} m of the exit, are left out. No
-        direction at all counts as 180 degrees."""
-    )
-    evidence.text(
-        f"""By default people get directions "with clearance", which leave the geodesics on purpose to keep bodies
-        off walls. These are compared with the ways of least cost for the same slowness near walls, found by fast
-        sweeping of first order on a grid of {1e3 * finest:g} mm."""
-    )
-    evidence.data("angles", angles, "Angle errors [degrees]: mean and greatest")
-    evidence.table(
-        "clean_ways", coarser, "How sure the swept ways are: by how much a grid twice as coarse changes them."
-    )
-    evidence.plot(
-        "angles",
-        lambda: draw_angles(angles),
-        "Mean (full) and greatest (dashed) angle errors over the spacing; each line against its own exact directions.",
+    evidence.show(
+        "fields", __name__, angles=angles, coarser=coarser, finest=finest, orders=orders, points=points, rows=rows
     )
 
 

@@ -63,22 +63,7 @@ def run(evidence: Evidence) -> None:
     for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
         told.append(f"{model or 'none'}: {', '.join(row['overlap allowed [mm]'] for row in group)} mm")
     evidence.verdict(reported("Cheapest contact model by overlap allowed", "; ".join(told), "-", SECTION))
-    evidence.heading(SECTION)
-    evidence.text(
-        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g}
-        s. DEM with stiffness k takes half the step of its stability limit. NSM1 is solved to a gap tolerance at h =
-        0.01 s, with the shipped limit on velocities and without it. NSM2 varies the step, with the shipped K_N =
-        1e5 kg and with K_N = 0. The overlap is the greatest of any two bodies, or body and wall, at any step. A run
-        that stops with an error is a cross, and does not count."""
-    )
-    evidence.table("overlap", rows, "Greatest overlap and the CPU time of one simulated second.")
-    caption = "Greatest overlap over run time, same crowd; lower left is better."
-    evidence.plot("overlap", lambda: draw(rows, people), caption)
-    evidence.table(
-        "overlap_cheapest",
-        table,
-        "The cheapest of the settings above that keeps an overlap, and the cheapest of each model over it.",
-    )
+    evidence.show("overlap", __name__, people=people, rows=rows, cheapest=table)
 
 
 def _rows(people: int, seed: int, is_quick: bool) -> list[dict[str, Any]]:

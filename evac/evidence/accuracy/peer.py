@@ -42,17 +42,7 @@ def run(evidence: Evidence) -> None:
     for law in (INERTIAL, OVERDAMPED):
         least = min(row["cromosim / cold"] for row in rows if row["law"] == law.label)
         evidence.verdict(at_least(f"{law.label}: cromosim's time over evac's, cold", least, LEAST_RATIO, "", SECTION))
-    evidence.heading(SECTION)
-    evidence.table(
-        "cromosim",
-        rows,
-        f"""The projection of one step by cromosim with cvxopt and by evac's default solver, on the same contacts,
-        medians of {REPEATS} runs: of the free velocities of NSM1 inertial, with the same mass for everybody since
-        cromosim knows no masses, and of the desired velocities (overdamped, Maury and Venel's model, cromosim's
-        own). Cold starts from no multipliers, as cromosim does; both to {GOALS[0]:g} m. The error is the greatest
-        distance to the positions of the independent reference; the last columns go on with evac until its error is
-        no greater than cromosim's. This table is made where cromosim is installed.""",
-    )
+    evidence.show("peer", __name__, rows=rows)
 
 
 def _rows(people: int, seed: int) -> list[dict[str, Any]]:

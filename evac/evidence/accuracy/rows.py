@@ -24,14 +24,7 @@ def run(evidence: Evidence) -> None:
     rows = evidence.measured("solvers_rows", lambda: _rows(people, evidence.seed))
     ahead = sum(row["first"] == default_solver() for row in rows)
     evidence.verdict(all_of("Default solver is the first on crowds in rows", ahead, len(rows), SECTION))
-    evidence.heading(SECTION)
-    evidence.table(
-        "solvers_rows",
-        rows,
-        f"""{people} equal people who stood in rows before the closed door and close up: time of a cold solve to a
-        residual [ms]. Contacts outnumber motions in a lattice, and momentum in one direction diverges; the default then
-        sweeps back and forth. A solver was given {CAP:g} s.""",
-    )
+    evidence.show("rows", __name__, people=people, rows=rows)
 
 
 def _rows(people: int, seed: int) -> list[dict[str, Any]]:

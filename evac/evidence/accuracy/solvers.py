@@ -3,7 +3,6 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,8 @@ from evac.base.arrays import FloatArray
 from evac.evidence.accuracy.goals import (
     REFERENCE,
     STARTS,
-    WIN_GOALS,
     Row,
     factor_rows,
-    goal_rows,
     race_rows,
     solvers_of,
     win_rows,
@@ -70,42 +67,9 @@ def run(evidence: Evidence) -> None:
     wins = win_rows(races, solvers_of(rows), default)
     factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
     _judge(evidence, wins, factors, default)
-    evidence.heading(SECTION)
-    evidence.text(
-        f"""Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
-        crowd at a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from
-        no percussions, warm from those of the step before. The error is the greatest distance of the velocities
-        from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
-        metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units, but is not the
-        error: errors of the single contacts add up along the crowd."""
+    evidence.show(
+        "solvers", __name__, stages=stages, rows=rows, default=default, races=races, wins=wins, factors=factors
     )
-    evidence.text(
-        """uzawa is the paper's solver. accelerated_gradient gives each percussion its own step and adds Nesterov's
-        momentum. gauss_seidel solves one contact after the other, outwards from the exit. conjugate_sweeps and
-        conjugate_faces join sweeps there and back by conjugate gradients. accelerated_sweeps is gauss_seidel with
-        Nesterov's momentum."""
-    )
-    for stage in stages:
-        rows_of_stage = [row for row in rows if row["people"] == stage.people]
-        evidence.plot(
-            f"solvers_{stage.people}",
-            partial(draw, stage, rows_of_stage),
-            f"{stage.people} people: true error over the CPU time of one solve, cold (full lines) and warm (dashed)."
-            " Dotted: the time of the reference, whose error is below the axis.",
-        )
-    goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
-    evidence.table(
-        "solvers_wins",
-        wins,
-        f"""In how many problems each solver is the first to {goals} (m for NSM1, m/s for NSM2), by residual and by true
-        error; times between two solves are interpolated. {default} / first: how many times as long the default takes as
-        the first one, where it gets there.""",
-        {"greatest": ".2f", f"{default} / first: median": ".2f"},
-    )
-    evidence.data("solvers_races", races, "Each of these races")
-    evidence.data("solvers_factors", factors, "True error over residual, by problem")
-    evidence.data("solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
-    evidence.data("solvers", rows, "All solves, with iterations, residuals and errors")
 
 
 def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], default: str) -> None:

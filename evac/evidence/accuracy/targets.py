@@ -38,14 +38,7 @@ def run(evidence: Evidence) -> None:
         return
     rows = evidence.measured("solvers_targets", lambda: _rows(evidence.seed))
     evidence.verdict(all_of(SECTION, sum(row["verdict"] == MET for row in rows), len(rows), SECTION))
-    evidence.heading(SECTION)
-    evidence.table(
-        "solvers_targets",
-        rows,
-        f"""Cold solves on {PEOPLE} people, by residual: times of others over that of the default, and its own time.
-        Measured is the median over {CROWDS} crowds, which differ by up to a factor of two. A solver that takes longer
-        than {CAP:g} s counts as {CAP:g} s.""",
-    )
+    evidence.show("targets", __name__, rows=rows)
 
 
 def _rows(first_seed: int) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
-from evac.evidence.accuracy.orders import CLOSE, DRIVES, EXACT, draw, drives_compared, order_rows, orders_off
+from evac.evidence.accuracy.orders import CLOSE, DRIVES, drives_compared, order_rows, orders_off
 from evac.evidence.evidence import Evidence
 from evac.evidence.models import plugins
 from evac.evidence.scenes import Scene, one_direction, room
@@ -79,32 +79,7 @@ def run(evidence: Evidence) -> None:
     better, number = drives_compared(rows)
     question = "Problems in which the default, exponential drive has the smaller error"
     evidence.verdict(reported(question, f"{better} of {number}", "-", SECTION))
-    evidence.heading(SECTION)
-    evidence.text(
-        f"""Error of the positions at the end of each problem (greatest over people, root mean square over
-        {len(shifts)} shifted starts, because it is chance when in a step a contact falls). Free walk and wall hit
-        are compared with their exact solutions, the others with the same model at a step of {finest:.1e} s: this is
-        the error of the step, not the difference between the laws. Steps that a model refuses are left out."""
-    )
-    evidence.text(
-        """Theory: first order, of half a step times the change of velocity from start to end; second order where
-        people start unaccelerated and the drive is exponential or none (DEM, NSM1 inertial). NSM2 looks for
-        contacts at the middle of a step and answers at its end, which is of first order. DEM's error is h^2 times a
-        factor that depends on what part of a step the length of the contact leaves over, which scatters its
-        measured orders."""
-    )
-    evidence.data("trajectory_orders", orders, "Orders of every problem, model and drive")
-    if off:
-        caption = "Those that are not the theoretical ones, over the five smallest steps and over the last halving."
-        evidence.table("trajectory_orders", off, caption)
-    evidence.plot(
-        "trajectories_step",
-        lambda: draw(rows, "h [s]"),
-        "Errors over the step; full: exponential, dashed: explicit, on each other where there is no drive. Errors below"
-        f" {EXACT:g} m, those of solver and rounding, are not drawn; models that have no others are named.",
-    )
-    evidence.plot("trajectories_time", lambda: draw(rows, "time [s]"), "The same errors over run time.")
-    evidence.data("trajectories", rows, "All errors")
+    evidence.show("trajectories", __name__, rows=rows, finest=finest, shifts=shifts, known=orders, off=off)
 
 
 def _rows(shifts: Sequence[float], halvings: int, finest: float) -> list[dict[str, Any]]:

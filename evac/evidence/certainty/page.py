@@ -8,14 +8,14 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
-from evac.evidence.certainty.coverage import Drawn, covered, truth
+from evac.evidence.certainty.coverage import Drawn, covered
 from evac.evidence.evidence import WORKERS, Evidence, new_figure
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from evac.study.asking import repeat, sweep
-from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, share_interval
-from evac.study.stopping import GROWTH, STOPPED_CONFIDENCE, until_known
+from evac.study.statistics import CONFIDENCE, least_runs, share_interval
+from evac.study.stopping import until_known
 from evac.study.study import Study
 
 Row = dict[str, Any]
@@ -101,6 +101,12 @@ STEP_PAIRS: Mapping[bool, Mapping[str, int]] = {
 }
 STEP_MODELS = ("dem", "nsm1", "nsm2")
 
+#: Formats of the tables of coverage.
+FORMATS = dict.fromkeys(("no interval [%]", "covers [%]", "truth below [%]", "truth above [%]"), ".1f")
+FORMATS |= dict.fromkeys(("runs, median", "runs, 5 %", "runs, 95 %", "until [%]"), ".0f") | {
+    "half width, median [%]": ".2f"
+}
+
 COVERAGE, OTHER_RUNS, STEPS, QUESTIONS, SEEDS, WORK = (
     "What the intervals cover",
     "Blocked runs, rare long runs and repetitions",
@@ -153,37 +159,10 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
     evidence.verdict(
         reported("Runs below which the 95th percentile has no 95 % interval", f"{least_runs(95.0)}", section=COVERAGE)
     )
-    evidence.heading(COVERAGE)
     blocked = int(np.isinf(times).sum())
-    low, high = share_interval(blocked, len(times))
-    evidence.text(
-        f"""{len(times)} runs of {CASE}, with seeds of their own, are taken for the truth; studies of a few of them are
-        drawn with replacement, {studies} for each row. In {blocked} runs people are left
-        ({100 * blocked / len(times):.2f} %, interval {100 * low:.2f} to {100 * high:.2f} %): these count as endless in
-        percentiles, and the mean is that of the others. The truth is {truth(times, "mean"):.3f} s (mean),
-        {truth(times, "percentile 50"):.3f} s (percentile 50) and {truth(times, "percentile 95"):.3f} s (percentile
-        95). The sampling error of a coverage of {100 * CONFIDENCE:.0f} % over {studies} studies is
-        {100 * (CONFIDENCE * (1 - CONFIDENCE) / studies) ** 0.5:.2f} %."""
-    )
-    evidence.text(
-        f"""Intervals of percentiles come from order statistics, interpolated after Nyblom (1992); that of the mean is
-        the studentised bootstrap's with {RESAMPLES} resamples (Efron and Tibshirani 1993, section 12.5)."""
-    )
-    formats = {"covers [%]": ".1f", "truth below [%]": ".1f", "truth above [%]": ".1f", "half width, median [%]": ".2f"}
-    formats |= {"runs, median": ".0f", "runs, 5 %": ".0f", "runs, 95 %": ".0f", "until [%]": ".0f"}
-    shown = ["statistic", "runs", "covers [%]", "truth below [%]", "truth above [%]", "half width, median [%]"]
-    evidence.table("fixed", fixed_rows, "Studies with a fixed number of runs.", formats, shown)
-    evidence.text(
-        f"""A study that stops looks at the interval after the least number of runs; if it is too wide, it makes as many
-        as its width asks for, at least {GROWTH:g} times as many as before, and looks again. Its intervals are those of
-        {100 * STOPPED_CONFIDENCE:.0f} %, which makes up for the looks."""
-    )
-    shown = ["statistic", "until [%]", "covers [%]", "truth below [%]", "truth above [%]", "half width, median [%]"]
-    shown += ["runs, median", "runs, 5 %", "runs, 95 %"]
-    evidence.table("stopped", stopped_rows, "Studies that stop when half the interval is this share.", formats, shown)
-    shown = ["statistic", "runs", "until [%]", "method", "covers [%]", "half width, median [%]", "runs, median"]
-    evidence.table("others", other_rows, "What other intervals and a look after every run cover.", formats, shown)
-    evidence.plot("coverage", lambda: _draw(fixed_rows, stopped_rows), "Coverage of all intervals.")
+    interval = share_interval(blocked, len(times))
+    tables = {"fixed": fixed_rows, "stopped": stopped_rows, "others": other_rows}
+    evidence.show("coverage", __name__, times=times, studies=studies, blocked=blocked, interval=interval, **tables)
 
 
 def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
@@ -214,23 +193,11 @@ def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
         return rows
 
     rows = evidence.measured("other_runs", measure)
-    evidence.heading(OTHER_RUNS)
     complete = blocked[np.isfinite(blocked)]
     skewness = float(((complete - complete.mean()) ** 3).mean() / complete.std() ** 3)
-    evidence.text(
-        f"""Studies of {BLOCKED} are drawn from {len(blocked)} runs, of which
-        {100 * (1 - len(complete) / len(blocked)):.1f} % are blocked; the skewness of the others is {skewness:.1f}.
-        In "rare long runs", every {RARE}th of the runs of {CASE} takes {LONGER:g} times as long: a study that has seen
-        none of them gives a narrow interval of the mean, which does not cover it; where few have been seen, they decide
-        the mean, and it has no interval. The median is affected by neither. "Populations" are drawn from
-        {len(repeated) // REPETITIONS} populations of {CASE} with {REPETITIONS} repetitions each; "runs" counts
-        populations. Coverage is that of the studies that have an interval; bounds that are open count as none."""
+    evidence.show(
+        "other_runs", __name__, rows=rows, runs=blocked, complete=complete, repeated=repeated, skewness=skewness
     )
-    formats = {"covers [%]": ".1f", "no interval [%]": ".1f", "truth below [%]": ".1f", "truth above [%]": ".1f"}
-    formats |= {"half width, median [%]": ".2f"}
-    shown = ["runs of", "statistic", "runs", "no interval [%]", "covers [%]", "truth below [%]", "truth above [%]"]
-    shown.append("half width, median [%]")
-    evidence.table("other_runs", rows, "Studies with a fixed number of runs that are less regular.", formats, shown)
     required = [row for row in rows if row["statistic"] != "mean" and row["covers [%]"] is not None]
     good = [row["covers [%]"] >= LEAST_COVER for row in required]
     question = f"Intervals of percentiles of irregular runs that cover in at least {LEAST_COVER:g} % of {studies}"
@@ -247,14 +214,7 @@ def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
 def report_steps(evidence: Evidence) -> None:
     """Add what half the time step changes in the shipped cases, as `evac repeat --check-step` does."""
     rows = evidence.measured("steps", lambda: _steps(evidence))
-    evidence.heading(STEPS)
-    evidence.text(
-        """Pairs of runs with the same seed, with the step of the case and with half of it: the change of the mean
-        evacuation time of complete runs, and its interval, as `evac repeat --check-step` shows them. The error of the
-        step itself is about twice this change where it is proportional to the step."""
-    )
-    formats = {"step [s]": "g", "mean [s]": ".2f", "change [%]": "+.2f", "from": "+.2f", "to": "+.2f"}
-    evidence.table("steps", rows, "Change of the mean with half the time step.", formats)
+    evidence.show("steps", __name__, rows=rows)
     for name in dict.fromkeys(row["case"] for row in rows):
         told = ", ".join(_change(row) for row in rows if row["case"] == name)
         evidence.verdict(reported(f"Change of the mean with half the step, {name}", told, section=STEPS))
@@ -279,14 +239,7 @@ def report_questions(evidence: Evidence, times: FloatArray) -> None:
             width = rule.estimate(regular, range(len(regular))).relative_half_width
             needed = 4000 * (width / share) ** 2
             rows.append({"question": f"{name} to {100 * share:g} %", "runs": max(runs, round(needed))})
-    evidence.heading(QUESTIONS)
-    evidence.text(
-        f"""The coefficient of variation of the evacuation time is {100 * variation:.1f} % here. From the intervals of
-        {len(times)} runs, by the square root of the number of runs; at least the runs of the first look. Where the
-        variation is another one, the numbers go with its square. Studies of the rule above take more, because they look
-        seldom and have intervals of {100 * STOPPED_CONFIDENCE:.0f} %."""
-    )
-    evidence.table("questions", rows, "Runs that are needed until half the interval is a share of the statistic.")
+    evidence.show("questions", __name__, rows=rows, times=times, variation=variation)
     for row in rows:
         if row["question"].endswith(" 2 %"):
             evidence.verdict(reported(f"Runs for the {row['question']}", f"{row['runs']}", section=QUESTIONS))
@@ -295,14 +248,7 @@ def report_questions(evidence: Evidence, times: FloatArray) -> None:
 def report_seeds(evidence: Evidence) -> None:
     """Add the runs saved by the same seeds at all points of a sweep when points are compared."""
     rows = evidence.measured("seeds", lambda: _pairs(evidence))
-    evidence.heading(SEEDS)
-    evidence.text(
-        """The difference that a change makes is found from pairs of runs with the same seed, or from runs with
-        independent ones. The ratio of the variances is by how much more runs the latter takes for the same interval;
-        it is 1 where common seeds save nothing."""
-    )
-    formats = {"runs saved by": ".2f", "correlation": ".2f", "difference [s]": ".3f", "half interval [s]": ".3f"}
-    evidence.table("seeds", rows, f"Changes of {CASE}, with common seeds; runs without people left.", formats)
+    evidence.show("seeds", __name__, rows=rows)
     best, worst = (f(rows, key=lambda row: row["runs saved by"]) for f in (max, min))
     told = f"{worst['runs saved by']:.2f} ({worst['change']}) to {best['runs saved by']:.2f} ({best['change']})"
     evidence.verdict(reported("Times as many runs without common seeds, for the same interval", told, section=SEEDS))
@@ -311,13 +257,7 @@ def report_seeds(evidence: Evidence) -> None:
 def report_work(evidence: Evidence) -> None:
     """Add the share of a study's time that is spent in the loops of its runs."""
     rows = evidence.measured("work", lambda: _work(evidence))
-    evidence.heading(WORK)
-    evidence.text(
-        """Building and directions are made once for all runs that have them in common. The loops are the ticks of all
-        runs alone, on one core; what a study takes beside these is reading the case, making building, directions and
-        people, and writing. Times are of the processor, of one process."""
-    )
-    evidence.table("work", rows, "Time of a study and of its loops.", {"over the loops": ".2f"})
+    evidence.show("work", __name__, rows=rows)
     bounds = {"sweep": 1.5}
     for row in rows:
         if row["study"] in bounds and not evidence.quick:

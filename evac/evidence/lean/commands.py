@@ -27,13 +27,7 @@ def report_output(evidence: Evidence, repeats: int) -> None:
         what = "picture" if row["picture"] == "in" else "animation"
         told = f"{row[FRESH]:.0f} ms, then {row[AGAIN]:.0f} ms"
         evidence.verdict(reported(f"Square room: {what}, in a fresh process and again", told, "-", section))
-    evidence.heading(section)
-    evidence.table(
-        "output",
-        rows,
-        f"Time of the output of the square room; medians of {fresh} fresh processes and of {repeats} runs in this one, "
-        "which has loaded matplotlib.",
-    )
+    evidence.show("output", __name__, fresh=fresh, repeats=repeats, rows=rows, section=section)
 
 
 def _output_rows(fresh: int, repeats: int) -> list[dict[str, Any]]:
@@ -102,14 +96,7 @@ def report_commands(evidence: Evidence) -> None:
     for row in rows:
         if row["command"] in SHOWN:
             evidence.verdict(reported(f"`{row['command']}`", f"{row['median [s]']:.2f} s", "-", section))
-    evidence.heading(section)
-    evidence.text(
-        """Run, repeat, replay, map, export, report and render include the work that they are called for, on the square
-        room with its picture and animation as shipped; render draws one picture."""
-    )
-    evidence.table(
-        "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
-    )
+    evidence.show("commands", __name__, repeats=repeats, rows=rows, section=section)
 
 
 def _command_rows(quick: bool, repeats: int) -> list[dict[str, Any]]:

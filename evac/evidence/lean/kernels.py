@@ -42,22 +42,7 @@ def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
         told = f"{row['kernels']} kernels, {row[CPU]:.1f} CPU s;"
         told += f" left out {row['left out: kernels']}, {row[f'left out: {CPU}']:.1f} CPU s"
         evidence.verdict(reported(f"{row['scene']}, {row['model']}: compiling", told, "-", SECTION))
-    evidence.heading(SECTION)
-    evidence.text(
-        f"""A case runs for {DURATION:g} s in a fresh process: as it is, and with `--full` and named forces and
-        behaviours that it does not need ("all in"). A kernel is compiled once, before it is first loaded, and then
-        kept on disk. CPU is the time in which one process compiles all kernels that the run has loaded, without the
-        import of numba; those that both runs load come first. numba lowers a function once, however many kernels call
-        it; LLVM optimises it with each of them. Kernels of the directions, of the placement of people and of their
-        ways are among them."""
-    )
-    evidence.table(
-        "kernels_compiled",
-        table,
-        "Kernels loaded, the functions in them and what compiling them takes; left out: loaded only if forced in.",
-    )
-    evidence.table("kernels_loaded", loaded_rows(rows), "Which kernels each case loads: in, or only if forced in.")
-    evidence.data("kernels", rows, "CPU time and size of each kernel in each run")
+    evidence.show("kernels", __name__, rows=rows, compiled=table)
 
 
 def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:

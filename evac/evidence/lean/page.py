@@ -117,7 +117,7 @@ def run(evidence: Evidence) -> None:
             most = max((row for row in rows if row["scene"] == scene), key=lambda row: row[column])
             told = f"{most[column]:+.0f} ({most['part forced in']}, {most['model']})"
             evidence.verdict(reported(f"{scene}: most expensive part, {column}", told, "-", PARTS))
-    _report_parts(evidence, rows, f"{rounds} rounds for the square room, {school_rounds} for the school")
+    evidence.show("parts", __name__, rows=rows, rounds=rounds, school_rounds=school_rounds)
     report_kernels(evidence, _kernel_cases(evidence.quick))
     report_output(evidence, rounds)
     report_commands(evidence)
@@ -217,25 +217,3 @@ def same_bits(one: Trial, other: Trial) -> bool:
         for a, b in zip(one.states, other.states, strict=True)
         for name in COMPARED
     )
-
-
-def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -> None:
-    """Add the costs of the parts."""
-    evidence.heading(PARTS)
-    evidence.text(
-        f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,
-        in turns ({rounds}). A cost is the median difference of CPU time to the run without the part in the same
-        round, which noise may put below zero. After every tick {", ".join(COMPARED)} of everybody are compared byte by
-        byte."""
-    )
-    evidence.text(
-        f"""A field is forced in by a behaviour that offers its route to nobody. Forces and behaviours are named by the
-        case without being needed, and compared with a run that has the fields of all strategies. Kernels that the step
-        loop does not need, or not yet, are loaded before the run. The tests of every body for walls, portals and exits
-        on its path are switched on in the compiled step, together with NSM2's tangential law; at K_T =
-        {TANGENTIAL:g} kg, where both runs need that law, the tests are measured alone. Stair speeds, and a contact
-        solve in a step without contacts, cannot be forced in."""
-    )
-    caption = "What each part adds when forced in; the file has the extremes."
-    columns = ("scene", "model", "part forced in", "set-up [ms]", "loop [%]", "same bits")
-    evidence.table("parts", rows, caption, {"loop [%]": "+.1f"}, columns)

@@ -141,45 +141,19 @@ def run(evidence: Evidence) -> None:
         return [_speed_row(*key, np.concatenate(each)) for key, each in found.items()]
 
     rows = evidence.measured("speeds", speeds)
-    evidence.heading("Speeds")
-    evidence.table(
-        "speeds",
-        rows,
-        f"People of a preset beside one another, measured over {LINES[1] - LINES[0]:g} m; ramps rise by 1 in"
-        f" {RUN / RISE:g}. Published means on ramps were not at hand (of Kim et al., Int. J. Ind. Ergonomics 44 (2014)"
-        " 636-646, only the abstract was read): the presets assume those on the flat.",
-    )
     slow = [row["preset"] for row in rows if row["place"] == "flat" and RIMEA[0] <= row["mean [m/s]"] <= RIMEA[1]]
-    evidence.text(
-        f"RiMEA has {RIMEA[0]:g} to {RIMEA[1]:g} m/s for people with reduced mobility; means in this range:"
-        f" {', '.join(slow) or 'none'}."
-    )
     for row in rows:
         if row["place"] == "flat":
             question = f"{row['preset']}, flat: deviation of the mean speed"
             evidence.verdict(at_most(question, abs(row["deviation [%]"]), MOST, "%", "Speeds"))
     flows = evidence.measured("flows", lambda: evidence.map(flow_through, doors))
-    evidence.heading("Doors")
-    evidence.table(
-        "doors",
-        [_door_row(flows, width, share) for width in DOORS for share in SHARES],
-        f"{QUEUE} people in a hall of 8 x 8 m before a door; mean of {len(seeds)} runs. Bodies are circles of 0.8 m for"
-        " wheelchairs, which are about 1.2 m long. SFPE: flow of people"
-        f" who walk, {SFPE_FLOW:g} per second and metre of effective width.",
-    )
-    evidence.text(
-        "Published: with assisted wheelchairs among people who walk in corridors, the flow was 1.49 +- 0.21 per "
-        "second and metre, and people who walk were 38.9 % faster than those in wheelchairs "
-        "(10.1088/1742-5468/abe93f); before a bottleneck like a funnel of 45 degrees, people in wheelchairs moved "
-        "at 0.31 m/s on average (Pan, Zhang and Song, arXiv 1912.07941); flows do not follow from width and "
-        "density alone if there are wheelchairs (Geoerg et al. 2019, 10.1155/2019/9717208). Only the abstracts "
-        "were at hand, so that shares, widths and shapes differ from those of the table."
-    )
+    shown = {(width, share): _door_row(flows, width, share) for width in DOORS for share in SHARES}
+    evidence.show("page", __name__, rows=rows, slow=slow, seeds=seeds, doors=list(shown.values()))
     through = [row["left"] == 0 for row in flows if row["in wheelchairs [%]"]]
     question = "runs with wheelchairs in which everybody passes the door"
     evidence.verdict(all_of(question, sum(through), len(through), "Doors"))
     for width in DOORS:
-        alone, mixed, only = (_door_row(flows, width, share) for share in SHARES)
+        alone, mixed, only = (shown[width, share] for share in SHARES)
         told = f"{_told(mixed['flow [1/s]'])}, {_told(only['flow [1/s]'])} /s"
         question = f"door of {width:g} m: flow with {100 * SHARES[1]:g} % and with wheelchairs alone"
         evidence.verdict(reported(question, told, f"without: {_told(alone['flow [1/s]'])} /s", "Doors"))

@@ -5,18 +5,15 @@ from itertools import pairwise
 
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people import scenes
-from evac.evidence.people.runs import DEFAULT, KEY, LEFT, MODELS, NEVER_BLOCKED, TABLE, jobs, measure_runs
+from evac.evidence.people.runs import KEY, LEFT, NEVER_BLOCKED, TABLE, jobs, measure_runs
 from evac.evidence.people.values import (
-    HELD_DENSITY,
-    HELD_DOORS,
-    HELD_SCENES,
     SHARE_ON_AVERAGE,
     VALUES,
     Value,
     found_row,
 )
 from evac.evidence.verdicts import MET, REPORTED, Finding, all_of, at_most, reported
-from evac.study.statistics import CONFIDENCE, share_interval
+from evac.study.statistics import share_interval
 
 HELD, BLOCKED, SCENES = "Held out", "Blocked runs", "The scenes"
 
@@ -32,15 +29,14 @@ def run(evidence: Evidence) -> None:
     found = evidence.measured("values", lambda: [found_row(value, *own, runs) for own in subjects for value in values])
     for finding in verdicts(values, found, runs):
         evidence.verdict(finding)
-    _report_scenes(evidence, found)
+    evidence.show("scenes", __name__, found=found)
     for setting in dict.fromkeys(setting for setting, _ in subjects):
         _report_setting(evidence, setting, values, [row for row in found if row["setting"] == setting])
-    evidence.heading(BLOCKED)
     shares = [
         {"scene": scene} | {", ".join(own): _share(*blocked(scene, *own, runs)) for own in subjects}
         for scene in dict.fromkeys(row["scene"] for row in runs)
     ]
-    evidence.table("blocked", shares, f"Runs in which people are left, with intervals of {100 * CONFIDENCE:.0f} %.")
+    evidence.show("blocked", __name__, shares=shares)
     evidence.write_page(
         "People as measured: doors, corridors, stairs, oncoming people",
         """Flows, speeds, exit times and headings of people in experiments, beside those of simulated people with each
@@ -113,18 +109,12 @@ def _share(count: int, total: int) -> str:
 
 def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], found: Sequence[Row]) -> None:
     """Add the table of one movement model: a row for each measured value, a column for each contact model."""
-    evidence.heading(heading(setting))
     rows: list[Row] = []
     for value in values:
         told = {"value": value.name, "measured": value.measured, "target": value.wanted or "-"}
         cells = {row["model"]: _cell(row) for row in found if row["value"] == value.name}
         rows.append({**told, "held out": "yes" if value.is_held_out else "no", **cells})
-    evidence.table(
-        setting,
-        rows,
-        """Mean of the runs that did not block and its interval, deviation from the measured value, blocked runs, and
-        the verdict on the target.""",
-    )
+    evidence.show("setting", __name__, rows=rows, setting=setting)
 
 
 def _cell(row: Row) -> str:
@@ -136,35 +126,3 @@ def _cell(row: Row) -> str:
     deviation = f"; {row['deviation [%]']:+.0f} %" if row["deviation [%]"] is not None else ""
     verdict = "" if row["verdict"] == REPORTED else f"; {row['verdict']}"
     return f"{row['mean']:.3g}{interval}{deviation}; {shares}{verdict}"
-
-
-def _report_scenes(evidence: Evidence, found: Sequence[Row]) -> None:
-    """Add where the values are from, and which of them were not used for choosing parameters."""
-    evidence.heading(SCENES)
-    evidence.text(
-        """Geometry, starting density and walking speeds are those of the experiments; bodies have the radii that
-        case.toml has by default. The door of 0.5 m is the bottleneck 040_c_56_h- of PedPy's demonstration data: times
-        count from the first passage, the flow is that from the first to the last person, neighbours and headings (per
-        0.2 s) are those of people within 2 m of the door, 20 s later. Other doors have the flows per metre of
-        Seyfried, Kretz and Duesseldorf, the last alone from 1.4 m on. The corridor of 1.8 m has entrances and exits of
-        several widths (PedPy's uo-ENTRANCE-180-EXIT); density and speed are taken over 2 m, at every moment of the
-        steady part, and moments of all eight are put together by density. The stair is that of ISO 20414, test 12,
-        with 4.24 m along the slope and speeds along it. The legs of the bend of 4 m are as long as the paper's model
-        needs for the 39 s of its last of 90 people; its target is 1.3 times as long. In front of the two exits, 200
-        people stand near one of 1 m, and one of 2 m is 12 m farther. In both scenes, people have the strategy
-        `quickest`. Last arrivals of IMO 8 stand beside those of FDS+Evac, another model. Exits are behind the place
-        that is measured."""
-    )
-    evidence.text(
-        """A run is blocked if it ends with people left, because nobody has come nearer to an exit for a minute. It has
-        no values: means are those of the other runs, and always stand beside the number of blocked ones."""
-    )
-    evidence.data("values", found, "Every value with each movement model and contact model")
-    evidence.heading(HELD)
-    doors = ", ".join(f"{width:g}" for width in HELD_DOORS)
-    evidence.text(
-        f"""Not fitted by the parameters of `{DEFAULT}`: doors of {doors} m, the corridor above {HELD_DENSITY:g} per m2,
-        {", ".join(HELD_SCENES)}, and the contact models {" and ".join(MODELS[1:])}. The scenes among them were seen
-        with {MODELS[0]} while the form of its speed was chosen among several, so that they are no blind test of it.
-        Without targets in an experiment, and used for no choice: {scenes.BEND}, {scenes.TWO_EXITS}."""
-    )

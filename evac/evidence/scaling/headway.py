@@ -7,7 +7,7 @@ import numpy as np
 from evac.evidence.evidence import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.evac_walk import HeadwayWalk
-from evac.evidence.scaling.walks import TICK, Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
+from evac.evidence.scaling.walks import Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
 from evac.evidence.verdicts import reported
 
 PEOPLE, QUICK_PEOPLE = 10_000, 100
@@ -27,16 +27,7 @@ def run(evidence: Evidence, models: tuple[str, ...], step: float) -> None:
     section = "What headway costs and saves"
     told = f"{min(ratios):.2f} to {max(ratios):.2f}"
     evidence.verdict(reported("Time with headway divided by time without", told, "-", section))
-    evidence.heading(section)
-    evidence.table(
-        "headway",
-        rows,
-        f"""CPU time per person-step [ns] in a hall of {people:,} people, in seconds {WARM * TICK:g} to
-        {(WARM + TIMED) * TICK:g} of a walk: the steps without and with the behaviour headway, and the behaviour itself,
-        which acts every {TICK:g} s. The two crowds and the minimal kernel, which starts from the crowd without headway
-        at the beginning of the timing, make ticks in turns; medians over ticks.""",
-        {"start [1/m2]": "g"},
-    )
+    evidence.show("headway", __name__, people=people, rows=rows, section=section)
 
 
 def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> list[dict[str, Any]]:

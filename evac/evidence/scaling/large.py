@@ -10,7 +10,7 @@ import numpy as np
 from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence, in_fresh_process
 from evac.evidence.models import model_overrides
-from evac.evidence.scaling.halls import DENSITY, hall_case
+from evac.evidence.scaling.halls import hall_case
 from evac.evidence.scaling.walks import bytes_of, cpu_time, minimal_cost, start_minimal
 from evac.evidence.verdicts import at_most
 from evac.simulation.simulation import Simulation
@@ -47,19 +47,7 @@ def run(evidence: Evidence) -> None:
     what = f"{people:,} people, maximum of {scenes}:"
     evidence.verdict(at_most(f"{what} CPU time before the first tick", seconds, MOST_SECONDS, "s", SECTION))
     evidence.verdict(at_most(f"{what} peak memory", 1e-3 * memory, MOST_MEMORY, "GB", SECTION))
-    evidence.heading(SECTION)
-    evidence.table(
-        "large",
-        rows,
-        f"""The case of a hall with {DENSITY:g} people per m2 at random places is set up and run for {WARM + TIMED}
-        ticks, in a process of its own, after a case of {FEWEST} people. Set-up is the CPU time before the first tick,
-        and the shares are those of its wall time; the first tick includes the first build of the neighbour lists. The
-        time of a person-step is the median of {TIMED} ticks of the whole simulation, each followed by the same number
-        of steps of the minimal kernel. Set-up and first tick are also given as a number of steps of the minimal kernel
-        with all people, and memory as a multiple of that of its arrays without the directions.""",
-        {"people": ",", "nodes": ",", "peak memory [MB]": ".0f", "set-up [minimal steps]": ".0f"}
-        | {f"{phase} [%]": ".0f" for phase in SHOWN},
-    )
+    evidence.show("large", __name__, rows=rows, formats={f"{phase} [%]": ".0f" for phase in SHOWN})
 
 
 def _rows(sizes: tuple[int, ...], seed: int) -> list[dict[str, Any]]:

@@ -12,7 +12,6 @@ from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.peers.evac_walk import EvacWalk, MinimalWalk
-from evac.evidence.scaling.walks import TICK
 from evac.evidence.verdicts import at_most
 from evac.jit import pair_contact
 from evac.physics import tallies as at
@@ -76,18 +75,7 @@ def run(evidence: Evidence, step: float) -> None:
         ratio = max(row["times DEM"] for row in rows if row["start"] == start and row["law"] != "DEM")
         what = f"Contact laws of a few lines, {start} crowd: greatest time of a person-step over that of DEM"
         evidence.verdict(at_most(what, ratio, MOST_TIMES, "", SECTION))
-    evidence.heading(SECTION)
-    evidence.table(
-        "laws",
-        rows,
-        f"""Two models defined by the force of a single contact (`evac.PairContact`), and the built-in DEM: the same
-        hall of {people:,} people, in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g} of a walk, tick by tick in
-        turns; medians of the CPU time over ticks. The linear spring has the stiffness of DEM, whose contacts harden in
-        addition. The law of Hertz has the force of DEM at an overlap of {OVERLAP:g} m, or the stiffness of the example
-        in [Plugins](../../plugins_contact.md#a-contact-law-in-ten-lines). The minimal kernel makes the same ticks. The
-        crowds of different laws differ, and with them the numbers of contacts and of sub-steps: a steep law needs
-        shorter sub-steps. The last column compares the times of a sub-step.""",
-    )
+    evidence.show("laws", __name__, people=people, rows=rows)
 
 
 def _rows(people: int, seed: int, step: float) -> list[dict[str, Any]]:

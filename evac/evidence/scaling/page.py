@@ -14,19 +14,12 @@ import numpy as np
 from evac.base.errors import SimulationError
 from evac.case.loading import load_case
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure, timed
-from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.scaling import headway, large, laws, phases, threads
-from evac.evidence.scaling.halls import RADIUS, STRETCH, Hall, make_hall
+from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal
 from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.walks import (
-    JAMMED,
-    LONGEST,
-    SETTLING,
-    STARTED,
-    TICK,
-    WALKED_OUT,
     Cost,
     Variant,
     Walk,
@@ -73,21 +66,16 @@ def run(evidence: Evidence) -> None:
     for (judge, bound), row in zip(TARGETS, claims, strict=False):
         evidence.verdict(judge(row["what"], row["measured"], bound))
     _judge_halls(evidence, rows)
-    evidence.text(
-        """A minimal kernel is timed in the same run, in turns with evac, tick by tick: DEM with half neighbour lists
-        and bilinear interpolation of directions, without walls (`evac/evidence/scaling/minimal.py`). It starts from the
-        positions and velocities at which the timing of evac starts. "Times minimal" is the time of a person-step of
-        evac divided by that of the minimal kernel, as a median over ticks, for every contact model of evac; for memory,
-        it is the ratio of the bytes of the arrays. The school is not compared with the minimal kernel."""
-    )
-    _report_halls(evidence, rows, sizes)
-    _report_shares(evidence, [row for row in rows if row["ns per person-step"] is not None])
+    ticks = [f"{timed} for {people:,} people" for people, (_, timed) in sizes.items()]
+    timed = [row for row in rows if row["ns per person-step"] is not None]
+    shares = [f"{phase} [%]" for phase in PHASES]
+    evidence.show("halls", __name__, rows=rows, ticks=ticks, timed=timed, shares=shares)
     large.run(evidence)
     headway.run(evidence, MODELS, STEP)
     laws.run(evidence, STEP)
     threads.run(evidence, STEP)
     comparison.run(evidence, STEP)
-    evidence.data("claims", claims, "Medians of the quantities with a target")
+    evidence.show("claims", __name__, claims=claims)
     evidence.write_page(
         "Time and memory against the number of people",
         "Examined: time and memory per person-step in halls of different sizes, compared with those of a minimal kernel"
@@ -264,40 +252,6 @@ def _middle(values: list[float]) -> float:
     return float(np.median(values[1:]))
 
 
-def _report_halls(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[int, tuple[int, int]]) -> None:
-    """Add the table and the chart of the halls."""
-    ticks = ", ".join(f"{timed} for {people:,} people" for people, (_, timed) in sizes.items())
-    evidence.heading(HALLS)
-    evidence.text(
-        f"""The halls are square, with a door about every {STRETCH:g} m along one wall; those of jammed crowds are at
-        most {DEEPEST:g} m deep. Directions are computed by fast marching. People have radii of {RADIUS[0]} to
-        {RADIUS[1]} m and start at rest on a jittered hexagonal lattice, with {DENSITIES["free"]:g} people per m2 (free)
-        or {DENSITIES["jammed"]:g} people per m2 (jammed)."""
-    )
-    evidence.text(
-        f"""Free crowds walk for the time in the file. Jammed crowds walk for at least {STARTED:g} s, until half of the
-        people are slower than {100.0 * JAMMED:.0f} % of their desired speed, but not longer than {LONGEST:g} s, and not
-        after {100.0 * WALKED_OUT:.0f} % have left; then they walk for {SETTLING * TICK:g} s more. Before these last
-        {SETTLING * TICK:g} s, NSM1 is solved with a tolerance of only {COARSE["gap_tolerance"]:g} m. Then the CPU time
-        of ticks of {TICK:g} s on one core is measured, including the part in Python; the number of ticks is {ticks}.
-        Spread is the time of the slowest tick divided by that of the fastest."""
-    )
-    evidence.text(
-        f"""Where "walk ended by" is "longest time", the crowd did not jam, because bodies overlap instead (see the
-        greatest overlap). "Refused" means that the run ended with an error. Contacts of DEM become stiffer at large
-        overlaps, and steps are then divided into parts, whose time is included; the stiffer DEM has {STIFFER:g} times
-        the stiffness and 1/{FINER} of the step. Memory is that of all arrays whose size grows with the number of
-        people. The file has more columns than the table, for example the memory of the direction grid."""
-    )
-    columns = ["people", "state", "model", "h [s]", "walk ended by", "greatest overlap [m]", "ns per person-step"]
-    columns += ["times minimal", "spread", "iterations per step", "bytes per person", "bytes, times minimal"]
-    formats = {"bytes per person": ".0f", "people": ",", "ns per person-step": ",.0f", "spread": ".2f", "h [s]": "g"}
-    formats |= {"times minimal": ".1f", "bytes, times minimal": ".1f"}
-    evidence.table("scaling", rows, "Time and memory; medians.", formats, columns)
-    caption = "Time per person-step against the number of people; walks that were refused have no point."
-    evidence.plot("scaling", lambda: _draw_halls(rows), caption)
-
-
 def _draw_halls(rows: list[dict[str, Any]]) -> Any:
     """Draw the time per person-step; a refusal is a gap."""
     colours = {**MODEL_COLOURS, STIFF_NAME: "#56B4E9"}
@@ -311,18 +265,3 @@ def _draw_halls(rows: list[dict[str, Any]]) -> Any:
         axis.legend(frameon=False)
     axes[0].set(ylabel="ns per person-step")
     return figure
-
-
-def _report_shares(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
-    """Add the shares of the phases in the time of a step, for the timed walks."""
-    evidence.heading(SHARES)
-    evidence.text(
-        """The phases of a compiled step cannot be timed while it runs. Therefore each phase is repeated alone on the
-        crowd after the last step: neighbour lists (multiplied by the number of builds per step), search for contacts,
-        drive, move, and the sorting of people at the start and end of a tick. "Contact and rest" is the remainder of
-        the step: the contact law or solver, checks and counts, Python's part of a tick, and the error of the times of
-        the other phases, whose data are already in the caches."""
-    )
-    shares = [f"{phase} [%]" for phase in PHASES]
-    formats = dict.fromkeys(shares, ".0f") | {"people": ","}
-    evidence.table("scaling", rows, "Shares of a step.", formats, ("people", "state", "model", *shares))

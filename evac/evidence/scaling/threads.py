@@ -9,9 +9,8 @@ import numpy as np
 from evac.evidence.evidence import Evidence
 from evac.evidence.models import plugins
 from evac.evidence.scaling.halls import make_hall
-from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
+from evac.evidence.scaling.walks import Variant, Walk, make_variant
 from evac.evidence.verdicts import at_least, reported
-from evac.physics.contact.blocks import ROWS_OF_TWO
 from evac.physics.engine import CompiledEngine
 from evac.physics.world import make_world
 
@@ -50,17 +49,7 @@ def run(evidence: Evidence, step: float) -> None:
     if dense:
         told = "; ".join(f"{row['one over two']:.2f} ({row['model']}, {row['people']:,} people)" for row in dense)
         evidence.verdict(reported("Dense halls: time with one thread divided by that with two", told, "-", SECTION))
-    evidence.heading(SECTION)
-    evidence.table(
-        "threads",
-        rows,
-        f"""Wall time of a step with one thread and with two threads, in seconds {WARM * TICK:g} to
-        {(WARM + TIMED) * TICK:g} of a walk; {DENSITIES["free"]:g} people per m2 at the start (free) or
-        {DENSITIES["dense"]:g} (dense). Two copies of a crowd make ticks in turns, with identical results; medians over
-        ticks, and the least and greatest ratio of the times of the same tick. In dense crowds, the law of DEM has
-        one thread, while the default solver of NSM1 and NSM2 has both if a problem has at least {ROWS_OF_TWO:,} rows.
-        Other programs that run on the same cores reduce the gain.""",
-    )
+    evidence.show("threads", __name__, rows=rows)
 
 
 def compare(people: int, start: str, model: str, seed: int, step: float) -> dict[str, Any]:

@@ -53,16 +53,7 @@ def dissipation(evidence: Evidence) -> list[str]:
     section = "NSM2: dissipation from zero to infinity"
     off = max(abs(row[f"{name}: restitution"] - row[f"{name}: theory"]) for row in rows for name in ("pair", "wall"))
     evidence.verdict(at_most("NSM2: greatest error of the coefficient of restitution", off, SMALL_SPEED, "", section))
-    evidence.text(
-        """NSM2 from K_N = 0 to infinity at h = 0.01 s with every solver: a pair of 60 and 100 kg head-on, a wall
-        hit of 80 kg, and a squeeze of five people of 80 kg who overlap between two walls 1.9 m apart and walk
-        against one of them for 2 s. The percussions of the squeeze grow with K_N; at infinity its first step has no
-        solution and is solved again with K_N = 1e5, counted as a fallback. Right: at most 2 mm more overlap than at
-        the start; degraded: 2 cm (h v)."""
-    )
-    evidence.data("dissipation", rows, "Restitution and squeeze")
-    caption = "Restitution of NSM2, measured with every solver, over the theory."
-    evidence.plot("dissipation", lambda: _draw_restitution(rows), caption)
+    evidence.show("dissipation", __name__, rows=rows)
     return []
 
 
@@ -176,14 +167,7 @@ def standing(evidence: Evidence) -> list[str]:
             still.setdefault(variant, []).append(speed <= STANDS)
     for variant, stands in still.items():
         evidence.verdict(all_of(f"{variant}: runs in which a standing crowd stands", sum(stands), len(stands), section))
-    evidence.text(
-        f"""Greatest speed of 40 people pressed against a wall, over the last of 10 s, for every model, solver,
-        drive and step; they stand where it is at most {STANDS} m/s. At h = 1e-4 s the crowd starts from where h =
-        1e-3 s left it, and gets 2 s. NSM2 with restitution returns each push of the drive, so that its crowds
-        jitter."""
-    )
-    evidence.data("standing", list(rows.values()), "Speeds [m/s]")
-    evidence.data("standing_cells", cells, "What each run counted")
+    evidence.show("standing", __name__, rows=list(rows.values()), cells=cells)
     return [cell["verdict"] for cell in cells]
 
 
@@ -231,12 +215,7 @@ def static_overlap(evidence: Evidence) -> list[str]:
     rows = evidence.measured("static_overlap", _static_rows)
     told = f"{max(row['error'] for row in rows):.1g}"
     evidence.verdict(reported("DEM: static overlap, relative error", told, "0 (theory)", "DEM: stiffness and step"))
-    evidence.text(
-        """DEM, one person of 80 kg pressed against a wall for 4 s, tau = 0.1 s: the overlap is F / k, with the
-        exponential drive times (1 - exp(-h/tau)) tau / h, for a step pushes with m v (1 - exp(-h/tau)) instead of F
-        h."""
-    )
-    evidence.data("static_overlap", rows, "Overlaps")
+    evidence.show("static_overlap", __name__, rows=rows)
     return []
 
 
@@ -275,15 +254,7 @@ def _static_rows() -> list[dict[str, Any]]:
 def reported_force(evidence: Evidence) -> list[str]:
     """Tabulate the contact force reported for a person in a pressed row, over the steps, beside the load's."""
     rows = evidence.measured("reported_force", lambda: _force_rows(evidence.quick))
-    evidence.table(
-        "reported_force",
-        rows,
-        "Contact force reported for the first of five people of 80 kg in a row who press against a wall (1.5 m/s, tau "
-        "0.5 s), over the force by hand, 9 m v / tau: the wall holds all five, the second one passes on four. Mean and "
-        "standard deviation of 100 moments, 0.01 s apart, after 2 s. A solver's residual of w m/s is an uncertainty of "
-        "m w / h: forces of short steps need a smaller velocity_tolerance. NSM2 with restitution returns each push of "
-        "the drive, so that its contacts open and close, and the force comes and goes.",
-    )
+    evidence.show("reported_force", __name__, rows=rows)
     return []
 
 

@@ -117,8 +117,6 @@ stiffness_map = partial(
     name="dem_stiffness",
     compute=stiffness_cells,
     axes=("stiffness k [kg/s²]", "step h [s]"),
-    caption="DEM, 30 people pressed against a wall, nudged: does the nudge grow beyond 100 times itself within 400 "
-    "steps? The curve is the limit of the network's own greatest frequency (eigenvalues), driving included.",
     columns=2,
 )
 
@@ -135,14 +133,7 @@ def network_limits(evidence: Evidence) -> list[str]:
         for row in rows
     )
     evidence.verdict(all_of("DEM: networks cut or refused below the limit of theory", safe, len(rows), SECTION))
-    evidence.table(
-        "dem_networks",
-        rows,
-        "DEM at k = 1.2e5 kg/s², 60 kg: the greatest stable step of four contact networks, by the eigenvalues of the "
-        "network and by plain steps of eq. 17 made apart from the engine; beyond which step a run cuts its steps, and "
-        "beyond which it does not start.",
-        {key: ".5f" for key in rows[0] if key.endswith("[s]")},
-    )
+    evidence.show("network_limits", __name__, rows=rows, formats={key: ".5f" for key in rows[0] if key.endswith("[s]")})
     return []
 
 
@@ -185,15 +176,7 @@ def hardened_contacts(evidence: Evidence) -> list[str]:
     rows = evidence.measured("dem_hardening", lambda: _hardened_rows(hardening, evidence.quick))
     told = f"{max(row['error'] for row in rows):.1g}"
     evidence.verdict(reported("DEM: overlap of hardened contacts, relative error", told, "0 (theory)", SECTION))
-    evidence.table(
-        "dem_hardening",
-        rows,
-        f"""DEM at k = 1.2e5 kg/s², one body of radius {HEAVY_RADIUS:g} m and {HEAVY_MASS:g} kg pressed against a
-        wall for 20 s: contacts harden beyond {hardening:g} of the radius. Theory is the root of the integrated
-        stiffness, F / k what a linear spring would do, which has the centre in the wall beyond an overlap of the
-        radius.""",
-        {"overlap [m]": ".6f", "theory [m]": ".6f"},
-    )
+    evidence.show("hardened_contacts", __name__, hardening=hardening, rows=rows)
     return []
 
 

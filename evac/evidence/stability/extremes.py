@@ -243,7 +243,7 @@ def try_triangle(model: str) -> Verdict:
 def extreme_scenes(evidence: Evidence) -> list[str]:
     """Try every extreme scene with every contact model and tabulate the verdicts."""
     rows = evidence.measured("extremes", lambda: _scene_rows(evidence.quick))
-    evidence.table("extremes", rows, f"Extreme scenes at h = {STEP} s.")
+    evidence.show("extreme_scenes", __name__, rows=rows)
     return [row["verdict"] for row in rows]
 
 

@@ -63,7 +63,6 @@ def show_map(
     name: str,
     compute: Callable[[Evidence], Mapped],
     axes: tuple[str, str],
-    caption: str,
     columns: int = 3,
 ) -> list[str]:
     """Write NAME.csv with every cell, draw NAME.png, put the plot and the sums by panel on the page; return the kinds.
@@ -78,12 +77,8 @@ def show_map(
 
     rows = evidence.measured(name, lambda: cell_rows(mapped()[0], axes))
     panels = dict.fromkeys(row["panel"] for row in rows)
-    evidence.plot(name, lambda: _draw(*mapped(), axes, columns), caption)
-    evidence.table(
-        f"{name}_sums",
-        [_sums(panel, [row for row in rows if row["panel"] == panel]) for panel in panels],
-        f"Cells by verdict; every cell with its error and words is in [{name}.csv]({name}.csv).",
-    )
+    sums = [_sums(panel, [row for row in rows if row["panel"] == panel]) for panel in panels]
+    evidence.show("show_map", __name__, name=name, sums=sums, draw=lambda: _draw(*mapped(), axes, columns))
     return [row["verdict"] for row in rows]
 
 

@@ -7,7 +7,7 @@ from evac.evidence.stability.crowds import dissipation, reported_force, standing
 from evac.evidence.stability.dem import hardened_contacts, network_limits, stiffness_map
 from evac.evidence.stability.extremes import extreme_scenes
 from evac.evidence.stability.steps import mass_map, overlap_order, radius_map, speed_map, tau_map
-from evac.evidence.stability.trial import MEANINGS, VERDICTS, WRONG
+from evac.evidence.stability.trial import VERDICTS, WRONG
 from evac.evidence.verdicts import all_of, reported
 
 SECTIONS = {
@@ -24,13 +24,10 @@ SECTIONS = {
 
 def run(evidence: Evidence) -> None:
     """Make all maps and scenes and write the page."""
-    evidence.heading("Verdicts on cells and scenes")
-    evidence.text("Every cell of every map, and every scene, is one of:")
-    for kind, meaning in MEANINGS.items():
-        evidence.text(f"- **{kind}**: {meaning}.")
+    evidence.show("page", __name__)
     kinds: Counter[str] = Counter()
     for heading, parts in SECTIONS.items():
-        evidence.heading(heading)
+        evidence.add(f"## {heading}")
         here = [kind for part in parts for kind in part(evidence)]
         if here:
             evidence.verdict(all_of(f"{heading}: cells not wrong", len(here) - here.count(WRONG), len(here), heading))

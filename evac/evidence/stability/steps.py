@@ -84,8 +84,6 @@ tau_map = partial(
     name="tau",
     compute=tau_cells,
     axes=("relaxation time tau [s]", "step h [s]"),
-    caption="One person walks from rest to 1.5 m/s for 5 s; the error is the greatest distance [m] to the exact path. "
-    "Right: 1 cm. Degraded: up to the error of the same steps in theory, and 1 % of it.",
     columns=2,
 )
 
@@ -110,10 +108,6 @@ speed_map = partial(
     name="speed",
     compute=speed_cells,
     axes=("walking speed [m/s]", "step h [s]"),
-    caption="Twelve people of 80 kg, tau 0.5 s, walk against a wall for 3 s (slow ones for 8 s); the error is the "
-    "greatest overlap [m], of "
-    "bodies and with walls. Right: 0.1 mm for NSM1, its tolerance, at every step; 2 mm for the others. "
-    "Degraded: up to what theory allows, h v for NSM2, 2 sum(m v / tau) / k + v sqrt(sum(m) / k) for DEM.",
 )
 
 
@@ -122,13 +116,7 @@ def overlap_order(evidence: Evidence) -> list[str]:
     rows = evidence.measured("overlap", lambda: _overlap_rows([0.1, 0.01] if evidence.quick else OVERLAP_STEPS))
     powers = ", ".join(f"{row['power of h']:.2f} ({row['model']})" for row in rows if row["model"].startswith("NSM2"))
     evidence.verdict(reported("NSM2: power of h of the overlap", powers, "1 (theory)", "Walking speed and step"))
-    evidence.table(
-        "overlap",
-        rows,
-        "Greatest overlap [m] of the twelve people who walk against a wall at 1.5 m/s, against the step. Theory: DEM's "
-        "does not depend on h, NSM1's is at most its tolerance of 1e-4 m, NSM2's falls with the first power of h. "
-        "(nan: refused.)",
-    )
+    evidence.show("overlap_order", __name__, rows=rows)
     return []
 
 
@@ -182,8 +170,6 @@ mass_map = partial(
     name="mass_ratio",
     compute=mass_cells,
     axes=("ratio of masses", "step h [s]"),
-    caption="Twenty people, light (80 kg / sqrt(ratio)) and heavy (80 kg sqrt(ratio)) in turns, walk against a wall at "
-    "1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
 )
 
 
@@ -205,8 +191,6 @@ radius_map = partial(
     name="radius_ratio",
     compute=radius_cells,
     axes=("ratio of radii", "step h [s]"),
-    caption="Thirty people of 80 kg, the largest of radius 0.25 m, the others smaller in equal ratios, walk against a "
-    "wall at 1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
 )
 
 

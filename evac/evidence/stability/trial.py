@@ -25,18 +25,6 @@ WRONG = "wrong"
 #: All verdicts, best first; a trial that is `WRONG` is a defect.
 VERDICTS = (RIGHT, HANDLED, DEGRADED, BEYOND, REFUSED, WRONG)
 
-#: What each verdict means, in words for the page.
-MEANINGS = {
-    RIGHT: "the error is below the stated bound",
-    HANDLED: "right, but the run had to cut steps, solve again or correct positions, and counted it",
-    DEGRADED: "beyond the bound by the stated factor, but within what the method's own theory allows",
-    BEYOND: "beyond the theory too, and the run's own report tells of it: by its greatest overlap, or by steps that it "
-    "could not solve or move as asked",
-    REFUSED: "stopped with a message",
-    WRONG: "a number that is not finite, a centre beyond a wall, or an error that nothing in the report tells of: a "
-    "defect",
-}
-
 #: The contact models under trial: name in `models.MODELS`, and parameters.
 VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "DEM": ("DEM", {}),

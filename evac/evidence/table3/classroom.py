@@ -53,32 +53,9 @@ def report_classroom(evidence: Evidence) -> None:
     for row in blocked:
         told = f"{row['blocked']} of {row['runs']} ({row['from [%]']:.0f} to {row['to [%]']:.0f} %)"
         evidence.verdict(reported(f"Classroom, {row['model']}: blocked runs", told, PUBLISHED[row["model"]], section))
-    evidence.heading(section)
-    evidence.text(
-        f"""{runs} runs of each model with the seeds {evidence.seed} to {evidence.seed + runs - 1}, the same people for
-        every model. The paper gives no shares of blocked runs. Our door stands in the corner, which matters
-        (buildings/classroom/README.md)."""
-    )
-    evidence.table("classroom_blocked", blocked, "Runs that end with people left; share with Clopper-Pearson interval.")
-    caption = (
-        "All runs, blocked ones included: pupils out by a time, mean with standard error; a dash for an endless median."
-    )
-    evidence.table("classroom_all", everybody, caption)
-    falls = ", ".join(f"{falls_of(desks, name)} ({name})" for name in MODELS)
-    evidence.text(
-        f"""Times per desk exist only for runs that did not block, which are other runs for each model: compare
-        models by the table above. Within a column the mean time should grow from each desk to the one behind it; of
-        {len(desks) - len(desks) // ROWS} such steps it falls in {falls}. Experimental times are printed in a figure
-        that is not available, so no fit is claimed."""
-    )
-    evidence.data(
-        "classroom_desks", desks, "Mean escape time of each desk, its standard error, and its way to the door"
-    )
-    caption = (
-        "Mean escape times [s] at the desks (figure 6 of the paper): DEM, NSM1 inertial, NSM2 from top to bottom, each "
-        "over its runs that did not block."
-    )
-    evidence.plot("classroom_desks", lambda: _draw_desks(desks, blocked), caption)
+    rows = {"blocked": blocked, "everybody": everybody, "desks": desks}
+    falls = [f"{falls_of(desks, name)} ({name})" for name in MODELS]
+    evidence.show("classroom", __name__, section=section, runs=runs, seed=evidence.seed, falls=falls, **rows)
 
 
 def falls_of(desks: Sequence[Row], model: str) -> int:

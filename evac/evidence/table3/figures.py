@@ -36,20 +36,10 @@ HIT = (START - RADIUS) * float(np.sqrt(2.0))
 def draw_figure_2(evidence: Evidence) -> None:
     """Add the disc that hits the ground, NSM1 beside NSM2 (K_N = K_T = 0)."""
     rows = evidence.measured("figure2", lambda: _figure_2()[0])
-    section = "Figure 2 of the paper"
     told = ", ".join(f"{row['gap after contact [mm]']:z.3f} mm ({row['model']})" for row in rows)
-    evidence.verdict(reported("Gap that a hit of the ground leaves", told, "-", section))
-    evidence.heading(section)
-    evidence.text(
-        f"""A disc of radius {RADIUS} m starts at ({START}, {START}) m with 1 m/s, 45 degrees downwards, and hits
-        the ground y = 0 at t = {HIT:.6f} s; K_N = K_T = 0, h = {STEP} s. NSM1 comes to lie on the ground exactly,
-        over one step with a velocity in between; NSM2 stops at mid-step and leaves a gap or an overlap of the order
-        of h."""
-    )
+    evidence.verdict(reported("Gap that a hit of the ground leaves", told, "-", "Figure 2 of the paper"))
     formats = {key: "z.6f" for key in rows[0] if key != "model"}
-    evidence.table("figure2", rows, "The steps before and after the contact.", formats)
-    caption = "Left: path of the centre, grey: in contact; right: velocity along y, grey: exact time of contact."
-    evidence.plot("figure2", lambda: _figure_2()[1], caption)
+    evidence.show("figure_2", __name__, rows=rows, formats=formats, draw=lambda: _figure_2()[1])
 
 
 @cache
@@ -86,17 +76,11 @@ def _figure_2() -> tuple[list[dict[str, Any]], Any]:
 def draw_figure_3(evidence: Evidence) -> None:
     """Add two people who walk into each other, for several tau, under NSM2."""
     rows = evidence.measured("figure3", lambda: _figure_3()[0])
-    section = "Figure 3 of the paper"
     told = ", ".join(f"{row[BACK]:.2f} s (tau {row['tau [s]']:g} s)" for row in rows)
-    evidence.verdict(reported("NSM2: time to 95 % of the desired velocity after a hit", told, "-", section))
-    evidence.heading(section)
-    evidence.text(
-        f"""Two identical people walk against each other at {SPEED} m/s, {OFFSET} m beside each other's line, NSM2 with
-        K_N = 1e5 kg, h = {STEP} s (the paper prints no numbers)."""
+    evidence.verdict(
+        reported("NSM2: time to 95 % of the desired velocity after a hit", told, "-", "Figure 3 of the paper")
     )
-    evidence.table("figure3", rows, "Time to come back to the desired velocity.", {"tau [s]": "g"})
-    caption = "Left: paths (first: full, second: dashed); right: velocity of the first."
-    evidence.plot("figure3", lambda: _figure_3()[1], caption)
+    evidence.show("figure_3", __name__, rows=rows, draw=lambda: _figure_3()[1])
 
 
 @cache

@@ -7,7 +7,7 @@ from typing import Any
 from evac.case.schema import SimulationSettings
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.models import MODELS
-from evac.evidence.square_room import CONFIDENCE, GAP, RESAMPLES, Flow, SetTask, change, flow, run_set, stopped
+from evac.evidence.square_room import Flow, SetTask, change, flow, run_set, stopped
 from evac.evidence.table3.classroom import report_classroom
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 from evac.evidence.table3.school import report_school
@@ -41,6 +41,9 @@ QUICK_RUNS = {1e-1: (2, 2), 1e-2: (4, 5), 1e-3: (4, 1), 1e-4: (2, 1)}
 DEFAULT = SimulationSettings().step
 LITTLE = 5.0
 
+#: Columns of changes of the flow.
+CHANGES = ("change of Q pooled", "from", "to", "change of Q of runs", "of runs, from", "of runs, to")
+
 SECTION = "Flow of the square room (Table 3, section 4.1)"
 
 
@@ -69,36 +72,7 @@ def report_flow(evidence: Evidence) -> None:
     rows = evidence.measured("table3", lambda: [_row(*key, plan[key[1]][0], own) for key, own in measured()[0].items()])
     changes = evidence.measured("table3_steps", lambda: _change_rows(measured()[1]))
     _judge_flows(evidence, rows, changes)
-    evidence.heading(SECTION)
-    evidence.text(
-        f"""The paper leaves open where the door is, where people start and aim, and how the regression is made; all
-        of it matters. Here it is the shipped case square_room, with positions and parameters drawn from seeds of
-        their own, the same people for every model and step. {100 * CONFIDENCE:.0f} % intervals come from
-        {RESAMPLES} bootstrap resamples of position sets. Runs in which nobody leaves for more than {GAP:.0f} s are
-        counted apart. The real exercise had {EXERCISE} people per minute."""
-    )
-    evidence.text(
-        """The flow of a run is the slope of the regression of the number out, 1 to 20, on the exit times. Q pooled
-        is the slope of one regression over the exits of all runs, one number for a model as in the paper. Q of runs
-        is the mean of the slopes of single runs. Runs differ in when their exits come, which makes the pooled line
-        flatter."""
-    )
-    evidence.text(
-        f"""Weidmann's fundamental diagram (Transporttechnik der Fussgaenger, 1993) allows at most {WEIDMANN} people
-        per second and metre of door. Nobody here slows down before bodies touch: these are flows of people who
-        push, not design values."""
-    )
-    caption = "Flow Q [people per minute] by both definitions; fewer runs at finer steps."
-    evidence.table("table3", rows, caption, {"h [s]": "g"})
-    changed = ("change of Q pooled", "from", "to", "change of Q of runs", "of runs, from", "of runs, to")
-    formats = dict.fromkeys(changed, "+.1f") | {"from h [s]": "g", "to h [s]": "g"}
-    caption = (
-        "Change of the flow with the step [people per minute], with the interval of the paired difference on the runs "
-        "that both steps have; a run that was stopped at either step is counted apart at both."
-    )
-    evidence.table("table3_steps", changes, caption, formats)
-    caption = "Flow over the step: Q pooled with intervals (full), Q of runs (open), published (dashed)."
-    evidence.plot("table3", lambda: _draw(measured()[0], sorted(plan)), caption)
+    evidence.show("flow", __name__, rows=rows, changes=changes, draw=lambda: _draw(measured()[0], sorted(plan)))
 
 
 def _judge_flows(evidence: Evidence, rows: Sequence[Row], changes: Sequence[Row]) -> None:

@@ -56,18 +56,9 @@ def report_school(evidence: Evidence) -> None:
     )
     stall = f"pause of the exercise: {STALL[1] - STALL[0]:.0f} s"
     evidence.verdict(reported("School: last out, longest pause between exits, means", told, stall, section))
-    evidence.heading(section)
-    evidence.text(
-        f"""{runs} runs of NSM2 with the social force, seeds {evidence.seed} to {evidence.seed + runs - 1}, with and
-        without classes that follow their teachers. The pause is the longest time in which nobody leaves between the
-        first and the last tenth of the people. The exercise stalled from {STALL[0]:.0f} to {STALL[1]:.0f} s, the
-        paper's model did not; the building is our own drawing, and no fit to either is claimed."""
-    )
-    evidence.table("school", rows, "All runs; storeys counted from the ground.")
     curves = evidence.measured("school_egress", lambda: _curve_rows(measured()))
-    caption = "Egress curves of all runs and their mean (figure 8 of the paper, without its measured curve)."
-    evidence.plot("school_egress", lambda: _draw(measured()), caption)
-    evidence.data("school_egress", curves)
+    tables = {"rows": rows, "curves": curves, "draw": lambda: _draw(measured())}
+    evidence.show("school", __name__, section=section, runs=runs, seed=evidence.seed, **tables)
 
 
 def curve(times: FloatArray, grid: FloatArray) -> FloatArray:

@@ -14,7 +14,6 @@ from evac.evidence.evidence import Evidence
 from evac.evidence.validation.standard import FAILED, STANDARDS, TESTS, Result, StandardTest, carry_out
 from evac.evidence.validation.trial import Trial
 from evac.evidence.verdicts import all_of, reported
-from evac.study.statistics import CONFIDENCE
 
 Row = Mapping[str, Any]
 
@@ -46,8 +45,8 @@ SUBJECTS: Mapping[str, Subject] = {
 #: The models of a quick run, which makes one run of each test.
 QUICK_SUBJECTS = tuple(SUBJECTS)[:3]
 
-#: Headings of the page.
-RELY, LEFT_OUT = "What to rely on", "Tests that are not run"
+#: Heading of the verdicts.
+RELY = "What to rely on"
 
 
 @dataclass(frozen=True)
@@ -102,15 +101,10 @@ def run(evidence: Evidence) -> None:
 
     rows = evidence.measured("tests", survey)
     _judge(evidence, rows, made)
-    _report(evidence, rows)
     left = [{"test": " ".join(test.names), "subject": test.title, "why": test.why} for test in TESTS if test.why]
-    evidence.heading(LEFT_OUT)
-    evidence.table("left_out", left, "Tests of things that evac does not have yet, or that do not apply to it.")
-    evidence.heading("Where the tests come from")
     sources = [{"name": name, "read": source} for name, source in STANDARDS.items()]
-    evidence.table(
-        "sources", sources, "Names in the tables, and what was read, since not all originals were available."
-    )
+    brief = [name for name, subject in SUBJECTS.items() if subject.is_brief]
+    evidence.show("tests", __name__, rows=rows, brief=brief, left=left, sources=sources)
     evidence.write_page(
         "Validation: the standard tests of the field",
         f"Examined: the tests of `evac verify`, from RiMEA, IMO, NIST and ISO, with the movement of new cases"
@@ -148,29 +142,3 @@ def verdict_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
         told[row["model"]] = row["met"]
     models = dict.fromkeys(row["model"] for row in rows)
     return [row | {model: row.get(model, "-") for model in models} for row in found.values()]
-
-
-def _report(evidence: Evidence, rows: Sequence[Row]) -> None:
-    """Add the verdicts and the table of all checks."""
-    evidence.heading(RELY)
-    evidence.text(
-        """Every test runs cases with the defaults of case.toml into result folders and is judged by what these hold;
-        `evac verify NAME` runs one and leaves its folders. People have the speeds of the test, or those of men of 30 to
-        50 years (IMO)."""
-    )
-    evidence.text(
-        f"""A check is met if the mean over runs with different seeds lies in what is expected and no run is blocked: a
-        run that ends with people inside. A test is passed if all its checks are met. Some tests have one run with any
-        model, and all tests with {", ".join(name for name, one in SUBJECTS.items() if one.is_brief)}: such checks have
-        no interval."""
-    )
-    for test in TESTS:
-        if test.by_design:
-            evidence.text(f"{' '.join(test.names)}: the default fails it by design: {test.by_design}.")
-    evidence.table(
-        "verdicts",
-        verdict_rows(rows),
-        f"Whether each model passes, and by how much it misses. Not certain: the {100 * CONFIDENCE:.0f} % interval of "
-        "the mean, as that of a study, reaches across a bound, or the runs determine none.",
-    )
-    evidence.data("tests", rows, "Every check with its mean and interval")

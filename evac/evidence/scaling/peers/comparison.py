@@ -119,12 +119,6 @@ PEERS = (
     ),
 )
 
-MENGE = """Menge is not measured: there is no package of it on PyPI or npm, or in Debian. The developers of Open-RMF
-distribute a modified copy of its core for ROS ([menge_vendor](https://docs.ros.org/en/jazzy/p/menge_vendor)). Its model
-ORCA is described as "based on the RVO2 library" in its source
-([ORCADBEntry.cpp](https://github.com/MengeCrowdSim/Menge/blob/master/src/Menge/MengeCore/Orca/ORCADBEntry.cpp)); a row
-of RVO2 shows the cost of that algorithm without the rest of Menge."""
-
 
 def run(evidence: Evidence, step: float) -> None:
     """Add the section to the page, if a package of another program is installed."""
@@ -139,26 +133,8 @@ def run(evidence: Evidence, step: float) -> None:
     rows = evidence.measured("peers", lambda: _rows(peers, sizes, evidence.seed, step))
     told = "; ".join(_told(peer, rows) for peer in peers)
     evidence.verdict(reported("Time of a person-step of other programs divided by that of evac", told, "-", SECTION))
-    evidence.heading(SECTION)
-    measured = ", ".join(peer.name for peer in peers)
     missing = ", ".join(peer.name for peer in PEERS if peer not in peers) or "none"
-    evidence.text(
-        f"""Each program walks the same crowd in the same hall, from the same positions, with the same radii and desired
-        speeds, in steps of {step:g} s on one core. The models differ, and so do the motions: the table compares the
-        cost of a step, not the quality of results. Measured: {measured}. Not installed: {missing}."""
-    )
-    for peer in peers:
-        evidence.text(peer.description)
-    evidence.text(MENGE)
-    evidence.table(
-        "peers",
-        rows,
-        f"""CPU time per person-step in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g}. The programs make ticks of
-        {TICK:g} s in turns; medians over ticks, also of the times over those of DEM and of the minimal kernel in the
-        same turn. A program that could not make a step has no times; its message is in the file.""",
-        {"people": ",", "ns per person-step": ",.0f"},
-        ("people", "start", "program", "ns per person-step", "times DEM", "times minimal"),
-    )
+    evidence.show("comparison", __name__, step=step, peers=peers, missing=missing, rows=rows)
 
 
 def _told(peer: Peer, rows: list[dict[str, Any]]) -> str:
