@@ -1,17 +1,20 @@
-"""Checks of plugins in a running case: reproducibility, read-only recorders."""
+"""Checks of plugins in a running case: reproducibility, recorders, behaviours, and sources of conditions."""
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.errors import PluginError, ResultError, counted, text_of
+from evac.base.errors import PluginError, ResultError, counted, plugin_code
+from evac.base.parameters import Configurable
 from evac.case.case import Case
-from evac.conformance.failures import CheckError, require, scene
+from evac.conditions.source import ConditionSource
+from evac.conformance.failures import CheckError, examining, require, scene, with_remedy
+from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written
 from evac.simulation.checkpoints import without_state
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder
@@ -19,70 +22,178 @@ from evac.trajectory.recording import reading
 
 State = dict[str, NDArray[Any]]
 
+#: Contact force on each person in an artificial crush [N].
+CRUSH = 5000.0
 
-def check_same_bits(case: Case, ticks: int = 20) -> None:
+RESUMED = "resumed in the middle"
+
+
+def check_same_bits(plugin: Configurable, case: Case, ticks: int) -> None:
     """Check that results are bitwise equal: when repeated, resumed, and with all optional parts included."""
-    title = f"{counted(ticks, 'tick')} of {case.title}"
+    title, half = f"{counted(ticks, 'tick')} of {case.title}", ticks // 2
     with scene(title):
         simulation = Simulation(case)
-        _advance(simulation, ticks // 2)
-        middle = simulation.state()
-        whole = _advance(simulation, ticks - ticks // 2)
+        middle = _advance(simulation, half)
+        whole = _advance(simulation, ticks - half)
     with scene(f"{title}, repeated"):
-        different = _difference(whole, _advance(Simulation(case), ticks))
-        require(not different, f"two runs differ in {different}", "use only the generator scene.generator")
-    with scene(f"{title}, resumed in the middle"):
+        told = "two runs differ in {}; use only the generator scene.generator"
+        _require_same(whole, _advance(Simulation(case), ticks), told)
+    with scene(f"{title}, {RESUMED}"):
         resumed = Simulation(case)
         resumed.restore(middle)
-        while resumed.step < whole["simulation.clock"][0]:
+        told = "a resumed run differs in {}; state() must return all private arrays"
+        while resumed.step < simulation.step:
             resumed.advance_tick()
-        different = _difference(whole, resumed.state())
-        require(not different, f"a resumed run differs in {different}", "state() must return all private arrays")
-        _check_state(resumed)
+        _require_same(whole, resumed.state(), told)
+        _require_state(resumed)
     with scene(f"{title}, with all optional parts"):
         full = _advance(Simulation(case, full=True), ticks)
-        crowd = {key: value for key, value in whole.items() if key.startswith("population.")}
-        del crowd["population.route"]
-        different = _difference(crowd, full)
-        require(not different, f"omitting parts that are not needed changes {different}", "correct is_needed()")
+        people = {key for key in whole if key.startswith("population.") and key != "population.route"}
+        told = "omitting parts that are not needed changes {}; correct is_needed()"
+        _require_same({key: whole[key] for key in people}, full, told)
 
 
-def check_recorder(recorder: Recorder, case: Case, ticks: int = 10) -> None:
+def check_recorder(recorder: Recorder, case: Case, ticks: int) -> None:
     """Check that a recorder changes nothing, also without a result folder, and that its files survive a resumed run.
 
     It can finish without a start. Its files are identical if a run is stopped and resumed.
     """
-    title, plain = f"{counted(2 * ticks, 'tick')} of {case.title}", Simulation(case)
-    plain.recording.recorders = []
-    state = _advance(plain, 2 * ticks)
-    with tempfile.TemporaryDirectory() as whole, tempfile.TemporaryDirectory() as halved:
-        for folder, what in ((None, "without a result folder"), (Path(whole), "with a result folder")):
+
+    def recorded(*recorders: Recorder) -> Simulation:
+        simulation = Simulation(case, folder)
+        simulation.recording.recorders = [type(one)(**one.values()) for one in recorders]
+        return simulation
+
+    title, half, folder = f"{counted(ticks, 'tick')} of {case.title}", ticks // 2, None
+    state = _advance(recorded(), ticks)
+    with TemporaryDirectory() as place:
+        whole, halved = Path(place, "whole"), Path(place, "halved")
+        for what, folder in (("without a result folder", None), ("with a result folder", whole), (RESUMED, halved)):
+            if folder is not None:
+                folder.mkdir()
             with scene(f"{title}, {what}, finished before its start"):
-                simulation, made = _recorded(case, folder, recorder)
-                made.finish(simulation, None)
+                simulation = recorded(recorder)
+                simulation.recording.recorders[0].finish(simulation, None)
             with scene(f"{title}, {what}"), _files_exist():
-                simulation, made = _recorded(case, folder, recorder)
-                different = _difference(state, _advance(simulation, 2 * ticks))
-                require(not different, f"changes {different}", "only read the simulation, and copy arrays")
+                simulation = recorded(recorder)
+                middle = _advance(simulation, half)
+                if folder == halved:
+                    kept, files = simulation.recording.state(), simulation.recording.files()
+                    _require_state(simulation)
+                    _advance(simulation, half)  # data written after the checkpoint must be truncated on resume
+                    simulation.recording.recorders[0].finish(simulation, None)
+                    simulation = recorded(recorder)
+                    simulation.restore(middle)
+                    simulation.recording.restore(simulation, kept, files)
+                told = "changes {}; only read the simulation, and copy arrays"
+                _require_same(state, _advance(simulation, ticks - half), told)
                 with reading(simulation, "finish()", recorder):
-                    made.finish(simulation, simulation.results())
-        with scene(f"{title}, resumed in the middle"), _files_exist():
-            simulation, made = _recorded(case, Path(halved), recorder)
-            middle = _advance(simulation, ticks)
-            kept, files = simulation.recording.state(), simulation.recording.files()
-            _check_state(simulation)
-            _advance(simulation, ticks)  # data written after the checkpoint must be truncated on resume
-            made.finish(simulation, None)
-            simulation, made = _recorded(case, Path(halved), recorder)
-            simulation.restore(middle)
-            simulation.recording.restore(simulation, kept, files)
-            _advance(simulation, ticks)
-            made.finish(simulation, simulation.results())
-            for path in sorted(path for path in Path(whole).rglob("*") if path.is_file()):
-                other = Path(halved) / path.relative_to(whole)
+                    simulation.recording.recorders[0].finish(simulation, simulation.results())
+        with scene(f"{title}, {RESUMED}"):
+            remedy = "state() must return all that it keeps, and files() the lengths of files that it appends to"
+            for path in sorted(path for path in whole.rglob("*") if path.is_file()):
+                other = halved / path.relative_to(whole)
                 is_same = other.is_file() and path.read_bytes() == other.read_bytes()
-                remedy = "state() must return all that it keeps, and files() the lengths of files that it appends to"
-                require(is_same, f"{path.name} differs in a run resumed from a checkpoint", remedy)
+                require(is_same, f"{path.name} differs in a run resumed from a checkpoint; {remedy}")
+
+
+def check_source(source: ConditionSource, case: Case, ticks: int) -> None:
+    """Check that a source gives values at people's heads, which `Air` checks, and the same ones each time."""
+    simulation = Simulation(case, will_run=False)
+    assert simulation.exposure is not None
+    air, crowd = simulation.exposure.air, simulation.population.crowd
+    heads = air.heads_at(crowd.level, crowd.position, crowd.height)
+    with examining("its at()"):
+        first, second = (air.at(air.quantities, 0.0, crowd.level, crowd.position, heads) for _ in range(2))
+        told = "gives other values when it is asked again; compute them from place and time"
+        require(np.array_equal(first, second), told)
+
+
+def check_declared_arrays(behaviour: Behaviour, case: Case, ticks: int) -> None:
+    """Check that a behaviour reads and writes only the arrays that it declares, and writes possible values.
+
+    The case runs for a number of ticks. Then artificial scenes are made: a closed exit, a crush, also at the end of the
+    run, and the last person inside.
+    """
+    for scenes in (_ticks, _made_scenes):
+        simulation, used, view = _prepared(case, behaviour.name)
+        crowd, routes = simulation.population.crowd, len(simulation.fields.routes)
+        outside = None if simulation.outside is None else simulation.outside.arrays
+        for title, time in scenes(simulation, ticks):
+            with scene(f"{title} of {case.title}"):
+                before = {key: array.copy() for key, array in crowd.values().items() if key not in used.writes}
+                with plugin_code("its method", used, DECLARE):
+                    used.act(view.crowd, time)
+                for key, array in before.items():
+                    is_same = np.array_equal(array, getattr(crowd, key), equal_nan=True)
+                    require(is_same, f"writes {key!r} without declaring it; add it to `writes`")
+                check_written(used, view.level_fields, view.crowd, outside, routes, time)
+
+
+def _ticks(simulation: Simulation, ticks: int) -> Iterator[tuple[str, float]]:
+    """Advance a simulation by a number of ticks; yield a name and the time [s] before each."""
+    for _ in range(ticks):
+        if not simulation.ended:
+            yield f"t = {simulation.time:.1f} s", simulation.time
+            simulation.advance_tick()
+
+
+def _made_scenes(simulation: Simulation, _: int) -> Iterator[tuple[str, float]]:
+    """Change a simulation to artificial scenes, one after the other; yield the name and the time [s] of each."""
+    crowd, end = simulation.population.crowd, simulation.case.simulation.duration
+    inside = np.flatnonzero(crowd.level >= 0)
+    if len(simulation.building.exits) > 1:
+        simulation.scene.set_open(simulation.building.exits[0].name, False)
+        yield "a closed exit", simulation.time
+    crowd.velocity[:] = 0.0
+    crowd.contact_force[:] = CRUSH
+    crowd.position[inside] = crowd.position[inside[0]] + 1e-3 * np.arange(len(inside))[:, None]
+    crowd.level[inside] = crowd.level[inside[0]]
+    yield "a crush", simulation.time
+    yield "a crush at the end", end
+    crowd.contact_force[:] = 0.0
+    crowd.level[inside[1:]] = -1
+    yield "the last person inside", end
+
+
+def check_distance(behaviour: Behaviour, case: Case, ticks: int) -> None:
+    """Check that a behaviour that keeps distances slows people down behind people who have left, inside and outside."""
+    if not behaviour.keeps_distance:
+        return
+    simulation, used, view = _prepared(case, behaviour.name)
+    crowd, building = simulation.population.crowd, simulation.building
+    way = next((way for way in building.exits if building.link_of(way) not in building.closed), None)
+    with scene(f"three people at an exit of {case.title}"):
+        if simulation.outside is None or way is None or len(crowd.level) < 3:
+            raise CheckError("the case has no open exit, or fewer than three people; give a case that has")
+        outside, depth = simulation.outside.arrays, np.array([-0.4, 0.2, 0.8])
+        begin, end = max(way.segments.reshape(-1, 2, 2), key=lambda ends: np.hypot(*(ends[1] - ends[0])))
+        normal = (end - begin)[::-1] * (1.0, -1.0) / np.hypot(*(end - begin))
+        outside.position[:3] = (begin + end) / 2 + depth[:, None] * normal
+        outside.depth[:3], outside.direction[:3] = depth, normal
+        crowd.level[:], crowd.start_time[:] = -1, -1.0
+        crowd.level[0], crowd.position[0] = way.level, outside.position[0]
+        inside, behind = [], []
+        for number in range(3):
+            outside.level[1 : 1 + number] = way.level
+            crowd.speed_factor[:], crowd.extra_direction[:], outside.speed_factor[:] = 1.0, 0.0, 1.0
+            used.act(view.crowd, 0.0)
+            inside.append(crowd.speed_factor[0])
+            behind.append(outside.speed_factor[1])
+        remedy = "use scene.outside, and multiply its speed_factor; or do not set keeps_distance"
+        told = f"does not slow down a person {{}}, 0.6 m ahead; {remedy}"
+        require(inside[1] < inside[0], told.format("inside behind a person who has left"))
+        require(behind[2] < behind[1], told.format("who has left behind another one"))
+
+
+def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
+    """Return a simulation, and a prepared behaviour with its scene."""
+    with scene(case.title):
+        simulation = Simulation(case, full=True)
+        found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
+        if found is None:
+            raise CheckError(f"the case does not use behaviour {name!r}; give a case that does")
+        return simulation, *found
 
 
 @contextmanager
@@ -91,21 +202,13 @@ def _files_exist() -> Iterator[None]:
     try:
         yield
     except ResultError as error:
-        wrong, _, _ = text_of(error).rpartition("; ")
         remedy = "files() must return existing files of the folder, with the numbers of bytes written so far"
-        raise CheckError(wrong, remedy) from error
+        raise with_remedy(error, remedy) from error
 
 
-def _check_state(simulation: Simulation) -> None:
-    if missing := without_state(simulation):
-        raise PluginError(missing[0])
-
-
-def _recorded(case: Case, folder: Path | None, recorder: Recorder) -> tuple[Simulation, Recorder]:
-    """Return a simulation with one recorder, a new one of the same kind."""
-    simulation, made = Simulation(case, folder), type(recorder)(**recorder.values())
-    simulation.recording.recorders = [made]
-    return simulation, made
+def _require_state(simulation: Simulation) -> None:
+    for line in without_state(simulation):
+        raise PluginError(line)
 
 
 def _advance(simulation: Simulation, ticks: int) -> State:
@@ -116,9 +219,8 @@ def _advance(simulation: Simulation, ticks: int) -> State:
     return simulation.state()
 
 
-def _difference(first: State, second: State) -> str:
-    """Return the name of the first array that differs; empty if there is none."""
+def _require_same(first: State, second: State, told: str) -> None:
+    """Raise a `CheckError` that names the first array that differs or is missing."""
     for key, value in first.items():
-        if key not in second or not np.array_equal(value, second[key], equal_nan=value.dtype.kind == "f"):
-            return key
-    return ""
+        is_same = key in second and np.array_equal(value, second[key], equal_nan=value.dtype.kind == "f")
+        require(is_same, told.format(key))

@@ -52,7 +52,7 @@ def test_a_run_says_what_a_hook_has_changed(evac, capsys):
     ("text", "words"),
     [
         (BEHAVIOUR.replace(DO, "self.count = time"), "tried: check_same_bits, .* state"),
-        (EXPORTER.replace(WRITE, "        return [path]\n"), "tried: check_files, .*which is no path"),
+        (EXPORTER.replace(WRITE, "        return [path]\n"), "tried: check_exports, .*which is no path"),
         (BEHAVIOUR.replace("crowd, time)", "crowd)"), r"plugin odd\.py: Slow defines act\(self, crowd\)"),
     ],
 )

@@ -217,7 +217,7 @@ BROKEN = [
     Broken(
         LateReader,
         "check_declared_arrays",
-        "scene 'a crush at the end of the run",
+        "scene 'a crush at the end",
         "velocity is not declared; add 'velocity' to reads",
     ),
     Broken(CrushReader, "check_declared_arrays", "scene 'a crush", "contact_force is not declared"),

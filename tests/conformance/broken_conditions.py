@@ -63,7 +63,7 @@ BROKEN = [
         odd(Halved, speed=lambda self, desired, extinction: 0.5 * desired), "check_speeds", "its speed", "clear air"
     ),
     Broken(odd(Halved, speed=consumed), "check_speeds", "its speed", "arguments; return a new array"),
-    Broken(odd(Halved, speed=averaged), "check_people_are_independent", "its speed", "others are there"),
+    Broken(odd(Halved, speed=averaged), "check_speeds", "its speed", "others are there"),
     Broken(odd(Haze, at=negative), "check_source", "its at", "-1 for extinction; return values from 0"),
     Broken(odd(Haze, at=drifting), "check_source", "its at", "asked again"),
 ]

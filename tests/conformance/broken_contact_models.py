@@ -376,8 +376,8 @@ BROKEN = [
     Broken(odd(Bounce, state=lambda self: {"a": 1}), "check_same_bits", ROOM, r"1 for 'a'; return arrays"),
     Broken(odd(Bounce, restore=raising), "check_same_bits", f"{ROOM}.*resumed", "restore: .*partner", KeyError),
     Broken(odd(ContactModel), "check_free_walk", FREE, r"neither a law nor step\(contacts, h\); define"),
-    Broken(AlongAxes, "check_memory", f"{PRESSED}.* rotated in the middle", "differs by .* m; .* normal and tangent"),
-    Broken(odd(Lawful, law=by_row), "check_memory", f"{PRESSED}.* in another order", "differs by .* m; keep it"),
+    Broken(AlongAxes, "check_crowd", f"{PRESSED}.* rotated in the middle", "differs by .* m; .* normal and tangent"),
+    Broken(odd(Lawful, law=by_row), "check_crowd", f"{PRESSED}.* in another order", "differs by .* m; keep it"),
     Broken(odd(Bounce, memory="stretch"), "check_contract", "the class", r"Odd\.memory is 'stretch'; write a tuple"),
     Broken(Lawful, "check_free_walk", FREE, "not at 1.05"),
     Broken(

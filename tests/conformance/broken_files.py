@@ -114,21 +114,23 @@ BROKEN = [
     Broken(odd(Guessing, read=lambda self, path: None), "check_damaged_files", FILE, "returns None; return a Plan"),
     Broken(odd(Guessing, read=reads_a_plane), "check_damaged_files", FILE, r"shape \(3, 2\); it must be \(n, 3\)"),
     Broken(odd(Guessing, read=reads_words), "check_damaged_files", FILE, "'points' .*; return numbers"),
-    Broken(exporter(raising), "check_files", RUN, "partner", KeyError),
+    Broken(exporter(raising), "check_exports", RUN, "partner", KeyError),
     Broken(
         exporter(lambda self, trajectory, path: None),
-        "check_files",
+        "check_exports",
         RUN,
         "returns None, which is no path",
     ),
-    Broken(exporter(lambda self, trajectory, path: []), "check_files", RUN, "returns None, .*; return the paths"),
-    Broken(exporter(lambda self, trajectory, path: [path]), "check_files", RUN, "no path of an existing file; return"),
-    Broken(exporter(lambda self, trajectory, path: [5]), "check_files", RUN, "5, which is no path of an existing file"),
-    Broken(exporter(write_stray), "check_files", RUN, r"stray\.txt outside `path`; write to `path` only"),
-    Broken(exporter(write_chance), "check_files", f"{RUN}, exported again", "differ; do not write"),
-    Broken(exporter(write_back), "check_files", RUN, "trajectory file has changed; only read"),
-    Broken(exporter(shift_time), "check_files", RUN, "read-only; copy the arrays", ValueError),
+    Broken(exporter(lambda self, trajectory, path: []), "check_exports", RUN, "returns None, .*; return the paths"),
     Broken(
-        exporter(write_first_time), "check_without_frames", "scene 'a run without frames", "; write a file", IndexError
+        exporter(lambda self, trajectory, path: [path]), "check_exports", RUN, "no path of an existing file; return"
     ),
+    Broken(
+        exporter(lambda self, trajectory, path: [5]), "check_exports", RUN, "5, which is no path of an existing file"
+    ),
+    Broken(exporter(write_stray), "check_exports", RUN, r"stray\.txt outside `path`; write to `path` only"),
+    Broken(exporter(write_chance), "check_exports", f"{RUN}, exported again", "differ; do not write"),
+    Broken(exporter(write_back), "check_exports", RUN, "trajectory file has changed; only read"),
+    Broken(exporter(shift_time), "check_exports", RUN, "read-only; copy the arrays", ValueError),
+    Broken(exporter(write_first_time), "check_exports", "scene 'a run without frames", "; write a file", IndexError),
 ]
