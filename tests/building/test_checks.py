@@ -147,3 +147,9 @@ def test_a_sloping_deck_may_lie_under_a_floor(mesh, read):
     mesh.rectangle(0, 0, 60, 8, 0, 3).rectangle(0, 0, 20, 8, 3.2, 3.2)
     exits = [EXIT, {"name": "other", "segment": [[0, 3], [0, 4]], "z": 3.2}]
     assert len(read(mesh, exits=exits).levels) == 2
+
+
+def test_floors_that_overlap_by_less_than_a_rounding_error_are_built(mesh, read):
+    mesh.rectangle(0, 0, 40, 4).rectangle(-1, 3.9985, 41, 8)
+    building = read(mesh, weld=5e-4, exits=[EXIT])
+    assert [level.polygon.area for level in building.levels] == pytest.approx([160.0, 168.063])

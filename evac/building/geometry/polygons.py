@@ -11,12 +11,8 @@ from evac.base.arrays import FloatArray, IndexArray
 
 #: Polygons whose unit normal has a smaller vertical component are upright (walls); their plan outline is not checked.
 UPRIGHT = 0.2
-#: A union may lack at most this share of the polygons' area, as rounding error.
-SAME_AREA = 1e-8
-#: Grid to which coordinates are snapped if the union would otherwise lack a polygon [m].
+#: Grid on which polygons are united that do not share their sides [m].
 SNAP = 1e-8
-#: Largest distance by which a polygon may extend beyond its union [m].
-ROUNDING = 1e-6
 
 
 def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
@@ -79,19 +75,12 @@ def plan_area(corners: FloatArray) -> FloatArray:
 
 
 def union(polygons: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometry:
-    """Return the union of polygons; it is checked to cover every polygon.
+    """Return the union of polygons: exact if they share their sides, as cells do, else on a grid.
 
-    GEOS may omit a polygon, without an error, if vertices of its neighbour are a rounding error away from its side.
-    Such a union is computed again on a grid, where overlays are exact.
+    Without a grid, GEOS may omit a polygon if vertices of its neighbour are a rounding error away from its side.
     """
-    joined = shapely.union_all(polygons)
-    total = float(shapely.area(polygons).sum())
-    if joined.area >= (1.0 - SAME_AREA) * total:
-        return joined
-    reach = joined.buffer(ROUNDING)
-    shapely.prepare(reach)
-    if shapely.covers(reach, polygons).all():
-        return joined
+    if shapely.coverage_is_valid(polygons):
+        return shapely.coverage_union_all(polygons)
     return shapely.union_all(polygons, grid_size=SNAP)
 
 

@@ -64,7 +64,8 @@ def _check_same_ground(building: Building) -> None:
         if both.area <= min(LEAST_SHARED, LEAST_SHARE * min(a.polygon.area, b.polygon.area)):
             continue
         # Where the levels meet, the intersection also contains points, lines, and slivers due to rounding.
-        for part in shapely.get_parts(both.buffer(-LEAST_LENGTH, join_style="mitre")):
+        parts = shapely.get_parts(both.buffer(-LEAST_LENGTH, join_style="mitre"))
+        for part in parts[~shapely.is_empty(parts)]:
             places = np.vstack([shapely.get_coordinates(part), part.representative_point().coords[0]])
             one, other = (level_elevation(building.vertices, level, places) for level in (a, b))
             room, k = one - other, np.abs(one - other).argmin()
