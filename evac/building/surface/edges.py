@@ -1,6 +1,5 @@
 """Edges of a triangle mesh: the cells that share them, and chains of edges for portals, exits and walls."""
 
-from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,41 +56,23 @@ def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> Edg
     return EdgeTable(ends, cell, partner)
 
 
-def chains(ends: IndexArray) -> list[IndexArray]:
-    """Join directed edges (e, 2) into chains of vertices.
+def chains(vertices: FloatArray, ends: IndexArray) -> list[FloatArray]:
+    """Join directed edges (e, 2) into chains, as plan segments (s, 4) [m] with collinear neighbours merged.
 
     A chain ends where the next edge is missing or ambiguous. A closed chain starts and ends at its smallest
     vertex, which is a corner. Chains are sorted by their vertices.
     """
-    following: dict[int, list[int]] = defaultdict(list)
-    arriving: dict[int, int] = defaultdict(int)
-    for a, b in sorted(map(tuple, ends.tolist())):
-        following[a].append(b)
-        arriving[b] += 1
-    passed = {a for a, next_ in following.items() if len(next_) == 1 and arriving[a] == 1}
-    loops = [_walk(a, b, following, passed) for a in following if a not in passed for b in following[a]]
-    left = passed.difference(*loops)
-    for a in sorted(left):
-        if a in left:
-            loop = _walk(a, following[a][0], following, passed - {a})
-            left.difference_update(loop)
-            loops.append(loop)
-    return [np.array(chain, dtype=np.int64) for chain in sorted(loops)]
-
-
-def _walk(a: int, b: int, following: dict[int, list[int]], passed: set[int]) -> list[int]:
-    """Follow edges from a through b up to the first vertex that ends a chain."""
-    chain = [a, b]
-    while chain[-1] in passed:
-        chain.append(following[chain[-1]][0])
-    return chain
-
-
-def straight_segments(vertices: FloatArray, chain: IndexArray) -> FloatArray:
-    """Convert a chain to plan segments (s, 4) [m], with collinear neighbours merged (Douglas-Peucker)."""
-    line = shapely.simplify(shapely.LineString(vertices[chain, :2]), COLLINEAR, preserve_topology=False)
-    corners = shapely.get_coordinates(line)
-    return np.concatenate([corners[:-1], corners[1:]], axis=1)
+    starts, lines = vertices[ends[:, 0], :2], []
+    edges = shapely.multilinestrings(vertices[ends][:, :, :2])
+    for line in shapely.get_parts(shapely.line_merge(edges, directed=True)):
+        corners = shapely.get_coordinates(line)
+        if (corners[0] == corners[-1]).all() and (starts == corners[0]).all(axis=1).sum() == 1:
+            least = np.lexsort(corners[:-1].T[::-1])[0]
+            corners = np.concatenate([corners[least:-1], corners[: least + 1]])
+        lines.append(corners.tolist())
+    whole = [shapely.LineString(line) for line in sorted(lines)]
+    straight = shapely.simplify(whole, COLLINEAR, preserve_topology=False)
+    return [np.concatenate([own[:-1], own[1:]], axis=1) for own in map(shapely.get_coordinates, straight)]
 
 
 def edge_place(vertices: FloatArray, ends: IndexArray) -> str:

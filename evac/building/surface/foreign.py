@@ -1,19 +1,40 @@
 """Walkable surfaces of meshes from other tools, with solid bodies and with stairs drawn as treads."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import BuildingError
+from evac.building.geometry.overlays import GRID, flat_parts, place_of
 from evac.building.geometry.polygons import least_height
 from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
-from evac.building.surface.patches import bodies, cells_of, closed_bodies, patches_of
-from evac.building.surface.solids import walked_on
+from evac.building.surface.patches import Patch, bodies, cells_of, closed_bodies, patches_of
 from evac.building.surface.surfacemesh import TriangleMesh
-from evac.building.surface.treads import may_have_treads, with_flights
 from evac.building.surface.welding import weld_points
+
+#: Faces whose heights differ by at most this are in contact [m].
+TOUCHING = 0.02
+#: Minimum area [m2] and width [m] of ground on a body; smaller faces are tops of walls or furniture.
+LEAST_TOP, NARROWEST_TOP = 1.0, 0.6
+#: Largest vertical distance of faces of a body that is searched [m].
+HIGHEST = 1e3
+#: Faces whose slopes differ by less than this do not cross, but touch.
+PARALLEL = 0.01
+#: Width of slivers that are left by overlays of faces [m].
+SLIVER = 0.01
+#: Range of the riser, the difference in height of consecutive treads [m].
+LEAST_RISER, MOST_RISER = 0.05, 0.25
+#: Maximum depth of a tread [m], and minimum number of treads of a stair.
+DEEPEST, FEWEST = 0.65, 3
+#: Largest gap in plan between consecutive treads, and minimum width over which they meet [m].
+APART, LEAST_WIDTH = 0.04, 0.4
+#: Largest distance of the centres of the treads of a flight from a straight line [m].
+STRAIGHT = 0.15
 
 
 def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
@@ -58,7 +79,8 @@ def walked_surface(
     """
     weld, headroom, treads = options.weld, options.headroom, options.treads
     heights = points[mesh.triangles][:, :, 2]
-    has_treads = treads and may_have_treads(heights[np.ptp(heights, axis=1) <= weld][:, 0])
+    steps = np.diff(np.unique(np.round(heights[np.ptp(heights, axis=1) <= weld][:, 0], 3)))
+    has_treads = treads and np.sum((steps >= LEAST_RISER) & (steps <= MOST_RISER)) >= FEWEST - 1
     has_bodies = headroom > 0.0 and bool(is_steep.any())
     if not (has_treads or has_bodies) or is_steep.all():
         return mesh, points
@@ -74,9 +96,9 @@ def walked_surface(
     after, notes = before, list[Finding]()
     if has_bodies:
         solid = set(body[steep].tolist())
-        after, notes = walked_on(before, solid, closed_bodies(cells, body) & solid, headroom)
+        after, notes = _walked_on(before, solid, closed_bodies(cells, body) & solid, headroom)
     if has_treads:
-        after, more = with_flights(after, headroom)
+        after, more = _with_flights(after, headroom)
         notes = notes + more
     if not notes:
         return mesh, points
@@ -89,3 +111,181 @@ def walked_surface(
     whole = np.concatenate([points, corners.reshape(-1, 3)])
     findings = (*mesh.findings, *notes)
     return replace(mesh, points=whole, triangles=made, cell_tags=cell_tags, findings=findings), whole
+
+
+def _walked_on(
+    patches: list[Patch], solid: set[int], closed: set[int], headroom: float
+) -> tuple[list[Patch], list[Finding]]:
+    """Return the parts of patches outside of bodies, with upright faces or closed ones, and with enough headroom."""
+    own = [patch for patch in patches if patch.body in solid]
+    beside = _beside(own)
+    free, notes = [], list[Finding]()
+    low_area, places, stood, hollow = 0.0, [], list[BaseGeometry](), set[int]()
+    for k, patch in enumerate(own):
+        inside = _inside(patch, [own[j] for j in beside[k] if own[j].body in closed])
+        hollow |= {patch.body} & set(inside)
+        others = [part for body, part in inside.items() if body != patch.body]
+        same = [own[j].over(patch, -TOUCHING, TOUCHING) for j in beside[k] if j < k and _is_again(own[j], patch)]
+        rest = patch.without(shapely.union_all([*inside.values(), *same]))
+        if patch.body not in inside:
+            stood += [part for part in others if part.area > LEAST_TOP / 100.0]
+        low = shapely.union_all([own[j].over(rest, _least(own[j], patch), headroom) for j in beside[k]])
+        if not low.is_empty and low.area > LEAST_TOP / 100.0:
+            low_area += low.area
+            places.append((*place_of(low), float(rest.height(np.array([place_of(low)]))[0])))
+        parts = shapely.get_parts(rest.without(low).plan)
+        free += [replace(rest, plan=part) for part in parts[~shapely.is_empty(shapely.buffer(parts, -SLIVER / 2))]]
+    if hollow:
+        notes.append(Finding("found", f"{len(hollow)} solid bodies; people walk on their upper faces (headroom)"))
+    if stood:
+        text = f"{len(stood)} bodies stand on or in the ground of others and are cut out of it; one of them is here"
+        notes.append(Finding("found", text, place=place_of(stood[0])))
+    if low_area:
+        text = f"{low_area:.2f} m2 of ground with less headroom than {headroom:g} m; the first part is here (headroom)"
+        notes.append(Finding("left out", text, place=places[0]))
+    beside = _beside(free)
+    is_top = [_is_top(part) and not any(_is_step(part, free[j]) for j in beside[k]) for k, part in enumerate(free)]
+    if any(is_top):
+        first = free[is_top.index(True)]
+        place = place_of(first.plan)
+        text = f"{sum(is_top)} faces too small for floors, such as tops of walls and furniture; the first one is here"
+        notes.append(Finding("left out", text, place=(*place, float(first.height(np.array([place]))[0]))))
+    kept = [part for part, top in zip(free, is_top, strict=True) if not top]
+    return [patch for patch in patches if patch.body not in solid] + kept, notes
+
+
+def _beside(patches: list[Patch]) -> list[list[int]]:
+    """Return, for each patch, the other patches that it touches in plan."""
+    plans = np.array([patch.plan for patch in patches], dtype=object)
+    neighbours: list[list[int]] = [[] for _ in patches]
+    if patches:
+        one, other = shapely.STRtree(plans).query(plans, predicate="dwithin", distance=APART)
+        for a, b in sorted(zip(one.tolist(), other.tolist(), strict=True)):
+            if a != b:
+                neighbours[a].append(b)
+    return neighbours
+
+
+def _inside(patch: Patch, faces: Sequence[Patch]) -> dict[int, BaseGeometry]:
+    """Return the parts of a patch inside each closed body: where an odd number of faces of the body lies above it."""
+    inside: dict[int, BaseGeometry] = {}
+    for face in faces:
+        above = face.over(patch, _least(face, patch), HIGHEST)
+        if not above.is_empty:
+            part = inside.get(face.body, shapely.Polygon())
+            inside[face.body] = flat_parts(shapely.symmetric_difference(part, above, grid_size=GRID))
+    return {body: part for body, part in inside.items() if not part.is_empty}
+
+
+def _is_again(one: Patch, other: Patch) -> bool:
+    """Return whether two patches of different bodies are nearly parallel: where they touch, they are there twice."""
+    return one.body != other.body and bool(np.hypot(*(one.rise - other.rise)) < PARALLEL)
+
+
+def _least(one: Patch, other: Patch) -> float:
+    """Return how far above another patch a patch begins to cover it [m]; inclined faces that cross have no gap."""
+    return TOUCHING if one.body == other.body or _is_again(one, other) else 0.0
+
+
+def _is_top(part: Patch) -> bool:
+    """Return whether a patch is too small for a floor."""
+    return part.plan.area < LEAST_TOP or bool(part.plan.buffer(-NARROWEST_TOP / 2).is_empty)
+
+
+def _is_step(one: Patch, other: Patch) -> bool:
+    """Return whether two patches touch in plan and differ in height by at most a riser: one may be a tread."""
+    here = shapely.get_coordinates(shapely.shortest_line(one.plan, other.plan))[:1]
+    return abs(float(one.height(here)[0] - other.height(here)[0])) <= MOST_RISER
+
+
+def _with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], list[Finding]]:
+    """Replace every row of treads by one inclined patch, and remove ground with too little headroom below it."""
+    notes, made, gone = list[Finding](), list[Patch](), list[Patch]()
+    for treads, lower, upper in _flights(patches):
+        places = np.array([tread.plan.centroid.coords[0] for tread in treads])
+        way = places[-1] - places[0]
+        run = float(np.hypot(*way))
+        x, y = places[0].tolist()
+        if run > 0.0 and np.abs((places - places[0]) @ np.array([-way[1], way[0]]) / run).max() <= STRAIGHT:
+            inclined = _inclined(treads, lower, upper, way / run)
+            made.append(inclined)
+            gone += treads
+            heights = inclined.height(shapely.get_coordinates(inclined.plan))
+            text = (
+                f"a flight of {len(treads)} treads, from {heights.min():z.2f} to {heights.max():z.2f} m, is "
+                "replaced by one inclined surface (treads)"
+            )
+            notes.append(Finding("assumed", text, place=(x, y, treads[0].z)))
+        else:
+            text = (
+                f"a stair of {len(treads)} treads turns and is not replaced: draw it as straight flights with "
+                "landings between them"
+            )
+            notes.append(Finding("warning", text, place=(x, y, treads[0].z)))
+    kept = [patch for patch in patches if not any(patch is other for other in gone)]
+    for flight in made:
+        for row, patch in enumerate(kept):
+            low = flight.over(patch, -headroom, headroom)
+            if not low.is_empty:
+                kept[row] = patch.without(low)
+    return [patch for patch in kept if not patch.plan.is_empty] + made, notes
+
+
+def _flights(patches: list[Patch]) -> list[tuple[list[Patch], Patch | None, Patch | None]]:
+    """Return the rows of treads, sorted by their lowest tread, with the floor below and above each, if there is one."""
+    flat = [patch for patch in patches if patch.is_flat]
+    is_tread = [_is_tread(patch) for patch in flat]
+    plans = np.array([patch.plan for patch in flat], dtype=object)
+    one, other = shapely.STRtree(plans).query(plans, predicate="dwithin", distance=APART) if flat else ((), ())
+    above: dict[int, list[int]] = {}
+    beneath: dict[int, list[int]] = {}
+    for a, b in zip(np.array(one).tolist(), np.array(other).tolist(), strict=True):
+        is_riser = LEAST_RISER <= flat[b].z - flat[a].z <= MOST_RISER
+        if (is_tread[a] or is_tread[b]) and is_riser and _meet(flat[a], flat[b]):
+            above.setdefault(a, []).append(b)
+            beneath.setdefault(b, []).append(a)
+    flights, seen = [], set[int]()
+    for first in sorted((k for k in range(len(flat)) if is_tread[k]), key=lambda k: (flat[k].z, k)):
+        if first in seen:
+            continue
+        row = [first]
+        while True:
+            following = [k for k in above.get(row[-1], []) if is_tread[k] and k not in seen and k not in row]
+            if len(following) != 1:
+                break
+            row += following
+        seen |= set(row)
+        if len(row) >= FEWEST:
+            near = (beneath.get(row[0], []), above.get(row[-1], []))
+            lower, upper = (next((flat[k] for k in ends if k not in row), None) for ends in near)
+            flights.append(([flat[k] for k in row], lower, upper))
+    return flights
+
+
+def _is_tread(patch: Patch) -> bool:
+    """Return whether a flat patch has the depth and width of a tread and is not a floor."""
+    is_floor = any(tag.startswith(("floor:", "area:", "obstacle:")) for tag in patch.tags)
+    return not is_floor and patch.plan.buffer(-DEEPEST / 2).is_empty and patch.plan.length > 2.0 * LEAST_WIDTH
+
+
+def _meet(one: Patch, other: Patch) -> bool:
+    """Return whether two patches meet in plan over the width of a stair."""
+    border = one.plan.boundary.intersection(other.plan.buffer(APART))
+    return bool(border.length >= LEAST_WIDTH)
+
+
+def _inclined(treads: list[Patch], lower: Patch | None, upper: Patch | None, way: FloatArray) -> Patch:
+    """Return the plane patch that replaces a row of treads, from the floor below to that above or a riser beyond."""
+    riser = (treads[-1].z - treads[0].z) / (len(treads) - 1)
+    z_lower = treads[0].z - riser if lower is None else lower.z
+    z_upper = treads[-1].z + riser if upper is None else upper.z
+    joined = shapely.union_all([tread.plan.buffer(APART, join_style="mitre") for tread in treads])
+    plan = joined.buffer(-APART, join_style="mitre")
+    for floor in (lower, upper):
+        if floor is not None:
+            plan = shapely.snap(plan, floor.plan, APART)
+    plan = flat_parts(shapely.set_precision(plan, GRID))
+    along = shapely.get_coordinates(plan) @ way
+    rise = (z_upper - z_lower) / float(along.max() - along.min()) * way
+    tags = frozenset(tag for tag in treads[0].tags if all(tag in tread.tags for tread in treads))
+    return replace(treads[0], tags=tags, plan=plan, rise=rise, z=float(z_lower - along.min() * np.hypot(*rise)))

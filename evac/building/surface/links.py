@@ -12,7 +12,7 @@ from evac.building.geometry.segments import segment_lengths
 from evac.building.model.building import Door, Exit, Level, Portal
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import away
-from evac.building.surface.edges import EdgeTable, chains, edge_place, straight_segments
+from evac.building.surface.edges import EdgeTable, chains, edge_place
 from evac.building.surface.levels import LevelSet
 from evac.building.surface.surface import Surface
 
@@ -26,8 +26,7 @@ def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tup
     for first, second in np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0).tolist():
         between = shared[(pairs == (first, second)).all(axis=1)]
         title = f"{level_set.levels[first].name} - {level_set.levels[second].name}"
-        for number, chain in enumerate(chains(table.ends[between]), start=1):
-            segments = straight_segments(surface.vertices, chain)
+        for number, segments in enumerate(chains(surface.vertices, table.ends[between]), start=1):
             name = title if number == 1 else f"{title} ({number})"
             width = float(segment_lengths(segments).sum())
             portals.append(Portal(len(portals), name, (first, second), segments, width))
@@ -67,10 +66,9 @@ def find_exits_and_walls(
     walls, wall_level = [np.empty((0, 4))], [np.empty(0, dtype=np.int32)]
     is_wall = np.isin(free, list(taken), invert=True)
     for index in range(len(level_set.levels)):
-        for chain in chains(table.ends[free[is_wall & (level[free] == index)]]):
-            segments = straight_segments(surface.vertices, chain)
-            walls.append(segments)
-            wall_level.append(np.full(len(segments), index, dtype=np.int32))
+        own = chains(surface.vertices, table.ends[free[is_wall & (level[free] == index)]])
+        walls += own
+        wall_level.append(np.full(sum(map(len, own)), index, dtype=np.int32))
     return tuple(exits), *sorted_walls(np.concatenate(walls), np.concatenate(wall_level))
 
 
@@ -121,8 +119,7 @@ def _tagged_exit(
     if len(on) > 1:
         names = " and ".join(repr(level_set.levels[level].name) for level in on)
         raise BuildingError(f"{source}: {tag!r} lies on the levels {names}; give each part its own name")
-    parts = [straight_segments(surface.vertices, chain) for chain in chains(table.ends[rows])]
-    segments = np.concatenate(parts)
+    segments = np.concatenate(chains(surface.vertices, table.ends[rows]))
     return Exit(index, tag.removeprefix("exit:"), int(on[0]), segments, float(segment_lengths(segments).sum()))
 
 
