@@ -6,18 +6,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray
 from evac.base.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.base.errors import fault, is_one_line, naming, plugin_code
 from evac.base.saved import part_of, state_of, taken
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
-from evac.people.outside import PeopleOutside
-from evac.people.places import Places
-from evac.people.population import Population
-from evac.simulation.scene import Scene
 
 if TYPE_CHECKING:
-    from evac.case.case import Case
+    from evac.simulation.simulation import Simulation
 
 
 class Deciding:
@@ -25,20 +20,10 @@ class Deciding:
 
     Parameters
     ----------
-    case : Case
+    simulation : Simulation
+        With its scene, its people, and the air that they breathe.
     behaviours : sequence of Behaviour
         Those of the case, in the order in which they act.
-    scene : Scene
-    population : Population
-    places : Places
-        Those who have arrived there stand.
-    outside : PeopleOutside or None
-    displacement_velocity : (n, 2) float64
-        Displacement velocities [m/s], which behaviours can read.
-    is_full : bool
-        Whether behaviours that have no effect, or nothing to do at a tick, are called, too.
-    share : (n,) float64, optional
-        Share of the speed that smoke leaves each person, if there is any.
 
     Attributes
     ----------
@@ -52,31 +37,25 @@ class Deciding:
         Version of the scene at the last tick.
     """
 
-    def __init__(
-        self,
-        case: "Case",
-        behaviours: Sequence[Behaviour],
-        scene: Scene,
-        population: Population,
-        places: Places,
-        outside: PeopleOutside | None,
-        displacement_velocity: FloatArray,
-        is_full: bool,
-        share: FloatArray | None = None,
-    ) -> None:
-        self._case, self._scene, self._population, self._is_full = case, scene, population, is_full
-        self._places, self._share = places, share
-        self._crowd, self._outside = population.crowd, None if outside is None else outside.arrays
-        self._displacement_velocity = displacement_velocity
+    def __init__(self, simulation: "Simulation", behaviours: Sequence[Behaviour]) -> None:
+        self._case, self._scene, self._is_full = simulation.case, simulation.scene, simulation.full
+        self._population, self._places, self._crowd = (
+            simulation.population,
+            simulation.places,
+            simulation.population.crowd,
+        )
+        self._outside = None if simulation.outside is None else simulation.outside.arrays
+        self._share = None if simulation.exposure is None else simulation.exposure.share  # of the speed, left by smoke
+        self._displacement_velocity = simulation.displacement_velocity
         self.used: list[tuple[Behaviour, BehaviourScene]] = []
         for behaviour in behaviours:
             view = self._view(behaviour)
-            with naming(case.source), plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
-                if is_full or behaviour.is_needed(view):
+            with naming(self._case.source), plugin_code(f"behaviour {behaviour.name!r}: is_needed", behaviour):
+                if self._is_full or behaviour.is_needed(view):
                     self.used.append((behaviour, view))
         self.acts: dict[str, bool] = {}
         self.reads_forces = any("contact_force" in behaviour.reads for behaviour, _ in self.used)
-        self.version = scene.version
+        self.version = self._scene.version
 
     def _view(self, behaviour: Behaviour) -> BehaviourScene:
         """Return the scene that a behaviour can access."""

@@ -1,6 +1,6 @@
 """The loop of a run: everything that happens at ticks is an operation with a trigger, in one list."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -47,55 +47,54 @@ class Loop:
         self._steps_per_record *= self._settings.steps_per_tick
         self._before = simulation.population.crowd.position.copy()
         self._end, self._is_output = 0, False
-        one, crowd, watch = simulation, simulation.population.crowd, simulation.watch
-        self.operations = [
-            Operation("changes", "behaviours", one.scene.apply_waiting),
-            Operation("behaviours", "behaviours", self._decide),
-            Operation("areas", "behaviours", one.scene.act_on_areas, lambda: one.building.has_areas_to_heed),
-            Operation("physics", "physics", self._move),
-            Operation("settling", "recording", self._settle),
-            Operation(
-                "velocities",
-                "recording",
-                lambda: watch.look_at_velocities(one.time, crowd, one.displacement_velocity),
-            ),
-            Operation("forces", "recording", lambda: watch.look_at_forces(one.time, crowd), self._is_at_output),
-            Operation(
-                "recorders", "recording", lambda: one.recording.record(one), self._is_at_output, self._start_recording
-            ),
-            Operation("ending", "recording", self._end_run),
-            Operation("progress", "output", self._show, lambda: self.progress is not None),
-        ]
-        if (exposure := one.exposure) is not None:
-            ticks = max(1, round(simulation.case.smoke.sampling / self._settings.tick)) * self._settings.steps_per_tick
-            breathe = Operation("conditions", "behaviours", lambda: exposure.act(one.time, one.fields))
-            breathe.is_due = lambda: one.step % ticks == 0
-            breathe.begin = lambda: exposure.begin(one.time, one.fields)
-            self.operations.insert(5, breathe)
-        if one.outside is not None:
-            walk = one.outside.advance
-            after = Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
-            self.operations.insert(5, after)
-        if one.case.place:
-            settle = one.places.settle
-            stay = Operation("places", "recording", lambda: settle(one.time, one.fields, one.displacement_velocity))
-            self.operations.insert(5, stay)
-        if one.scene.quickest is not None:
-            self.operations.insert(1, Operation("quickest", "directions", self._find_quickest, self._is_update))
-        if exposure is not None and (routes := exposure.routes) is not None:
+        self.operations = [*self._in_order()]
+
+    def _in_order(self) -> Iterator[Operation]:
+        """Yield the operations of the simulation."""
+        one, crowd, watch = self._simulation, self._simulation.population.crowd, self._simulation.watch
+        routes = None if one.exposure is None else one.exposure.routes
+        if one.timetable.is_waiting:
+            yield Operation("events", "behaviours", one.timetable.act, lambda: one.timetable.is_waiting)
+        yield Operation("changes", "behaviours", one.scene.apply_waiting)
+        if one.population.sources:
+            yield Operation("arrivals", "behaviours", one.let_in)
+        if routes is not None:
 
             def find_ways() -> None:
                 if routes.update(one.time, one.scene):
                     one.ending.begin_anew()  # progress is then towards other ways
 
-            ways = Operation("smoke on routes", "directions", find_ways)
-            ways.is_due = lambda: routes.is_due(one.step // self._settings.steps_per_tick, one.scene.version)
-            self.operations.insert(1, ways)
-        if one.population.sources:
-            self.operations.insert(1, Operation("arrivals", "behaviours", one.let_in))
-        if one.timetable.is_waiting:
-            events = Operation("events", "behaviours", one.timetable.act, lambda: one.timetable.is_waiting)
-            self.operations.insert(0, events)
+            yield Operation(
+                "smoke on routes", "directions", find_ways, lambda: routes.is_due(self._tick, one.scene.version)
+            )
+        if one.scene.quickest is not None:
+            yield Operation("quickest", "directions", self._find_quickest, self._is_update)
+        yield Operation("behaviours", "behaviours", self._decide)
+        yield Operation("areas", "behaviours", one.scene.act_on_areas, lambda: one.building.has_areas_to_heed)
+        yield Operation("physics", "physics", self._move)
+        yield Operation("settling", "recording", self._settle)
+        if one.case.place:
+            settle = one.places.settle
+            yield Operation("places", "recording", lambda: settle(one.time, one.fields, one.displacement_velocity))
+        if one.outside is not None:
+            walk = one.outside.advance
+            yield Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
+        if (exposure := one.exposure) is not None:
+            steps = max(1, round(one.case.smoke.sampling / self._settings.tick)) * self._settings.steps_per_tick
+            yield Operation(
+                "conditions",
+                "behaviours",
+                lambda: exposure.act(one.time, one.fields),
+                lambda: one.step % steps == 0,
+                lambda: exposure.begin(one.time, one.fields),
+            )
+        look = watch.look_at_velocities
+        yield Operation("velocities", "recording", lambda: look(one.time, crowd, one.displacement_velocity))
+        yield Operation("forces", "recording", lambda: watch.look_at_forces(one.time, crowd), self._is_at_output)
+        record = one.recording.record
+        yield Operation("recorders", "recording", lambda: record(one), self._is_at_output, self._start_recording)
+        yield Operation("ending", "recording", self._end_run)
+        yield Operation("progress", "output", self._show, lambda: self.progress is not None)
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
@@ -131,10 +130,13 @@ class Loop:
             simulation.ending.begin_anew(simulation.scene.new_ways)
             simulation.scene.new_ways = []
 
+    @property
+    def _tick(self) -> int:
+        return self._simulation.step // self._settings.steps_per_tick
+
     def _is_update(self) -> bool:
-        tick = self._simulation.step // self._settings.steps_per_tick
         assert self._simulation.scene.quickest is not None
-        return self._simulation.scene.quickest.is_due(tick, self._settings.tick)
+        return self._simulation.scene.quickest.is_due(self._tick, self._settings.tick)
 
     def _find_quickest(self) -> None:
         """Solve the routes that follow the crowd again."""

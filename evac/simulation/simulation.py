@@ -167,11 +167,7 @@ class Simulation:
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             self.displacement_velocity = self.population.crowd.velocity.copy()
-            people = self.population, self.places, self.outside
-            share = None if self.exposure is None else self.exposure.share
-            self.deciding = Deciding(
-                case, behaviours, self.scene, *people, self.displacement_velocity, self.full, share
-            )
+            self.deciding = Deciding(self, behaviours)
             self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
