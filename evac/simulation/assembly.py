@@ -19,7 +19,7 @@ from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import CompiledEngine, Engine
 from evac.physics.threads.threads import PEOPLE_PER_THREAD, number_of_threads
 from evac.simulation.needed import solve_fields
-from evac.simulation.scene import Ground, Scene, make_ground
+from evac.simulation.scene import Ground, make_ground
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from evac.people.behaviour import Behaviour
     from evac.physics.contact.model import ContactModel
     from evac.physics.force import Force
+    from evac.simulation.simulation import Simulation
     from evac.trajectory.recorder import Recorder
 
 
@@ -164,20 +165,20 @@ def make_population(
     return people, places, stopping, border
 
 
-def make_engine(
-    case: "Case",
-    scene: Scene,
-    people: int,
-    forces: "Sequence[Force]",
-    behaviours: "Sequence[Behaviour]",
-    full: bool,
-    threads: int | None,
-) -> Engine:
-    """Return the engine of a run with a number of people."""
-    levels, number = [level.name for level in scene.building.levels], number_of_threads(threads, people)
-    solvers = case.registry.solvers
-    spare = any(behaviour.stands_firm for behaviour in behaviours)
-    return ENGINE(scene.world, people, forces, full, levels, solvers, number, PEOPLE_PER_THREAD, spare)
+def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]", threads: int | None) -> Engine:
+    """Return the engine of a simulation with its people and forces."""
+    scene, people = simulation.scene, len(simulation.population.crowd.level)
+    return ENGINE(
+        scene.world,
+        people,
+        simulation.forces,
+        simulation.full,
+        [level.name for level in scene.building.levels],
+        simulation.registry.solvers,
+        number_of_threads(threads, people),
+        PEOPLE_PER_THREAD,
+        any(behaviour.stands_firm for behaviour in behaviours),
+    )
 
 
 def make_forces(case: "Case") -> "list[Force]":

@@ -1,9 +1,9 @@
 """Building and directions, computed once for all runs that share them, and read by processes without copies.
 
-A `Ground` is written to a folder as two files: its arrays one after another, which every process maps into memory, and
-the rest, pickled without the arrays. The files are named by the digest of the pickle, which is part of each task, so
-that a process unpickles only what was written by the process that submitted the task. A process that cannot read the
-files, for example on another machine, computes the ground itself.
+A `Ground` is written to a file that every process maps into memory: its arrays one after another, and behind them the
+rest, pickled without the arrays. The digest of the pickle is part of each task, so that a process unpickles only what
+was written by the process that submitted the task. A process that cannot read the file, for example on another machine,
+computes the ground itself.
 """
 
 import hashlib
@@ -35,38 +35,22 @@ ALIGNMENT = 64
 class GroundFile:
     """Location of a ground on disk."""
 
-    folder: str
-    digest: str  # of the pickle; part of the names of the files
-    spans: tuple[tuple[int, int], ...]  # first byte and length of each array
-
-    @property
-    def frame(self) -> Path:
-        """Path of the pickle without the arrays."""
-        return Path(self.folder) / f"{self.digest}.frame"
-
-    @property
-    def arrays(self) -> Path:
-        """Path of the file with the arrays."""
-        return Path(self.folder) / f"{self.digest}.arrays"
+    path: str
+    digest: str  # of the pickle
+    spans: tuple[tuple[int, int], ...]  # first byte and length of each array, and of the pickle behind them
 
 
 def write_ground(ground: Ground, folder: Path) -> GroundFile:
     """Write a ground to a folder, to which other users must not have write access."""
     frame, buffers = packed(ground)
     digest = hashlib.sha256(frame).hexdigest()
-    spans, end = [], 0
-    for buffer in buffers:
-        start = -(-end // ALIGNMENT) * ALIGNMENT
-        end = start + len(buffer)
-        spans.append((start, end - start))
-    file = GroundFile(str(folder), digest, tuple(spans))
-    with file.arrays.open("wb") as stream:
-        for buffer, (start, _) in zip(buffers, spans, strict=True):
-            stream.seek(start)
-            stream.write(buffer)
-        stream.truncate(max(end, 1))  # an empty file cannot be mapped
-    file.frame.write_bytes(frame)
-    return file
+    path, spans = folder / f"{digest}.ground", []
+    with path.open("wb") as stream:
+        for part in (*buffers, frame):
+            stream.seek(-(-stream.tell() // ALIGNMENT) * ALIGNMENT)
+            spans.append((stream.tell(), len(part)))
+            stream.write(part)
+    return GroundFile(str(path), digest, tuple(spans))
 
 
 def read_ground(file: GroundFile) -> Ground:
@@ -75,14 +59,15 @@ def read_ground(file: GroundFile) -> Ground:
     Raises
     ------
     OSError
-        The files cannot be read, or have been changed.
+        The file cannot be read, or has been changed.
     """
-    frame = file.frame.read_bytes()
-    if hashlib.sha256(frame).hexdigest() != file.digest:
-        raise OSError(f"{file.frame}: changed since it was written")
-    with file.arrays.open("rb") as stream:
+    with Path(file.path).open("rb") as stream:
         mapped = memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
-    ground: Ground = pickle.loads(frame, buffers=[mapped[start : start + length] for start, length in file.spans])
+    *arrays, rest = (mapped[start : start + length] for start, length in file.spans)
+    frame = bytes(rest)
+    if hashlib.sha256(frame).hexdigest() != file.digest:
+        raise OSError(f"{file.path}: changed since it was written")
+    ground: Ground = pickle.loads(frame, buffers=arrays)
     return ground
 
 
@@ -92,31 +77,23 @@ GROUNDS: OrderedDict[str, Ground] = OrderedDict()
 
 def _kept(key: str, file: GroundFile | None) -> Ground | None:
     """Return a cached ground, or else that of a file if it can be read, or else None."""
-    if key in GROUNDS:
-        GROUNDS.move_to_end(key)
-        return GROUNDS[key]
-    if file is not None:
+    if key not in GROUNDS and file is not None:
         with suppress(OSError):
             return _keep(key, read_ground(file))
-    return None
+    return _keep(key, GROUNDS[key]) if key in GROUNDS else None
 
 
 def _keep(key: str, ground: Ground) -> Ground:
-    """Cache a ground, and discard the least recently used one if there are too many."""
+    """Cache a ground as the one used last; discard the one whose use is the longest ago if there are too many."""
     GROUNDS[key] = ground
+    GROUNDS.move_to_end(key)
     while len(GROUNDS) > MOST_GROUNDS:
         GROUNDS.popitem(last=False)
     return ground
 
 
 def shared_ground(case: "Case", key: str, file: GroundFile | None = None) -> Ground:
-    """Return the ground of a case, from the cache or the file, or computed and cached.
-
-    Raises
-    ------
-    EvacError
-        As for `evac.simulation.assembly.make_shared`.
-    """
+    """Return the ground of a case, from the cache or the file, or computed and cached; errors as `make_shared`."""
     return _kept(key, file) or _keep(key, make_shared(case))
 
 

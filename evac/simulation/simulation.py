@@ -171,8 +171,7 @@ class Simulation:
             self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
-        n = len(self.population.crowd.level)
-        self.engine = assembly.make_engine(case, self.scene, n, self.forces, behaviours, self.full, self._threads)
+        self.engine = assembly.make_engine(self, behaviours, self._threads)
 
     def _exposure(self) -> "Exposure | None":
         """Return the exposure of people to smoke, gases and heat; nothing is imported in a case without them."""

@@ -2,6 +2,7 @@
 
 import mmap
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,6 +101,6 @@ def test_a_door_that_closes_in_one_run_is_open_in_the_next(case):
 
 def test_a_file_that_was_changed_is_not_read(tmp_path, case):
     file = write_ground(Simulation(case, will_run=False).scene.ground, tmp_path)
-    file.frame.write_bytes(b"other")
+    Path(file.path).write_bytes(b"other")
     with pytest.raises(OSError, match="changed"):
         read_ground(file)
