@@ -71,6 +71,29 @@ def taken(
     return array.copy()
 
 
+def copies_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return copies of the arrays of a part of a run, which `take` or `checked` takes back."""
+    return {name: np.array(array) for name, array in arrays.items()}
+
+
+def checked(
+    state: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], bounds: Mapping[str, tuple[Any, ...]]
+) -> dict[str, NDArray[Any]]:
+    """Return saved arrays that have the kinds and shapes of those of a part of a run; errors as `taken`.
+
+    The bounds are, by name, the arguments of `taken` behind the shape; without them numbers must be finite.
+    """
+    return {name: taken(state, name, array.dtype, array.shape, *bounds.get(name, ())) for name, array in arrays.items()}
+
+
+def take(
+    state: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], bounds: Mapping[str, tuple[Any, ...]]
+) -> None:
+    """Write saved arrays into those of a part of a run, after all of them have been `checked`."""
+    for name, values in checked(state, arrays, bounds).items():
+        arrays[name][...] = values
+
+
 @contextmanager
 def part_of(state: Mapping[str, NDArray[Any]], prefix: str) -> Iterator[dict[str, NDArray[Any]]]:
     """Give the arrays whose names have a prefix, without it; errors of `taken` within name it."""

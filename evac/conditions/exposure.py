@@ -11,7 +11,7 @@ from evac.base.defaults import TENABLE
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import part_of, taken
+from evac.base.saved import copies_of, part_of, take, taken
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.conditions.air import Air
 from evac.conditions.dose import (
@@ -331,7 +331,7 @@ class Exposure:
         """Return copies of the arrays that are needed to continue with the same bits."""
         routes = {} if self.routes is None else self.routes.state(scene)
         return (
-            {name: array.copy() for name, array in self._arrays.items()}
+            copies_of(self._arrays)
             | {f"routes.{name}": values for name, values in routes.items()}
             | {"time": np.array(self._time), "shown": np.array(self._shown), "series": self._series}
         )
@@ -344,9 +344,8 @@ class Exposure:
         SavedError
             An array is not what `state` returns.
         """
-        for name, array in self._arrays.items():
-            most, nan = 1.0 if name == "share" else np.inf, name in ("stopped_at", "rates", "first")
-            array[...] = taken(state, name, array.dtype, array.shape, 0.0, most, nan=nan)
+        bounds = dict.fromkeys(self._arrays, (0.0, np.inf)) | {"share": (0.0, 1.0)}
+        take(state, self._arrays, bounds | dict.fromkeys(("stopped_at", "rates", "first"), (0.0, np.inf, True)))
         np.isfinite(self.stopped_at, out=self.stopped)
         self._shown = float(taken(state, "shown", np.float64, (), -PERIOD, np.inf))
         self._series = taken(state, "series", np.float64, (None, len(SERIES)), 0.0, np.inf)

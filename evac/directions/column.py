@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.saved import part_of, taken
+from evac.base.saved import copies_of, part_of, take, taken
 from evac.building.model.building import Exit
 from evac.directions.descent import descend
 from evac.directions.fields import Fields
@@ -193,31 +193,22 @@ class Column:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
-        waves = self.waves
-        return {
+        own = {
             "travel_time": self.values(self._travel_time),
             "direction": self.values(self._all_directions),
             "stale": np.array(sorted(self.stale), np.int64),
-            "speed": self.speed.copy(),
-            "empty": self._empty.astype(np.uint8),
-            **{name: getattr(waves, name).copy() for name in SAVED},
+            "speed": self.speed,
+            "empty": self._empty,
         }
+        return copies_of(own | {name: getattr(self.waves, name) for name in SAVED})
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
-        waves, levels, building = self.waves, len(self._grids.levels), self._grids.building
-        self._leave_out(taken(state, "empty", np.uint8, self._empty.shape, 0, 1).astype(np.bool_))
-        limits = {"exit": len(building.exits), "former": len(building.exits), "gate": len(self._gates.people)}
-        for name in SAVED:
-            values = getattr(waves, name)
-            least, most = (-1, limits[name] - 1) if name in limits else (0, 1) if name == "leans" else (-np.inf, np.inf)
-            values[:] = taken(state, name, values.dtype.type, values.shape, least, most)
+        """Restore the arrays that `state` returned; errors as `evac.base.saved.taken`."""
+        levels, exits = len(self._grids.levels), len(self._grids.building.exits)
+        self._leave_out(taken(state, "empty", np.bool_, self._empty.shape))
+        bounds = dict.fromkeys(("exit", "former"), (-1, exits - 1)) | dict.fromkeys(("time", "walk"), (-np.inf, np.inf))
+        bounds |= {"gate": (-1, len(self._gates.people) - 1), "leans": (0, 1)}
+        take(state, {name: getattr(self.waves, name) for name in SAVED}, bounds)
         speed = taken(state, "speed", np.float64, self.speed.shape, 1e-9, 1.0)
         for level in self._places:
             self._take_speeds(level, speed[self._grids.levels[level].packed])
@@ -400,13 +391,7 @@ class Columns(dict[int, Column]):
         return {f"{number}.{name}": values for number, one in self.items() for name, values in one.state().items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned; errors as `evac.base.saved.taken`."""
         for number, column in self.items():
             with part_of(state, f"{number}.") as own:
                 column.restore(own)

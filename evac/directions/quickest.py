@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
-from evac.base.saved import taken
+from evac.base.saved import copies_of, take, taken
 from evac.directions.column import Column, Columns
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
@@ -84,11 +84,10 @@ class Quickest:
                 self.columns[number] = column
         #: For each column of people: the next gate (nodes,) on their way, and the time to it.
         self._ways = {number: (one.waves.gate, one.waves.walk) for number, one in self.columns.items()}
-        self._is_solved = False
+        self._is_solved, self._seconds = np.array(False), np.array(0.0)
         self._density = np.zeros(grids.size)
         self._exit_of, self._left = np.zeros(0, np.int32), np.zeros((0, len(grids.building.exits)), np.uint8)
         self._counts = np.zeros(4, np.int64)  # updates, levels solved, changes of exit, returns to an exit
-        self._seconds = 0.0
         if before is not None:
             self._density = _at_nodes_of(grids, before._density, before._grids)
             self._exit_of, self._left = before._exit_of, before._left
@@ -127,7 +126,7 @@ class Quickest:
             occupied = set(np.unique(level[rows]).tolist())
             self._counts[1] += column.solve(changed, occupied, not self._is_solved)
         self._counts[0] += 1
-        self._is_solved = True
+        self._is_solved[()] = True
         if len(self._exit_of) < len(level):
             self._exit_of = np.full(len(level), -1, np.int32)
             self._left = np.zeros((len(level), self._left.shape[1]), np.uint8)
@@ -137,39 +136,24 @@ class Quickest:
     def report(self) -> dict[str, float]:
         """Return what the summary of a run says about the updates."""
         names = "updates", "levels_solved", "exit_changes", "exit_returns"
-        return {**dict(zip(names, self._counts.tolist(), strict=True)), "cpu_seconds": self._seconds}
+        return {**dict(zip(names, self._counts.tolist(), strict=True)), "cpu_seconds": float(self._seconds)}
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
-        return {
-            "density": self._density.copy(),
-            "people": self._gates.people.copy(),
-            "exit_of": self._exit_of.copy(),
-            "left": self._left.copy(),
-            "counts": self._counts.copy(),
-            "seconds": np.array(self._seconds),
-            "is_solved": np.array(self._is_solved, np.uint8),
-            **self.columns.state(),
-        }
+        return copies_of(self._arrays | {"exit_of": self._exit_of, "left": self._left}) | self.columns.state()
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned; errors as `evac.base.saved.taken`."""
+        take(state, self._arrays, dict.fromkeys(self._arrays, (0, np.inf)))
         exits = len(self._grids.building.exits)
-        self._density[:] = taken(state, "density", np.float64, self._density.shape, 0.0, np.inf)
-        people = self._gates.people
-        people[:] = taken(state, "people", np.float64, people.shape, 0.0, np.inf)
         self._exit_of = taken(state, "exit_of", np.int32, (None,), -1, exits - 1)
         self._left = taken(state, "left", np.uint8, (len(self._exit_of), exits), 0, 1)
-        self._counts[:] = taken(state, "counts", np.int64, self._counts.shape, 0, np.iinfo(np.int64).max)
-        self._seconds = float(taken(state, "seconds", np.float64, (), 0.0, np.inf))
-        self._is_solved = bool(taken(state, "is_solved", np.uint8, (), 0, 1))
         self.columns.restore(state)
+
+    @property
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        names = ("density", "counts", "seconds", "is_solved")
+        return {name: getattr(self, f"_{name}") for name in names} | {"people": self._gates.people}
 
     def _nodes_at(self, level: IntArray, position: FloatArray) -> IndexArray:
         """Return the nodes nearest to people, of level 0 for those who have left."""

@@ -83,13 +83,7 @@ class Smoky:
         return {"share": self.share.copy(), **self._columns.state()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned; the routes that follow the crowd have been restored.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned; the routes that follow the crowd have been restored."""
         self.share[:] = taken(state, "share", np.float64, self.share.shape, LEAST_SHARE, 1.0)
         for level in range(len(self._grids.levels)):
             for column in (*self._columns.values(), *self._followers.values()):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.saved import FINITE, taken
+from evac.base.saved import FINITE, copies_of, take, taken
 from evac.building.model.building import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct
 from evac.physics.driver import FASTEST
@@ -128,7 +128,7 @@ class PeopleOutside:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the arrays."""
-        return {name: array.copy() for name, array in self.arrays.values().items()}
+        return copies_of(self.arrays.values())
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned.
@@ -138,7 +138,7 @@ class PeopleOutside:
         SavedError
             An array is not what `state` returns.
         """
-        arrays, is_out = self.arrays.values(), self._crowd.level < 0
+        is_out = self._crowd.level < 0
         last = np.where(is_out, self._levels - 1, -1)
         is_seen = taken(state, "level", np.int32, is_out.shape, -1, last) >= 0
         ends = self._segment.reshape(-1, 2)
@@ -151,6 +151,4 @@ class PeopleOutside:
             "depth": (0.0, np.where(is_seen, REACH, FINITE)),
             "speed_factor": (0.0, FINITE),
         }
-        values = {name: taken(state, name, array.dtype, array.shape, *bounds[name]) for name, array in arrays.items()}
-        for name, array in arrays.items():
-            array[...] = values[name]
+        take(state, self.arrays.values(), bounds)

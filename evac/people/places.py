@@ -12,7 +12,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import SIGN_RANGE
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import taken
+from evac.base.saved import FINITE, copies_of, take
 from evac.building.model.building import Area, Building, Place
 from evac.building.options import Placed
 from evac.building.surface.places import find_level
@@ -365,20 +365,14 @@ class Places:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return where people and groups are to go, by which route they went before, and who has arrived."""
-        return {
-            "meant": self._meant.copy(),
-            "before": self._before.copy(),
-            "arrived": self.arrived.astype(np.uint8),
-            "sent": self._sent.astype(np.uint8),
-            "since": self._since.copy(),
-            "is_brought": self._is_brought.astype(np.uint8),
-        }
+        return copies_of(self._arrays)
 
     def restore(self, state: Mapping[str, NDArray[Any]], routes: int) -> None:
         """Restore the arrays that `state` returned, of a run with a number of routes."""
-        self._before[:] = taken(state, "before", np.int32, self._before.shape, 0, routes - 1)
-        self._meant[:] = taken(state, "meant", np.int32, self._meant.shape, -1, len(self._places) - 1)
-        self.arrived[:] = taken(state, "arrived", np.uint8, self.arrived.shape, 0, 1)
-        self._sent[:] = taken(state, "sent", np.uint8, self._sent.shape, 0, 1)
-        self._is_brought[:] = taken(state, "is_brought", np.uint8, self._is_brought.shape, 0, 1)
-        self._since[:] = taken(state, "since", np.float64, self._since.shape, 0.0, nan=True)
+        places = len(self._places)
+        take(state, self._arrays, {"before": (0, routes - 1), "meant": (-1, places - 1), "since": (0.0, FINITE, True)})
+
+    @property
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        names = ("before", "meant", "sent", "is_brought", "since")
+        return {name: getattr(self, f"_{name}") for name in names} | {"arrived": self.arrived}

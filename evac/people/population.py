@@ -13,7 +13,7 @@ from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MAS
 from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, naming
 from evac.base.parameters import did_you_mean
-from evac.base.saved import FINITE, SavedError, taken
+from evac.base.saved import FINITE, SavedError, checked, copies_of, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.surface.places import HEIGHT_REACH
@@ -178,7 +178,7 @@ class Population:
         """Return copies of all arrays and of the log, for a checkpoint."""
         row, link, time = self.crossings
         log: dict[str, NDArray[Any]] = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
-        return {name: array.copy() for name, array in self._arrays.items()} | log
+        return copies_of(self._arrays) | log
 
     def restore(self, state: Mapping[str, NDArray[Any]], building: Building, routes: int) -> None:
         """Restore a state returned by `state`, writing into the existing arrays.
@@ -195,11 +195,7 @@ class Population:
         SavedError
             An array is not what `state` returns.
         """
-        bounds = self._bounds(building, routes)
-        values = {
-            name: taken(state, name, array.dtype, array.shape, *bounds[name], nan=name in ("exit_time", "arrival_time"))
-            for name, array in self._arrays.items()
-        }
+        values = checked(state, self._arrays, self._bounds(building, routes))
         is_out = values["level"] < 0
         marks = np.isfinite(values["exit_time"]), values["exit_used"] >= 0
         is_out &= ~np.isnan(values["arrival_time"])
@@ -216,24 +212,22 @@ class Population:
         """The arrays of the crowd, without those set by behaviours before a run, which a changed case may alter."""
         return {name: array for name, array in self.crowd.values().items() if name != "contact_radius"}
 
-    def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, Any]]:
-        """Return the least and greatest value of each array of the crowd."""
+    def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, ...]]:
+        """Return the least and greatest value of each array of the crowd that has more bounds than to be finite."""
         corners = building.vertices[:, :2]
         own = {name: BOUNDS[name] for name in ("radius", "height", "mass", "tau", "speed")}
         return own | {
             "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
-            "velocity": (-FINITE, FINITE),
             "level": (-1, len(building.levels) - 1),
             "group": (0, len(self.groups) - 1),
             "start_time": (-np.inf, np.inf),
             "route": (0, routes - 1),
             "speed_factor": (0.0, FINITE),
-            "extra_direction": (-FINITE, FINITE),
-            "exit_time": (0.0, FINITE),
+            "exit_time": (0.0, FINITE, True),
             "exit_used": (-1, len(building.exits) - 1),
             "distance": (0.0, FINITE),
             "contact_force": (0.0, FINITE),
-            "arrival_time": (0.0, FINITE),
+            "arrival_time": (0.0, FINITE, True),
             "passing": (-1, building.n_closable - 1),
             "ahead": (-1.0, 1.0),
             "firmness": (1.0, FINITE),

@@ -137,13 +137,10 @@ class Ending:
         standing &= (crowd.level >= 0) & ~self._arrived & ~self._stopped
         return np.flatnonzero(standing & (crowd.start_time <= time))
 
-    def state(self) -> NDArray[np.float64]:
-        """Return the state of the checks: a (routes + 2, people) float64 array [s]."""
-        return np.vstack([self._least, self._gained, self._progress_at])
-
-    def restore(self, state: NDArray[np.float64]) -> None:
-        """Restore the array that `state` returned."""
-        self._least[:], self._gained[:], self._progress_at[:] = state[:-2], state[-2], state[-1]
+    @property
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """The arrays that the next checks depend on [s], which are saved."""
+        return {"least": self._least, "gained": self._gained, "progress_at": self._progress_at}
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
         """Return whether nobody has made progress or left for `no_progress`."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.saved import FINITE, part_of, taken
+from evac.base.saved import FINITE, copies_of, part_of, take
 from evac.physics.state import Crowd
 
 #: Time over which the speeds of each person are averaged [s].
@@ -103,9 +103,8 @@ class Watch:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all arrays on which the observations depend."""
-        return {
-            f"{name}.{key}": array.copy() for name, part in self._parts().items() for key, array in vars(part).items()
-        }
+        copies = {name: copies_of(vars(part)) for name, part in self._parts().items()}
+        return {f"{name}.{key}": array for name, arrays in copies.items() for key, array in arrays.items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]], levels: int) -> None:
         """Restore the arrays that `state` returned, in a building with a number of levels.
@@ -117,8 +116,7 @@ class Watch:
         """
         for name, part in self._parts().items():
             with part_of(state, f"{name}.") as own:
-                for key, array in vars(part).items():
-                    array[...] = taken(own, key, array.dtype, array.shape, *part.bounds(key, levels))
+                take(own, vars(part), {key: part.bounds(key, levels) for key in vars(part)})
 
     def _parts(self) -> "dict[str, _Means | _Notes]":
         return {

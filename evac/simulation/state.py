@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.errors import plugin_code
-from evac.base.saved import SavedError, part_of, state_of, taken
+from evac.base.saved import SavedError, copies_of, part_of, state_of, take, taken
 from evac.case.schema import LONGEST_RUN
 
 if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
+
+#: Arrays of the simulation itself.
+OWN = ("start_position", "start_level", "displacement_velocity")
 
 
 def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
@@ -29,13 +32,11 @@ def saved_state(simulation: "Simulation") -> dict[str, NDArray[Any]]:
         "exposure": {} if simulation.exposure is None else simulation.exposure.state(simulation.scene),
         "quickest": {} if simulation.scene.quickest is None else simulation.scene.quickest.state(),
         "watch": simulation.watch.state(),
+        "ending": copies_of(simulation.ending.arrays),
         "simulation": {
             "clock": np.array([simulation.step, simulation.deciding.version]),
-            "ending": simulation.ending.state(),
             "events": simulation.timetable.state(),
-            "start_position": simulation.start_position,
-            "start_level": simulation.start_level,
-            "displacement_velocity": simulation.displacement_velocity.copy(),
+            **copies_of({name: getattr(simulation, name) for name in OWN}),
         },
     }
     parts_of_state = {f"{name}.{key}": array for name, part in parts.items() for key, array in part.items()}
@@ -69,21 +70,19 @@ def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -
         restore(f"contact.{contact.name}", contact.restore)
     restore("engine", simulation.engine.restore)
     restore("watch", simulation.watch.restore, len(simulation.building.levels))
+    ending = simulation.ending.arrays
+    restore("ending", take, ending, dict.fromkeys(ending, (0.0, np.inf)))
     simulation.ended = simulation.ending.over(simulation.step, simulation.population.crowd)
 
 
 def _restore_own(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
     """Restore the arrays that no part of the simulation owns."""
-    settings, ending = simulation.case.simulation, simulation.ending
+    settings = simulation.case.simulation
     clock = taken(state, "clock", np.int64, (2,), 0, round(LONGEST_RUN / settings.step))
     step, simulation.deciding.version = clock.tolist()
     if step % settings.steps_per_tick and step < settings.last_step:
         raise SavedError(f"clock: step {step} is not at the end of a tick")
     simulation.step = step
     simulation.timetable.restore(taken(state, "events", np.float64, (None,), 0.0, np.inf))
-    position, level = simulation.start_position, simulation.start_level
-    simulation.start_position = taken(state, "start_position", np.float64, position.shape)
-    simulation.start_level = taken(state, "start_level", np.int32, level.shape, -1, len(simulation.building.levels) - 1)
-    displaced = simulation.displacement_velocity
-    displaced[:] = taken(state, "displacement_velocity", np.float64, displaced.shape)
-    ending.restore(taken(state, "ending", np.float64, ending.state().shape, 0.0, np.inf))
+    bounds = {"start_level": (-1, len(simulation.building.levels) - 1)}
+    take(state, {name: getattr(simulation, name) for name in OWN}, bounds)

@@ -43,7 +43,7 @@ def check_plan(seed, model):
         run.run()
         inside = np.flatnonzero(np.isnan(run.population.crowd.exit_time))
         state = run.state()
-        state["simulation.ending"][-1] = run.time
+        state["ending.progress_at"][:] = run.time
         # Bodies in contact can block a door for each other. Then each gets out from there alone.
         for person in inside:
             alone(run, person, state)
