@@ -51,7 +51,7 @@ Row = Mapping[str, Any]
 
 #: Packages whose versions affect the results, and those used only by some evidence, which are listed if imported.
 PACKAGES = ("evac", "numpy", "scipy", "numba", "llvmlite", "scikit-fmm", "shapely", "matplotlib")
-OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "jupedsim", "pyrvo", "vtk")
+OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "jupedsim", "pyrvo", "pyvista", "vtk")
 
 #: Files of a checkout that affect the results.
 CODE = (":/*.py", ":/*.toml", ":/*.msh")

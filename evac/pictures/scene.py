@@ -3,24 +3,13 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import pyvista
 import shapely
-from matplotlib.colors import to_rgb
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkLogger, vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-from vtkmodules.vtkRenderingCore import (
-    vtkActor,
-    vtkPolyDataMapper,
-    vtkRenderer,
-    vtkRenderWindow,
-    vtkWindowToImageFilter,
-)
-from vtkmodules.vtkRenderingOpenGL2 import vtkRenderStepsPass, vtkSSAAPass
+from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Level, Place
@@ -122,29 +111,23 @@ class _Scene:
         left = round(width * (1.0 - MARGIN["right"] - LEGEND_WIDTH + 0.02))
         self.side = (left, round(0.15 * height), round(0.99 * width), round(0.92 * height))
         with quiet_vtk():
-            self.renderer, self.window = vtkRenderer(), vtkRenderWindow()
-            self.renderer.SetBackground(1.0, 1.0, 1.0)
-            self.window.SetOffScreenRendering(1)
-            self.window.SetMultiSamples(0)
-            self.window.SetSize(*size)
-            self.window.AddRenderer(self.renderer)
+            self.plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+            self.plotter.set_background("white")
             self._add_building()
             self._aim()
 
     def view(self) -> View:
         """Draw the building, and again without anti-aliasing for the depth of each pixel."""
-        building = self.building
-        smooth = vtkSSAAPass()
-        smooth.SetDelegatePass(vtkRenderStepsPass())
-        self.renderer.SetPass(smooth)
-        image = self._drawn()
-        self.renderer.SetPass(None)
-        for actor in self.renderer.GetActors():
-            actor.GetProperty().SetOpacity(1.0)
-        depth = self._drawn(is_depth=True)[..., 0].astype(np.float64)
-        near, far = self.renderer.GetActiveCamera().GetClippingRange()
-        away = near + depth * (far - near)
-        nearness = np.where(depth < 1.0, self.project.scale * (self._distance - away), -np.inf)
+        building, plotter = self.building, self.plotter
+        plotter.enable_anti_aliasing("ssaa")
+        plotter.show(auto_close=False)
+        image = np.array(plotter.screenshot(return_img=True))
+        plotter.disable_anti_aliasing()
+        for actor in plotter.actors.values():
+            actor.prop.opacity = 1.0
+        plotter.render()
+        away = np.asarray(plotter.get_image_depth(reset_camera_clipping_range=False), np.float64)
+        nearness = np.where(np.isfinite(away), self.project.scale * (away + self._distance), -np.inf)
         exits = [exit_ for exit_ in building.exits if exit_.level in self.rows]
         return View(
             image=image,
@@ -161,17 +144,7 @@ class _Scene:
 
     def close(self) -> None:
         """Release the window."""
-        self.window.Finalize()
-
-    def _drawn(self, is_depth: bool = False) -> NDArray[Any]:
-        """Return the colours of the window, or the depth of its pixels from 0 to 1, with the upper row first."""
-        reader = vtkWindowToImageFilter()
-        reader.SetInput(self.window)
-        if is_depth:
-            reader.SetInputBufferTypeToZBuffer()
-        reader.Update()
-        pixels = vtk_to_numpy(reader.GetOutput().GetPointData().GetScalars())
-        return pixels.reshape(self.size[1], self.size[0], -1)[::-1].copy()
+        self.plotter.close()
 
     def _aim(self) -> None:
         """Set the camera to the axes and scale of the projection."""
@@ -180,13 +153,11 @@ class _Scene:
         middle = self.project.corner + np.array([0.5 * width, -0.5 * height]) / self.project.scale
         focus = middle[0] * right + middle[1] * up
         self._distance = 1e3
-        camera = self.renderer.GetActiveCamera()
-        camera.SetFocalPoint(*focus)
-        camera.SetPosition(*(focus + self._distance * toward))
-        camera.SetViewUp(*up)
-        camera.ParallelProjectionOn()
-        camera.SetParallelScale(0.5 * height / self.project.scale)
-        self.renderer.ResetCameraClippingRange()
+        camera = self.plotter.camera
+        camera.focal_point, camera.position, camera.up = focus, focus + self._distance * toward, up
+        camera.parallel_projection, camera.parallel_scale = True, 0.5 * height / self.project.scale
+        self.plotter.renderer.ResetCameraClippingRange()
+        self.plotter.camera_set = True
 
     def _add_building(self) -> None:
         building = self.building
@@ -194,9 +165,10 @@ class _Scene:
         for kind, colour in palette.LEVELS.items():
             triangles = [level.triangles for level in self.levels if level.kind == kind]
             if triangles:
+                surface = pyvista.PolyData.from_regular_faces(corners, np.concatenate(triangles))
                 # Stairs and lower storeys are visible through the floors above them.
                 opacity = FLOOR_OPACITY if kind == "floor" and self._is_stacked else 1.0
-                self._add(corners, np.concatenate(triangles), colour, opacity)
+                self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
         here = np.isin(building.wall_level, self.rows)
         ends = building.wall_level[here].repeat(2)
         self._add_ribbon(building.walls[here], ends, palette.WALL, WALL_HEIGHT, palette.EDGE)
@@ -239,7 +211,8 @@ class _Scene:
     def _add_flat(self, level: int, shape: BaseGeometry, colour: str, opacity: float, lift: float = ABOVE) -> None:
         """Add a shape in plan, at a height above the ground of a level."""
         corners = self.project.place(triangles_on(self.building, level, shape)) + np.array([0.0, 0.0, lift])
-        self._add(corners, np.arange(len(corners)).reshape(-1, 3), colour, opacity)
+        surface = pyvista.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
+        self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
 
     def _add_ribbon(
         self, plan: FloatArray, level: ArrayLike, colour: str, height: float = EXIT_HEIGHT, edge_colour: str = ""
@@ -250,29 +223,13 @@ class _Scene:
         segments = self.project.place(on_level(self.building, level, plan.reshape(-1, 2))).reshape(-1, 2, 3)
         up = np.array([0.0, 0.0, height])
         quads = np.stack([segments[:, 0], segments[:, 1], segments[:, 1] + up, segments[:, 0] + up], axis=1)
-        self._add(quads.reshape(-1, 3), np.arange(4 * len(segments)).reshape(-1, 4), colour, 0.75)
-        edges = (segments + up).reshape(-1, 3)
-        self._add(edges, np.arange(len(edges)).reshape(-1, 2), edge_colour or colour, 1.0)
-
-    def _add(self, corners: FloatArray, cells: NDArray[np.integer], colour: str, opacity: float) -> None:
-        """Add polygons, or lines if they have two corners each, without shading."""
-        points, rows, data = vtkPoints(), vtkCellArray(), vtkPolyData()
-        points.SetData(numpy_to_vtk(np.ascontiguousarray(corners), deep=True))
-        rows.SetData(cells.shape[1], numpy_to_vtk(cells.ravel().astype(np.int64), deep=True))
-        data.SetPoints(points)
-        if cells.shape[1] == 2:
-            data.SetLines(rows)
-        else:
-            data.SetPolys(rows)
-        mapper, actor = vtkPolyDataMapper(), vtkActor()
-        mapper.SetInputData(data)
-        actor.SetMapper(mapper)
-        style = actor.GetProperty()
-        style.SetColor(*to_rgb(colour))
-        style.SetOpacity(opacity)
-        style.SetLineWidth(self.size[0] / 800)
-        style.LightingOff()
-        self.renderer.AddActor(actor)
+        faces = np.arange(4 * len(segments)).reshape(-1, 4)
+        strips = pyvista.PolyData.from_regular_faces(quads.reshape(-1, 3), faces)
+        self.plotter.add_mesh(strips, color=colour, lighting=False, opacity=0.75, render=False)
+        edges = pyvista.line_segments_from_points((segments + up).reshape(-1, 3))
+        self.plotter.add_mesh(
+            edges, color=edge_colour or colour, line_width=self.size[0] / 800, lighting=False, render=False
+        )
 
     def _strips(self, exit_: Exit) -> Iterator[FloatArray]:
         """Yield the corners (4, 3) in the picture of the strip on each segment of an exit."""

@@ -308,7 +308,7 @@ def test_loading_is_quick(case_file, registry):
 
 
 def test_importing_pulls_in_nothing_heavy():
-    heavy = "numba", "scipy", "shapely", "vtkmodules", "matplotlib", "meshio"
+    heavy = "numba", "scipy", "shapely", "pyvista", "matplotlib", "meshio"
     code = f"import sys, evac.case; print([name for name in {heavy} if name in sys.modules])"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
