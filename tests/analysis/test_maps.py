@@ -118,6 +118,16 @@ def test_outside_the_floor_is_nan_and_rows_rise_with_y(descent):
     assert not np.isnan(flight.density)[2:-2, 2:-2].any()
 
 
+def test_densities_are_those_of_the_whole_floor():
+    grid = Grid(SimpleNamespace(polygon=box(0.0, 0.0, 30.0, 12.0)), 0.2, 0.7)
+    frame, position = np.array([0, 0, 3]), np.array([[7.1, 0.1], [7.9, 2.0], [8.4, 11.9]])
+    ((frames, densities),) = grid.densities(frame, position)
+    assert frames.tolist() == [0, 3]
+    for number, found in zip(frames, densities, strict=True):
+        here = position[frame == number]
+        np.testing.assert_array_equal(found, grid.smoothed(grid.gathered(here, np.ones(len(here))))[0])
+
+
 def test_holes_are_not_floor():
     floor = Polygon(box(0.0, 0.0, 4.0, 4.0).exterior, [box(1.0, 1.0, 3.0, 3.0).exterior])
     grid = Grid(SimpleNamespace(polygon=floor), 0.5, 0.7)

@@ -8,7 +8,7 @@ from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import NEVER, draw_map, write_maps
+from evac.pictures.map_pictures import NEVER, draw_map, draw_maps, write_maps
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -33,6 +33,14 @@ def test_every_quantity_is_drawn_on_a_plan_of_every_storey(trajectory, tmp_path)
     assert all(np.asarray(Image.open(path)).std() > 5.0 for path in paths)
     figure = draw_map(trajectory, "density", maps)
     assert [axes.get_title(loc="left") for axes in figure.axes[:3]] == ["floor 0", "floor 1", "floor 2"]
+
+
+def test_maps_that_share_their_plans_look_like_those_drawn_alone(trajectory):
+    maps = trajectory.maps(spacing=0.5)
+    names = ["flow", "time_to_clear", "density"]
+    together = [pixels(figure) for figure in draw_maps(trajectory, names, maps)]
+    for name, drawn in zip(names, together, strict=True):
+        np.testing.assert_array_equal(drawn, pixels(draw_map(trajectory, name, maps)))
 
 
 def test_what_is_not_cleared_has_a_colour_of_its_own(written):
