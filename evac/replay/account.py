@@ -8,6 +8,7 @@ import numpy as np
 
 from evac.analysis.lines import LineFlow, line_flows
 from evac.analysis.occupancy import Moves, recorded_moves
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
@@ -37,6 +38,7 @@ class Account:
     response_time: FloatArray | None = None  # [s]
     exit_used: IntArray | None = None  # index of the exit, -1 for people who are inside
     exit_time: FloatArray | None = None  # NaN for people who are inside [s]
+    longest: Queue | None = None
 
 
 def account_of_run(results: Results, error: BaseException | None = None) -> Account:
@@ -49,12 +51,12 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
     error : BaseException, optional
         The error with which the run failed.
     """
-    crowd = results.crowd
+    crowd, answer = results.crowd, results.answer
     group = np.full(results.number_of_people, -1, np.int32)
     for index, members in enumerate(results.groups):
         group[members.rows] = index
     return Account(
-        answer=_answer(results),
+        answer=[line for line in (answer.verdict, answer.times, *answer.exits, answer.queue, answer.warnings) if line],
         **_of_summary(results.record, error),
         groups=[members.name for members in results.groups],
         group=group,
@@ -66,6 +68,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         response_time=crowd.start_time,
         exit_used=crowd.exit_used,
         exit_time=crowd.exit_time,
+        longest=results.queues[0] if results.queues else None,
     )
 
 
@@ -98,11 +101,6 @@ def account_of_folder(trajectory: Trajectory) -> Account:
     summary, _ = read_summary(folder)
     check_trajectory(trajectory, summary)
     return Account(answer=(), **_of_summary(summary, None), **known)
-
-
-def _answer(results: Results) -> list[str]:
-    answer = results.answer
-    return [line for line in (answer.verdict, answer.times, *answer.exits, answer.queue, answer.warnings) if line]
 
 
 def _of_summary(summary: Summary, error: BaseException | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import shapely
 
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
 from evac.pictures import palette
@@ -17,22 +18,26 @@ from evac.replay.motion import ESCAPE, GRAIN, MotionPacker
 #: Lines of floors are drawn with this tolerance [m], which keeps the picture small.
 TOLERANCE = 0.05
 
+#: Most letters of the name of a storey, and the width of a person [cm].
+MOST_LETTERS, PERSON = 40, 45.0
+
 #: At most so many people are drawn.
 MOST_PEOPLE = 1500
 
 #: Space between the plans of storeys, as a share of the longer side of the building, and at least [m].
-GAP, LEAST_GAP = 0.08, 1.0
+GAP, LEAST_GAP = 0.1, 1.0
 
 
 def texts(account: Account) -> dict[str, str]:
     """Return the parts of the page that tell about the run, as HTML, by their places in the template."""
     kind, banner = account.banner or ("", "")
+    goes = {line: account.longest for line in account.answer if account.longest and line.endswith(str(account.longest))}
     facts = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in account.facts)
     warnings = _list("Quality warnings", account.quality_warnings)
     warnings += _list("Warnings about building and people", account.warnings)
     return {
         "banner": f'<p id="banner" class="{kind}" role="alert"{"" if banner else " hidden"}>{html.escape(banner)}</p>',
-        "answer": "".join(f"<p>{html.escape(line)}</p>" for line in account.answer),
+        "answer": "".join(f"<p>{html.escape(line)}{_show(goes.get(line))}</p>" for line in account.answer),
         "facts": facts,
         "warnings": warnings or "<h3>No warnings</h3>",
     }
@@ -49,10 +54,13 @@ def poster(motion: MotionPacker, group: IntArray) -> str:
         Group of each person, -1 for none.
     """
     building = motion.building
-    storeys = np.unique([round(level.z_min, 1) for level in building.levels if level.kind == "floor"])
+    floors = [level for level in building.levels if level.kind == "floor"]
+    storeys = np.unique([round(level.z_min, 1) for level in floors])
     low, high = np.array(shapely.total_bounds([level.polygon for level in building.levels])).reshape(2, 2)
     cell = high - low + max(GAP * float((high - low).max()), LEAST_GAP)
     columns = max(1, round(math.sqrt(1.6 * len(storeys) * cell[1] / cell[0])))  # about as wide as a screen
+    width, height = 100.0 * cell * [min(columns, len(storeys)), math.ceil(len(storeys) / columns)]
+    gap = 100.0 * float((cell - high + low).min())
 
     def placed(level: int, points: FloatArray) -> FloatArray:
         """Return points [m] of a level as they are drawn [cm], y downwards."""
@@ -62,20 +70,26 @@ def poster(motion: MotionPacker, group: IntArray) -> str:
         return drawn
 
     parts = [_floor(building, level, placed) for level in range(len(building.levels))]
+    for storey, z in enumerate(storeys):
+        names = html.escape(", ".join(level.name for level in floors if round(level.z_min, 1) == z)[:MOST_LETTERS])
+        column, row = storey % columns, storey // columns
+        x, y = 100.0 * cell * [column, row] - [0.0, 0.2 * gap]
+        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" font-size="{min(0.7 * gap, width / 40.0):.0f}">{names}</text>')
     for exit_ in building.exits:
         ends = placed(exit_.level, exit_.segments.reshape(-1, 2)).reshape(-1, 4)
         parts.append(f'<path class="exit" d="{"".join(f"M{a:.0f} {b:.0f}L{c:.0f} {d:.0f}" for a, b, c, d in ends)}"/>')
     person, level, position = first_state(motion)
+    dot = max(PERSON, width / 200.0)  # seen on a narrow screen, too
     every = math.ceil(max(len(person), 1) / MOST_PEOPLE)
     colours = palette.group_colours(int(group.max(initial=-1)) + 1)
     for number in np.unique(group[person]):
         rows = np.flatnonzero(group[person] == number)[::every]
         at = [placed(int(level[row]), position[row]) for row in rows]
         dots = "".join(f"M{x:.0f} {y:.0f}h0" for x, y in at)
-        parts.append(f'<path class="people" stroke="{colours[number]}" d="{dots}"/>')
-    width, height = 100.0 * cell * [min(columns, len(storeys)), math.ceil(len(storeys) / columns)]
+        parts.append(f'<path class="people" stroke="{colours[number]}" stroke-width="{dot:.0f}" d="{dots}"/>')
     label = "All storeys in plan, from the lowest, with the people at the start"
-    return f'<svg viewBox="-50 -50 {width:.0f} {height:.0f}" role="img" aria-label="{label}">{"".join(parts)}</svg>'
+    box = f"-50 {-gap:.0f} {width:.0f} {height:.0f}"
+    return f'<svg viewBox="{box}" role="img" aria-label="{label}">{"".join(parts)}</svg><p>{label}</p>'
 
 
 def first_state(motion: MotionPacker) -> tuple[IntArray, IntArray, FloatArray]:
@@ -101,6 +115,10 @@ def _floor(building: Building, index: int, placed: Callable[[int, FloatArray], F
     outlines = (placed(index, np.array(ring.coords)[:-1]) for ring in rings)
     path = "".join(f"M{'L'.join(f'{x:.0f} {y:.0f}' for x, y in outline)}z" for outline in outlines)
     return f'<path class="{level.kind}" d="{path}"/>'
+
+
+def _show(queue: Queue | None) -> str:
+    return "" if queue is None else f' <button type="button" value="{queue.time!r}">Show</button>'
 
 
 def _list(title: str, lines: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.defaults import MOST_HEIGHT
@@ -97,6 +98,7 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
             }
             for time, at in conditions.items()
         ],
+        "longest": _longest(motion, account.longest),
         "changes": [[change.time, change.words] for change in changes],
         "grain": GRAIN,
         "tallest": MOST_HEIGHT,
@@ -221,6 +223,16 @@ def _about(account: Account) -> dict[str, Any]:
             "time": whole(account.moves.time, 100.0),
         },
     }
+
+
+def _longest(motion: MotionPacker, queue: Queue | None) -> dict[str, Any] | None:
+    """Return when and where the longest queue was longest."""
+    level = queue and motion.building.level_named(queue.level)
+    if queue is None or level is None:
+        return None
+    x, y = ([queue.x, queue.y] - motion.origin).tolist()
+    text = f"longest queue, {queue.place}: {queue.most} wait"
+    return {"time": queue.time, "text": text, "at": {"level": level.index, "x": x, "y": y}}
 
 
 def _smoke(motion: MotionPacker) -> dict[str, Any] | None:

@@ -127,7 +127,7 @@ class Recount:
             places = Counter(level["stair"] or name_of[level["name"]] for level in of)
             for place, count in places.items():
                 if count >= 10:
-                    found.setdefault(place, (time, f"{place}: jam, {count} people wait"))
+                    found.setdefault(place, (time, f"{place}: jam, {count} wait"))
         return set(found.values())
 
     def longest_queue(self):

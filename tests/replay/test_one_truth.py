@@ -202,7 +202,7 @@ def test_events_on_the_time_line_are_those_of_the_run(browser, run):
     for name in floors if len(floors) > 1 else ():
         left = run.use_of({name})[2]
         expected |= {(left, f"{name}: nobody left")} if left else set()
-    told = [(float(text.removesuffix(" s")), what) for sign, text, what in shown if sign not in "▼◆"]
+    told = [(float(text.removesuffix(" s")), what) for sign, text, what in shown if sign not in "▼◆★"]
     assert sorted(told) == sorted((round(time + TIE, 2), what) for time, what in expected)
     changes = [float(text.removesuffix(" s")) for sign, text, _ in shown if sign == "▼"]
     assert changes == [change["time"] for change in run.summary["changes"]]
@@ -212,6 +212,27 @@ def test_events_on_the_time_line_are_those_of_the_run(browser, run):
     browser.settle()
     assert browser.run("replay.state.time") == pytest.approx(times[1], abs=0.0051)
     assert browser.run("document.querySelectorAll('#marks button').length") == len(shown)
+
+
+def test_the_longest_queue_is_shown_where_and_when_it_was(browser, run):
+    words = r"Longest queue, (.*): \d+ \w+ waited .* average, (\d+) at once at (.*) s around \((.*), (.*)\) on '(.*)'"
+    place, most, time, x, y, level = re.fullmatch(words, run.longest_queue()).groups()
+    browser.open(run.folder / "replay.html")
+    browser.run("document.querySelector('#answer button').click()")
+    browser.settle()
+    assert browser.run("replay.state.time") == pytest.approx(float(time), abs=0.051)
+    assert browser.text("#labels .event") == f"longest queue, {place}: {most} wait"
+    assert browser.text("#events [aria-current=true]").endswith(f"longest queue, {place}: {most} wait")
+    at, found = browser.run(
+        """(() => {
+          const { longest: { at }, origin, building } = replay.record;
+          return [[at.x + origin[0], at.y + origin[1]], building.levels[at.level].name];
+        })()"""
+    )
+    assert found == level
+    np.testing.assert_allclose(at, [float(x), float(y)], atol=0.051)
+    browser.press("n", "KeyN")
+    assert browser.text("#labels .event") != f"longest queue, {place}: {most} wait"
 
 
 def answer_of(run):

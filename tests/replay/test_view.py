@@ -153,6 +153,26 @@ def test_the_building_is_in_the_picture_and_names_of_storeys_are_at_their_height
     assert (middle <= high + 1).all()
 
 
+def test_labels_away_from_what_they_name_have_a_line_to_it(browser, page):
+    browser.open(page)
+    browser.run("replay.act.seek(20); replay.act.select(7)")
+    browser.settle()
+    drawn, at = browser.run(
+        """(() => {
+          const { people, camera, record, labels } = replay, { width, height } = labels.cells, k = people.marked;
+          const [x, y, z] = people.bodies.subarray(4 * k, 4 * k + 3);
+          const [px, py] = camera.project([x, y, z + record.height[7] / 1000]);
+          return [labels.shown.map(({ span, box, line }) => [span.className, span.innerText, box, line]),
+                  [(px + 1) / 2 * width, (1 - py) / 2 * height]];
+        })()"""
+    )
+    lines = {text: line for _, text, _, line in drawn}
+    np.testing.assert_allclose(lines["Person 7"][2:], at, atol=0.5)
+    for kind, text, (left, top, right, bottom, x, y), line in drawn:
+        off = np.hypot(x - np.clip(x, left, right), y - np.clip(y, top, bottom))
+        assert kind == "storey" or (np.hypot(line[2] - line[0], line[3] - line[1]) > 0) == (off > 12), text
+
+
 def test_what_scrolls_can_be_reached_with_keys_and_the_page_has_a_title(browser, page):
     browser.open(page, 390, 800)
     unreachable = browser.run(

@@ -1,18 +1,24 @@
 // What happened when: on the time line and as a list; a click goes there.
 
 const JAM = 10;  // So many people who wait at once, on one level or stair, are a jam.
-const SIGNS = { out: "▲", clear: "■", jam: "●", warning: "◆", case: "▼" };
+const SIGNS = { longest: "★", out: "▲", clear: "■", jam: "●", warning: "◆", case: "▼" };
 const TOLD = /\b(?:t = |from )(\d+(?:\.\d+)?)(?= s\b| and | to )/;  // The first time in a text.
 
 // When a text says that something was [s]; null if it does not.
 const timeIn = (text) => TOLD.test(text) ? Number(TOLD.exec(text)[1]) : null;
 
+// The events of a run in the order of time; of those that were at a place, its level and its point in plan [m].
 function findEvents(record, series) {
   const events = record.changes.map(([time, text]) => ({ time, kind: "case", text }));
   for (const text of record.quality_warnings) if (timeIn(text) !== null) events.push({ time: timeIn(text), kind: "warning", text });
-  const { out } = series;
-  if (out.length) events.push({ time: out[0], kind: "out", text: "first person out" });
-  if (out.length > 1) events.push({ time: out.at(-1), kind: "out", text: out.length === record.people ? "last person out" : "last of those who got out" });
+  if (record.longest) events.push({ kind: "longest", ...record.longest });
+  const { out, order } = series;
+  const leave = (p, text) => {
+    const [x, y] = record.outAt.subarray(2 * p), exit = record.building.exits[record.outBy[p]];
+    events.push({ time: record.outTime[p], kind: "out", text, at: exit && { level: exit.level, x, y } });
+  };
+  if (out.length) leave(order[0], "first person out");
+  if (out.length > 1) leave(order.at(-1), out.length === record.people ? "last person out" : "last of those who got out");
   for (const { name, inside } of series.storeys.length > 1 ? series.storeys : []) {
     const { times, numbers } = inside;
     if (times.length && numbers.at(-1) === 0) events.push({ time: times.at(-1), kind: "clear", text: `${name}: nobody left` });
@@ -22,22 +28,23 @@ function findEvents(record, series) {
 
 // The first time at which a jam is on each stair, and on the floors of each storey.
 function findJams({ motion, frames, building, people }, { storeys }) {
-  const { first, person, level, waited, times } = motion, events = [];
+  const { first, person, level, x, y, waited, times } = motion, events = [];
   const places = building.levels.map((one, index) => {
     const stair = building.stairs.findIndex(({ levels }) => levels.includes(index));
     return stair < 0 ? one.storey : storeys.length + stair;
   });
   const names = [...storeys, ...building.stairs].map(({ name }) => name), isTold = names.map(() => false), last = new Float32Array(people);
   for (let k = 0; k < frames; k++) {
-    const waiting = names.map(() => 0);
+    const waiting = names.map(() => []);
     for (let row = first[k]; row < first[k + 1]; row++) {
-      if (waited[row] > last[person[row]]) waiting[places[level[row]]]++;
+      if (waited[row] > last[person[row]]) waiting[places[level[row]]].push(row);
       last[person[row]] = waited[row];
     }
-    waiting.forEach((count, place) => {
-      if (count < JAM || isTold[place]) return;
+    waiting.forEach((rows, place) => {
+      if (rows.length < JAM || isTold[place]) return;
       isTold[place] = true;
-      events.push({ time: times[k], kind: "jam", text: `${names[place]}: jam, ${count} people wait` });
+      const one = rows[rows.length >> 1];
+      events.push({ time: times[k], kind: "jam", text: `${names[place]}: jam, ${rows.length} wait`, at: { level: level[one], x: x[one], y: y[one] } });
     });
   }
   return events;
@@ -67,6 +74,12 @@ class TimeLine {
     if (last === this.last) return;
     this.last = last;
     this.rows.forEach((row, index) => { row.ariaCurrent = index === last ? "true" : "false"; });
+  }
+
+  // The event at a time that was at a place; the longest queue rather than others.
+  placed(time) {
+    const all = this.events.filter((event) => event.at && Math.abs(event.time - time) < 1e-6);
+    return all.find(({ kind }) => kind === "longest") ?? all[0];
   }
 
   // Time of the next event after or before a time.

@@ -1,6 +1,7 @@
 // Names of exits, stairs, storeys and places over the picture.
 
 const SCALE = [-160, -48, 0, 0];  // Left, top, right and bottom of the scale bar, from the lower right corner [pixels].
+const DIRECTIONS = 16;
 const CELL = 6;  // Side of the parts of the picture that are taken or free [pixels].
 
 class Labels {
@@ -13,8 +14,10 @@ class Labels {
     const metres = (values) => values.map((value) => value * grain);
     this.items = (layout.storeys.length > 1 ? layout.storeys : []).map(({ name, z }, index) => {
       const level = building.levels.findIndex((one) => one.storey === index && one.kind === "floor");
-      return { kind: "storey", name, level, at: [layout.box[0], layout.box[1], z], lift: 0 };
+      const parts = building.levels.filter((one) => one.storey === index);  // Beside the stairs, too.
+      return { kind: "storey", name, level, corners: this.cornersOf(building.levels[level]), outer: parts.flatMap((one) => this.cornersOf(one)).map(([x, y]) => [x, y, z]) };
     });
+    this.items.push(...[this.who, this.event] = [{ kind: "who", name: "" }, { kind: "event", name: "" }]);
     building.exits.forEach(({ name, level, segments }, index) => {
       const s = 6 * Math.floor(segments.length / 12), [x1, y1, z1, x2, y2, z2] = metres(segments.slice(s, s + 6));
       this.items.push({ kind: "exit", index, name, level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.1 });
@@ -25,20 +28,26 @@ class Labels {
       this.items.push({ kind: "stair", name: /stair/i.test(name) ? name : `stair ${name}`, level, at, lift: 0.3 });
     }
     for (const { name, level, at } of building.places) this.items.push({ kind: "place", name, level, at: metres(at), lift: 0.3 });
-    for (const item of this.items) this.add(item);
-    this.who = this.add({ kind: "who", name: "" });
+    for (const item of this.items) {
+      item.span = document.createElement("span");
+      item.span.className = item.kind;
+      item.span.textContent = item.name;
+      this.node.append(item.span);
+    }
   }
 
-  add(item) {
-    item.span = document.createElement("span");
-    item.span.className = item.kind;
-    item.span.textContent = item.name;
-    this.node.append(item.span);
-    return item;
+  // Outermost points of a floor in some directions.
+  cornersOf({ triangles }) {
+    const { building: { vertices }, grain } = this.record, found = new Set();
+    for (let k = 0; k < DIRECTIONS; k++) {
+      const [c, s] = [Math.cos(2 * Math.PI * k / DIRECTIONS), Math.sin(2 * Math.PI * k / DIRECTIONS)], reach = (v) => c * vertices[3 * v] + s * vertices[3 * v + 1];
+      found.add(triangles.reduce((most, v) => reach(v) > reach(most) ? v : most, triangles[0]));
+    }
+    return [...found].map((v) => [0, 1, 2].map((i) => vertices[3 * v + i] * grain));
   }
 
   // Room that the names of storeys need beside the building.
-  margin() { return Math.max(0, ...this.items.map(({ kind, span }) => kind === "storey" ? span.offsetWidth + 2 * GAP : 0)); }
+  margin() { return Math.max(0, ...this.items.map(({ kind, span }) => kind === "storey" ? 1.2 * span.offsetWidth + 2 * GAP : 0)); }
 
   rename(item, text) {
     if (item.text === text) return;
@@ -48,8 +57,9 @@ class Labels {
   }
 
   // Puts every label beside what it names, where it covers nobody and no other label, and where no floor lies before what
-  // it names; it is hidden where there is no such place. Styles are written only where they change.
-  update(camera, state, selected, people, density, width, height) {
+  // it names, with a line to that if it is not near; it is hidden where there is no such place. Of whoever is selected and
+  // of the event at this time, there are name and place in the picture. Styles are written only where they change.
+  update(camera, state, selected, event, people, density, width, height) {
     const { cells } = this;
     const aim = [...camera.matrix, this.layout.spread, this.layout.storey, width, height].join();
     for (const item of this.items) if (aim !== this.aim) item.boxes = new Map();  // By the side: null where a floor lies before it.
@@ -57,31 +67,33 @@ class Labels {
     cells.clear(width, height, heightOfTools());
     cells.markPeople(camera, people);
     if (camera.isFlat) cells.mark(...SCALE.map((value, i) => value + (i % 2 ? height : width)));
-    for (const item of selected ? [this.who, ...this.items] : [...this.items, this.who]) {
-      const box = this.boxOf(item, camera, state, selected, density), { style } = item.span;
+    Object.assign(this.who, { to: selected });
+    Object.assign(this.event, { to: event });
+    this.shown = [];
+    for (const item of this.items) {
+      const box = this.boxOf(item, camera, state, density), line = box && item.kind !== "storey" ? leaderOf(box) : [0, 0, 0, 0];
       if (box) {
         cells.mark(...box);
-        const place = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
-        if (item.place !== place) style.transform = item.place = place;
+        this.shown.push({ span: item.span, box, line });
       }
-      const visibility = box ? "visible" : "hidden";
-      if (item.visibility !== visibility) style.visibility = item.visibility = visibility;
+      const style = box ? styleOf(box, line) : "visibility: hidden";
+      if (item.style !== style) item.span.style.cssText = item.style = style;
     }
   }
 
   // Left, top, right and bottom of a label; null where it has no place.
-  boxOf(item, camera, state, selected, density) {
-    const { layout, cells } = this, isWho = item === this.who;
-    if (isWho ? !selected : !layout.visible[item.level] || item.kind === "storey" && layout.storey >= 0) return null;
-    if (isWho) this.rename(item, selected.name);
+  boxOf(item, camera, state, density) {
+    const { layout, cells } = this, { to } = item;
+    if (to === undefined ? !layout.visible[item.level] || item.kind === "storey" && layout.storey >= 0 : !to) return null;
+    if (to) this.rename(item, to.name);
     if (item.kind === "exit") {
       const note = this.record.noteOn(item.index, state);
       item.span.className = note ? "closed" : "exit";
       this.rename(item, note ? `${item.name} (${note})` : item.name);
     }
-    const boxes = isWho ? new Map() : item.boxes, places = SIDES[item.kind === "storey" && camera.isFlat && !layout.isSection ? "plan" : item.kind] ?? SIDES.any;
+    const boxes = to ? new Map() : item.boxes, places = SIDES[to ? "pointer" : item.kind === "storey" && camera.isFlat && !layout.isSection ? "plan" : item.kind] ?? SIDES.any;
     const fits = (side) => {
-      if (!boxes.has(side)) boxes.set(side, this.boxAt(item, isWho ? selected.at : this.anchor(item, camera), side, camera, density));
+      if (!boxes.has(side)) boxes.set(side, this.boxAt(item, to?.at ?? this.anchor(item, camera), side, camera, density));
       const box = boxes.get(side);
       return box && cells.isFree(...box);
     };
@@ -98,16 +110,15 @@ class Labels {
       const [from, along] = camera.ray(2 * px / width - 1, 1 - 2 * py / height), way = (at[2] - from[2]) / along[2];
       return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i]), 1) > 0;
     };
-    const isHidden = !camera.isFlat && item !== this.who && [left, left + w].some((px) => shines(px, top) || shines(px, top + h));
-    return isHidden ? null : [left, top, left + w, top + h];
+    const isHidden = !camera.isFlat && !item.to && [left, left + w].some((px) => shines(px, top) || shines(px, top + h));
+    return isHidden ? null : [left, top, left + w, top + h, (x + 1) / 2 * width, (1 - y) / 2 * height];
   }
 
   // The point that a label names: of a storey, its corner on the left; in a section, the middle of its left end.
   anchor(item, camera) {
     const { layout } = this;
     if (item.kind === "storey") {
-      const [x1, y1, x2, y2] = layout.boxes[item.level], z = item.at[2];
-      const corners = [[x1, y1], [x2, y1], [x1, y2], [x2, y2]].map(([x, y]) => layout.place(item.level, x, y, z));
+      const corners = (camera.isFlat ? item.corners : item.outer).map((corner) => layout.place(item.level, ...corner));
       const xs = corners.map(([x]) => x), ys = corners.map(([, y]) => y);
       if (camera.isFlat) return [Math.min(...xs), layout.isSection ? (Math.min(...ys) + Math.max(...ys)) / 2 : Math.max(...ys), 0];
       return corners.reduce((left, one) => camera.project(one)[0] < camera.project(left)[0] ? one : left);
@@ -119,14 +130,28 @@ class Labels {
 
 // Where labels may be beside what they name, in their widths and heights, and the space between.
 const GAP = 5;
+const near = Array.from({ length: 31 }, (_, k) => (k - 15) * 1.05).filter((down) => Math.abs(down) > 1);
 const around = (reach) => [[0, -reach], [0, reach], [-reach, 0], [reach, 0], [-reach, -reach], [reach, -reach], [-reach, reach], [reach, reach]];
 const SIDES = {
   any: [[0, 0], ...around(1)],
-  who: [[0, -0.5], [0, -1], [1, -1], [-1, -1], [1, 0], [-1, 0], [0, -2], [0, -3], [1, 1], [-1, 1], [0, 2]],
+  pointer: near.flatMap((down) => [0, 0.5, -0.5, 1, -1, 1.5, -1.5].map((right) => [right, down])).sort(([a, b], [c, d]) => Math.hypot(6 * a, b) - Math.hypot(6 * c, d)),
   exit: [...around(1), ...around(2), ...around(3), ...around(4)],
-  plan: [[1, 1], [-1, 1]],
-  storey: [[-1, 0], [-2, 0], [-3, 0], [1, 0]],  // At its height.
+  plan: [[1, 1], [-1, 1], [1, -1], [-1, -1], [-1, 0]],
+  storey: [[-1.15, 0], [-2, 0], [-3, 0], [1, 0]],  // At its height.
 };
+
+const NEAR = 12;  // A label so near to what it names has no line to it [pixels].
+
+// The line from a box to the point that it names: where it begins and ends; of no length if they are near.
+function leaderOf([left, top, right, bottom, x, y]) {
+  const [fx, fy] = [Math.max(left, Math.min(right, x)), Math.max(top, Math.min(bottom, y))];
+  return Math.hypot(x - fx, y - fy) > NEAR ? [fx, fy, x, y] : [x, y, x, y];
+}
+
+function styleOf([left, top], [x1, y1, x2, y2]) {
+  const line = { x: `${(x1 - left).toFixed(1)}px`, y: `${(y1 - top).toFixed(1)}px`, far: `${Math.hypot(x2 - x1, y2 - y1).toFixed(1)}px`, turn: `${Math.atan2(y2 - y1, x2 - x1).toFixed(3)}rad` };
+  return `visibility: visible; transform: translate(${left.toFixed(1)}px, ${top.toFixed(1)}px);${Object.entries(line).map(([name, value]) => ` --${name}: ${value}`).join(";")}`;
+}
 
 // Which parts of the picture are taken.
 class Cells {

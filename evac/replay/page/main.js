@@ -99,14 +99,18 @@ async function start() {
     redraw();
   }
 
-  function selectedPlace(now) {
-    if (state.selected === null) return null;
-    for (let k = 0; k < people.count; k++) {
-      if (now.person[people.shown[k]] !== state.selected) continue;
-      const [x, y, z] = people.bodies.subarray(4 * k, 4 * k + 3);
-      return { name: `Person ${state.selected}`, at: [x, y, z + 1.95] };
-    }
-    return null;
+  function selectedPlace() {
+    if (people.marked < 0) return null;
+    const [x, y, z] = people.bodies.subarray(4 * people.marked, 4 * people.marked + 3);
+    return { name: `Person ${state.selected}`, at: [x, y, z + (camera.isFlat ? 0 : record.height[state.selected] / 1000)] };
+  }
+
+  // Name and place of the event at the time that is shown.
+  function eventPlace() {
+    const { text, at: { level, x, y } = {} } = timeLine.placed(state.time) ?? {};
+    if (!layout.visible[level]) return null;
+    const [c, a, b] = layout.building.levels[level].plane;
+    return { name: text, at: layout.place(level, x, y, c + a * x + b * y + (camera.isFlat ? 0 : 1)) };
   }
 
   // Writes what is shown to the address, a little later. A frame within another page has no address of its own.
@@ -141,7 +145,7 @@ async function start() {
     const scale = state.quantity === "group" ? null : people.scaleOf(state.quantity, state.service);
     const told = scale && { ...scale, name: state.quantity, most: scale.top, nothing: record.colours.nothing, stops: onFloor({ ...scale, isVeiled: false }, [0, 0, 0]) };
     const words = `${seconds(state.time)} · ${by("inside").textContent} inside, ${by("outside").textContent} out`;
-    return paintPicture(canvas, document.title, words, { scale: told, groups: panel.groupNames });
+    return paintPicture(canvas, { labels: labels.shown, title: document.title, about: words, legend: { scale: told, groups: panel.groupNames }, top: heightOfTools() });
   }
 
   // Prints are light, and have a picture in the place of the canvas.
@@ -225,7 +229,7 @@ async function start() {
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
     stage.draw(camera, people, { ...look, layer: state.isLayered ? 1 : 0, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
-    labels.update(camera, building, selectedPlace(now), people, density, wide, tall);
+    labels.update(camera, building, selectedPlace(), eventPlace(), people, density, wide, tall);
     updateScale(camera, tall);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     if (!state.isPlaying) remember();
@@ -381,7 +385,7 @@ async function start() {
   addEventListener("beforeprint", preparePrint);
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
-  return { record, layout, density, smoke, maps, series, people, camera, state, act, stage, chart, drawn, get measured() { return measured; } };
+  return { record, layout, density, smoke, maps, series, people, labels, camera, state, act, stage, chart, drawn, get measured() { return measured; } };
 
   function fillChoices() {
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
@@ -418,7 +422,7 @@ async function start() {
     on("show-help", "click", () => by("help").showModal());
     on("person-close", "click", act.deselect);
     on("follow", "click", () => act.follow(!state.isFollowed));
-    on("warnings", "click", ({ target }) => {
+    for (const id of ["warnings", "answer"]) on(id, "click", ({ target }) => {
       if (!target.matches("button")) return;
       by("info").close();
       act.seek(Number(target.value));

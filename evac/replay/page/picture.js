@@ -1,67 +1,64 @@
 // A picture of what is shown, with labels, time and legend: to save, and for print.
 
-const FOOT = 64;  // Height of the strip below the picture [pixels of the page].
+const LINE = 20;  // Height of a line of the legend [pixels of the page].
 
-// Paints what the stage has just drawn, and the texts, on a canvas of its own.
-function paintPicture(canvas, title, about, legend) {
+// Paints what the stage has just drawn below the tools, and the texts, on a canvas of its own.
+function paintPicture(canvas, { labels, title, about, legend, top }) {
   const ratio = canvas.width / canvas.clientWidth, page = document.createElement("canvas"), pen = page.getContext("2d");
   const style = getComputedStyle(document.documentElement), colour = (name) => style.getPropertyValue(`--${name}`);
-  Object.assign(page, { width: canvas.width, height: canvas.height + Math.ceil(FOOT * ratio) });
+  const small = `12px ${getComputedStyle(document.body).fontFamily}`, high = canvas.clientHeight - top;
+  pen.font = small;
+  const parts = arrangeLegend(pen, legend, canvas.clientWidth - 12);
+  Object.assign(page, { width: canvas.width, height: Math.round((high + LINE * (parts.at(-1).line + 3)) * ratio) });
   pen.fillStyle = colour("panel");
   pen.fillRect(0, 0, page.width, page.height);
-  pen.drawImage(canvas, 0, 0);
   pen.scale(ratio, ratio);
+  pen.drawImage(canvas, 0, top * ratio, canvas.width, high * ratio, 0, 0, canvas.clientWidth, high);
   pen.textBaseline = "middle";
-  const origin = canvas.getBoundingClientRect();
-  for (const span of by("labels").children) {
-    if (span.style.visibility !== "visible") continue;
-    const box = span.getBoundingClientRect(), { backgroundColor, color, font } = getComputedStyle(span);
-    pen.fillStyle = backgroundColor;
+  for (const { span, box: [left, low, right, bottom], line: [x1, y1, x2, y2] } of labels) {
+    const { backgroundColor, color, font } = getComputedStyle(span);
+    Object.assign(pen, { fillStyle: backgroundColor, strokeStyle: colour("text"), font });
     pen.beginPath();
-    pen.roundRect(box.x - origin.x, box.y - origin.y, box.width, box.height, 8);
+    pen.moveTo(x1, y1 - top);
+    pen.lineTo(x2, y2 - top);
+    pen.stroke();
+    pen.beginPath();
+    pen.roundRect(left, low - top, right - left, bottom - low, 8);
     pen.fill();
-    Object.assign(pen, { fillStyle: color, font });
-    pen.fillText(span.textContent, box.x - origin.x + 7, box.y - origin.y + box.height / 2);
+    pen.fillStyle = color;
+    pen.fillText(span.textContent, left + 7, (low + bottom) / 2 - top);
   }
-  const top = canvas.clientHeight, family = getComputedStyle(document.body).fontFamily;
-  pen.fillStyle = colour("text");
-  pen.font = `600 14px ${family}`;
-  pen.fillText([about, title].filter(Boolean).join(" · "), 12, top + 18);
-  pen.font = `12px ${family}`;
-  paintLegend(pen, legend, top + 42, canvas.clientWidth - 12, colour("text"));
+  Object.assign(pen, { fillStyle: colour("text"), font: `600 14px ${small.slice(5)}` });
+  pen.fillText([about, title].filter(Boolean).join(" · "), 12, high + LINE);
+  for (const { x, line, stops, width, text } of parts) {
+    const y = high + LINE * (line + 2);
+    const ramp = pen.createLinearGradient(...(width > SWATCH ? [x, 0, x + width, 0] : [0, y - 7, 0, y + 7]));
+    for (const [at, stop] of stops) ramp.addColorStop(at, stop);
+    Object.assign(pen, { fillStyle: ramp, strokeStyle: colour("edge"), font: small });
+    pen.fillRect(x, y - 7, width, 14);
+    pen.strokeRect(x, y - 7, width, 14);
+    pen.fillStyle = colour("text");
+    pen.fillText(text, x + width + 6, y);
+  }
   return page;
 }
 
-// Swatches with names, as many as fit; or a scale with its ends.
-function paintLegend(pen, { groups, scale }, y, right, ink) {
-  let x = 12;
-  const write = (text) => { pen.fillStyle = ink; pen.fillText(text, x, y); x += pen.measureText(text).width + 6; };
-  if (scale) {
-    write(`${scale.name}: ${scale.least}`);
-    const ramp = pen.createLinearGradient(x, 0, x + 160, 0);
-    scale.stops.forEach((stop, k) => ramp.addColorStop(k / (scale.stops.length - 1), stop));
-    pen.fillStyle = ramp;
-    pen.fillRect(x, y - 6, 160, 12);
-    x += 166;
-    write(`${scale.most} ${scale.unit}`);
-    if (!scale.below) return;
-    x += 12;
-    pen.fillStyle = scale.nothing;
-    pen.fillRect(x, y - 5, 10, 10);
-    x += 14;
-    write(scale.below);
-    return;
-  }
-  for (const [k, { name, look: [body, head, belt] }] of groups.entries()) {
-    if (x + pen.measureText(name).width + 90 > right) return write(`and ${groups.length - k} more groups`);
-    for (const [part, from, high] of [[body, -7, 14], [head, -7, 5], [belt, 1, 3]]) {
-      pen.fillStyle = part;
-      pen.fillRect(x, y + from, 9, high);
-    }
-    x += 14;
-    write(name);
-    x += 6;
-  }
+const SWATCH = 9;  // Width of what stands for a group [pixels].
+
+// Place, colours and text of each entry: groups, from head to foot; or a scale and what is below it.
+function arrangeLegend(pen, { groups, scale }, right) {
+  const plain = (colour) => [[0, colour], [1, colour]];
+  const entries = scale
+    ? [{ width: 160, stops: scale.stops.map((stop, k) => [k / (scale.stops.length - 1), stop]), text: `${scale.name}, ${scale.least} to ${scale.most} ${scale.unit}` },
+       ...(scale.below ? [{ width: SWATCH, stops: plain(scale.nothing), text: scale.below }] : [])]
+    : groups.map(({ name, look: [body, head, belt] }) => ({ width: SWATCH, text: name,
+      stops: [[head, 0, 0.34], [body, 0.34, 0.56], [belt, 0.56, 0.76], [body, 0.76, 1]].flatMap(([colour, from, to]) => [[from, colour], [to, colour]]) }));
+  let x = 12, line = 0;
+  return entries.map((entry) => {
+    const wide = entry.width + pen.measureText(entry.text).width + 18;
+    if (x + wide > right && x > 12) [x, line] = [12, line + 1];
+    return { ...entry, line, x: (x += wide) - wide };
+  });
 }
 
 function savePicture(page, name) {

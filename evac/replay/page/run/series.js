@@ -26,6 +26,7 @@ class Series {
     const order = [...record.outTime.keys()].filter((p) => record.outTime[p] < Infinity);
     order.sort((a, b) => record.outTime[a] - record.outTime[b]);
     const timesOf = (people) => Float64Array.from(people, (p) => record.outTime[p]);
+    this.order = order;
     this.out = timesOf(order);
     this.exits = exits.map((exit, index) => ({
       name: exit.name, index, times: timesOf(order.filter((p) => record.outBy[p] === index)),
