@@ -4,7 +4,7 @@ import hashlib
 import math
 import reprlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -372,3 +372,23 @@ def _check_bound(given: Distribution, minimum: float | None, above: float | None
     if math.isinf(low):
         raise ValueError(f"must be {bound}, but {given.kind} has smaller values; add a minimum")
     raise ValueError(f"must be {bound}, got {low:g}")
+
+
+def told(value: Any) -> str:
+    """Return a value of a case as words: a distribution as its name and numbers."""
+    if isinstance(value, Mapping):
+        return "; ".join(_told_pair(key, item) for key, item in value.items()) or "-"
+    if isinstance(value, list | tuple):
+        listed = [told(item) for item in value]
+        return ", ".join(listed if len(listed) <= 12 else [*listed[:3], "...", f"{len(listed)} values"]) or "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return "inf"  # JSON has no other word for it
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _told_pair(key: str, value: Any) -> str:
+    if key == "uniform" and isinstance(value, list) and len(value) == 2:
+        return f"uniform from {told(value[0])} to {told(value[1])}"
+    return f"{key}: {told(value)}"

@@ -10,6 +10,7 @@ from evac.analysis.lines import LineFlow, line_flows
 from evac.analysis.occupancy import Moves, recorded_moves
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.distributions import told
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
 from evac.results.reading import check_trajectory, results_beside
@@ -36,8 +37,6 @@ class Account:
     lines: Sequence[LineFlow]  # of the case
     speed: FloatArray | None = None  # desired speed on the flat [m/s]
     response_time: FloatArray | None = None  # [s]
-    exit_used: IntArray | None = None  # index of the exit, -1 for people who are inside
-    exit_time: FloatArray | None = None  # NaN for people who are inside [s]
     longest: Queue | None = None
 
 
@@ -66,8 +65,6 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         lines=[flow for flow in results.flows if flow.kind == "line"],
         speed=crowd.speed[:, 0],
         response_time=crowd.start_time,
-        exit_used=crowd.exit_used,
-        exit_time=crowd.exit_time,
         longest=results.queues[0] if results.queues else None,
     )
 
@@ -152,16 +149,7 @@ def _plugins(tables: Mapping[str, Any]) -> str:
 
 
 def _with_parameters(name: str, values: Mapping[str, Any]) -> str:
-    given = ", ".join(f"{key} = {_value(value)}" for key, value in values.items())
-    return f"{name} ({given})" if given else name
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_value(item)}" for key, item in value.items())
-    if isinstance(value, list):
-        return " to ".join(map(_value, value)) if len(value) == 2 else f"{len(value)} values"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{name} ({told(values)})" if values else name
 
 
 def _versions(versions: Any) -> str:

@@ -59,10 +59,8 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
         ],
         "portals": [
             {
-                "name": portal.name,
                 "levels": list(portal.levels),
                 "segments": _segments(building, portal.segments, portal.levels[0], origin),
-                "width": round(portal.width, 2),
             }
             for portal in building.portals
         ],
@@ -71,7 +69,6 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
                 "name": exit_.name,
                 "level": exit_.level,
                 "segments": _segments(building, exit_.segments, exit_.level, origin),
-                "width": round(exit_.width, 2),
             }
             for exit_ in building.exits
         ],
@@ -101,7 +98,6 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
     return {
         "name": level.name,
         "kind": level.kind,
-        "stair": level.stair,
         "plane": [round(c + a * origin[0] + b * origin[1], 5), round(a, 7), round(b, 7)],
         "uneven": not is_even(building, level),
         "z": [round(level.z_min, 3), round(level.z_max, 3)],

@@ -60,6 +60,7 @@ MOST_CODE = 2**40
 LARGEST_FRAME, LARGEST_RECORD = 21, 33
 #: Arrays that encoding of the next frame depends on.
 _STATE = ("level", "started", "seen", "last", "before", "speeds", "waited", "forces", "doses", "headings", "smoke")
+_STATE += ("first_level", "first")
 
 STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide")
 
@@ -111,10 +112,10 @@ class MotionPacker:
         self.origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         self._planes = [level_plane(building, level) for level in building.levels]
         self._uneven = np.array([not is_even(building, level) for level in building.levels])
-        self._level = np.full(people, -1, np.int32)  # in the previous frame
+        self._level, self._first_level = np.full((2, people), -1, np.int32)  # in the previous frame, and in the first
         self._seen = np.zeros(people, np.int32)  # frames of each person so far
-        self._last = np.zeros((people, 2), np.int64)  # positions in the last two frames
-        self._before = np.zeros((people, 2), np.int64)
+        # Positions in the last two frames, and in the first one of the run.
+        self._last, self._before, self._first = np.zeros((3, people, 2), np.int64)
         self._started = np.zeros(people, np.int32)  # 1 of those whose response time was over
         # In each person's last frame.
         self._speeds, self._waited, self._forces, self._doses, self._headings = np.zeros((5, people), np.int64)
@@ -163,6 +164,8 @@ class MotionPacker:
         self._write("times", np.array([time], "<f8"))
         self._write("events", self._events(person, level, started))
         at = np.floor((position - self.origin) / GRAIN).astype(np.int64)  # so that nobody is in another cell of maps
+        if self.frames == 1:
+            self._first_level[person], self._first[person] = level, at
         expected = np.where(self._seen[person, None] > 1, 2 * self._last[person] - self._before[person], 0)
         expected = np.where(self._seen[person, None] == 1, self._last[person], expected)
         self._numbers("steps", (at - expected).T.ravel())
@@ -200,6 +203,11 @@ class MotionPacker:
         """Greatest time that a person has waited so far [s]."""
         return float(self._measuring.waited.max(initial=0.0))
 
+    def first_state(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return person, level and position (n, 2) [m] of everybody in the first frame."""
+        person = np.flatnonzero(self._first_level >= 0)
+        return person, self._first_level[person], GRAIN * (self._first[person] + 0.5) + self.origin
+
     def streams(self) -> dict[str, bytes]:
         """Return the compressed streams by name."""
         return {name: stream.packed() for name, stream in self._streams.items()}
@@ -220,7 +228,8 @@ class MotionPacker:
             An array is not what `state` returns.
         """
         self.frames = int(taken(state, "frames", np.int64, (1,), 0, MOST_FRAMES)[0])
-        bounds = {"level": (-1, len(self._planes) - 1), "seen": (0, self.frames), "started": (0, 1), "smoke": (0, 255)}
+        bounds = {"seen": (0, self.frames), "started": (0, 1), "smoke": (0, 255)}
+        bounds |= dict.fromkeys(("level", "first_level"), (-1, len(self._planes) - 1))
         for name in _STATE:
             array = getattr(self, f"_{name}")
             array[:] = taken(state, name, array.dtype, array.shape, *bounds.get(name, (-MOST_CODE, MOST_CODE)))

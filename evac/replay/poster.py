@@ -2,7 +2,6 @@
 
 import html
 import math
-import zlib
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,9 +10,10 @@ import shapely
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
+from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.replay.account import Account
-from evac.replay.motion import ESCAPE, GRAIN, MotionPacker
+from evac.replay.motion import MotionPacker
 
 #: Lines of floors are drawn with this tolerance [m], which keeps the picture small.
 TOLERANCE = 0.05
@@ -54,31 +54,30 @@ def poster(motion: MotionPacker, group: IntArray) -> str:
         Group of each person, -1 for none.
     """
     building = motion.building
-    floors = [level for level in building.levels if level.kind == "floor"]
-    storeys = np.unique([round(level.z_min, 1) for level in floors])
+    of = storeys(building)
+    storey_of = {level.index: storey for storey, (_, levels) in enumerate(of) for level in levels}
     low, high = np.array(shapely.total_bounds([level.polygon for level in building.levels])).reshape(2, 2)
     cell = high - low + max(GAP * float((high - low).max()), LEAST_GAP)
-    columns = max(1, round(math.sqrt(1.6 * len(storeys) * cell[1] / cell[0])))  # about as wide as a screen
-    width, height = 100.0 * cell * [min(columns, len(storeys)), math.ceil(len(storeys) / columns)]
+    columns = max(1, round(math.sqrt(1.6 * len(of) * cell[1] / cell[0])))  # about as wide as a screen
+    width, height = 100.0 * cell * [min(columns, len(of)), math.ceil(len(of) / columns)]
     gap = 100.0 * float((cell - high + low).min())
 
     def placed(level: int, points: FloatArray) -> FloatArray:
         """Return points [m] of a level as they are drawn [cm], y downwards."""
-        storey = max(int(np.searchsorted(storeys, building.levels[level].z_min + 0.5)) - 1, 0)
-        at = points - [low[0], high[1]] + cell * [storey % columns, -(storey // columns)]
+        row, column = divmod(storey_of[level], columns)
+        at = points - [low[0], high[1]] + cell * [column, -row]
         drawn: FloatArray = np.rint(at * [100.0, -100.0])
         return drawn
 
     parts = [_floor(building, level, placed) for level in range(len(building.levels))]
-    for storey, z in enumerate(storeys):
-        names = html.escape(", ".join(level.name for level in floors if round(level.z_min, 1) == z)[:MOST_LETTERS])
-        column, row = storey % columns, storey // columns
-        x, y = 100.0 * cell * [column, row] - [0.0, 0.2 * gap]
-        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" font-size="{min(0.7 * gap, width / 40.0):.0f}">{names}</text>')
+    for storey, (name, _) in enumerate(of):
+        x, y = 100.0 * cell * divmod(storey, columns)[::-1] - [0.0, 0.2 * gap]
+        size, text = min(0.7 * gap, width / 40.0), html.escape(name[:MOST_LETTERS])
+        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" font-size="{size:.0f}">{text}</text>')
     for exit_ in building.exits:
         ends = placed(exit_.level, exit_.segments.reshape(-1, 2)).reshape(-1, 4)
         parts.append(f'<path class="exit" d="{"".join(f"M{a:.0f} {b:.0f}L{c:.0f} {d:.0f}" for a, b, c, d in ends)}"/>')
-    person, level, position = first_state(motion)
+    person, level, position = motion.first_state()
     dot = max(PERSON, width / 200.0)  # seen on a narrow screen, too
     every = math.ceil(max(len(person), 1) / MOST_PEOPLE)
     colours = palette.group_colours(int(group.max(initial=-1)) + 1)
@@ -90,22 +89,6 @@ def poster(motion: MotionPacker, group: IntArray) -> str:
     label = "All storeys in plan, from the lowest, with the people at the start"
     box = f"-50 {-gap:.0f} {width:.0f} {height:.0f}"
     return f'<svg viewBox="{box}" role="img" aria-label="{label}">{"".join(parts)}</svg><p>{label}</p>'
-
-
-def first_state(motion: MotionPacker) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return person, level and position (n, 2) [m] of everybody in the first state of a packed motion."""
-    packed = motion.streams()
-    count = int(np.frombuffer(_start_of(packed["events"], 4), "<i4")[0])
-    person, level = np.frombuffer(_start_of(packed["events"], 4 + 8 * count), "<i4")[1:].reshape(2, count)
-    folded = np.frombuffer(_start_of(packed["steps"], 2 * count), np.uint8).astype(np.int64)
-    steps = np.where(folded % 2, -(folded + 1) // 2, folded // 2)
-    is_wide = folded == ESCAPE
-    steps[is_wide] = np.frombuffer(_start_of(packed["wide"], 4 * int(is_wide.sum())), "<i4")
-    return person, level, GRAIN * (steps.reshape(2, count).T + 0.5) + motion.origin
-
-
-def _start_of(stream: bytes, length: int) -> bytes:
-    return zlib.decompressobj().decompress(stream, length) if length else b""
 
 
 def _floor(building: Building, index: int, placed: Callable[[int, FloatArray], FloatArray]) -> str:

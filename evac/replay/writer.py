@@ -86,7 +86,7 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
     building, floors = building_for_page(motion.building, motion.origin)
     times = dict.fromkeys([0.0, *(change.time for change in changes)])
     conditions = {time: building_at(motion.building, changes, time) for time in times}
-    about = _about(account) | {
+    about = _about(account, len(motion.building.portals)) | {
         "building": building,
         "origin": motion.origin.tolist(),
         "states": [
@@ -182,8 +182,10 @@ def _chosen(time: FloatArray, every: float | None) -> set[int]:
     return {*nearest.tolist(), len(time) - 1}
 
 
-def _about(account: Account) -> dict[str, Any]:
+def _about(account: Account, portals: int) -> dict[str, Any]:
     """Return the account as plain JSON: times in hundredths of a second, lengths in millimetres."""
+    moves = account.moves
+    leaves = (moves.target < 0) & (moves.link >= portals)
 
     def whole(values: FloatArray | None, scale: float) -> list[int] | None:
         if values is None:
@@ -211,16 +213,14 @@ def _about(account: Account) -> dict[str, Any]:
         "height": whole(account.height, 1000.0),
         "speed": whole(account.speed, 100.0),
         "response_time": whole(account.response_time, 100.0),
-        "exit_used": None if account.exit_used is None else account.exit_used.tolist(),
-        "exit_time": whole(account.exit_time, 100.0),
         "lines": [
             {"name": line.name, "width": line.width, "times": np.round(line.time, 2).tolist()} for line in account.lines
         ],
         "moves": {
-            "start": account.moves.start.tolist(),
-            "person": account.moves.row.tolist(),
-            "target": account.moves.target.tolist(),
-            "time": whole(account.moves.time, 100.0),
+            "start": moves.start.tolist(),
+            "person": moves.row.tolist(),
+            "target": np.where(leaves, portals - 2 - moves.link, moves.target).tolist(),  # by exit k: -2 - k
+            "time": whole(moves.time, 100.0),
         },
     }
 

@@ -5,8 +5,9 @@ import hashlib
 from collections.abc import Mapping
 from typing import Any
 
+from evac.base.distributions import told
 from evac.case.toml import case_text
-from evac.report.templates import APPENDIX, Section, section, told
+from evac.report.templates import APPENDIX, Section, section
 from evac.results.record import CaseTable
 
 #: Greatest number of lines of a case that is printed, on two or three pages.

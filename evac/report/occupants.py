@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from evac.report.templates import Section, fixed, section, told
+from evac.base.distributions import told
+from evac.report.templates import Section, fixed, section
 from evac.results.record import CaseTable, GroupTable
 from evac.results.results import Results
 

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from evac.base.arrays import FloatArray
+from evac.base.distributions import told
 from evac.base.errors import ResultError
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
 from evac.folder.jsonfile import checked, read_json
@@ -24,7 +25,7 @@ from evac.report.congestion import USUAL, Places, congestion_sections
 from evac.report.model import case_section, model_section
 from evac.report.occupants import occupants_section
 from evac.report.pages import BLANK, Head, Labels, files_section, page
-from evac.report.templates import APPENDIX, Cell, Section, fixed, section, told
+from evac.report.templates import APPENDIX, Cell, Section, fixed, section
 from evac.report.times import places_section, times_section
 from evac.report.verification import evidence_section, standard_section, verification_section
 from evac.results.ending import FAILED

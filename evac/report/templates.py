@@ -1,7 +1,7 @@
 """Templates of reports: they escape every value that they show."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from evac.base.distributions import told
 from evac.base.errors import counted
 
 #: Words longer than this may be broken in a line.
@@ -64,26 +65,6 @@ def shown(value: object) -> Markup:
         return Markup("yes" if value else "no")
     words = f"{value:.4g}" if isinstance(value, float) else str(value)
     return Markup("<wbr>").join(LONG_WORD.sub("\\1\0", words).split("\0"))
-
-
-def told(value: Any) -> str:
-    """Return a value of a case as words: a distribution as its name and numbers."""
-    if isinstance(value, Mapping):
-        return "; ".join(_told_pair(key, item) for key, item in value.items()) or "-"
-    if isinstance(value, list | tuple):
-        listed = [told(item) for item in value]
-        return ", ".join(listed if len(listed) <= 12 else [*listed[:3], "...", f"{len(listed)} values"]) or "none"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if value is None:
-        return "inf"  # JSON has no other word for it
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _told_pair(key: str, value: Any) -> str:
-    if key == "uniform" and isinstance(value, list) and len(value) == 2:
-        return f"uniform from {told(value[0])} to {told(value[1])}"
-    return f"{key}: {told(value)}"
 
 
 def rendered(template: str, **data: Any) -> str:

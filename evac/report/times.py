@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from evac.base.arrays import FloatArray
+from evac.base.distributions import told
 from evac.report import figures
-from evac.report.templates import APPENDIX, Section, fixed, section, told
+from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.answer import time_of_share
 from evac.results.record import FlowUse, PlaceUse
 from evac.results.results import Results

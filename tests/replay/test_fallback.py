@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from evac.replay.motion import GRAIN, MotionPacker
-from evac.replay.poster import first_state, poster
+from evac.replay.poster import poster
 from evac.trajectory.trajectory import read_trajectory
 
 VIEW = "['time', 'view', 'storey', 'layer', 'quantity', 'selected'].map((name) => replay.state[name])"
@@ -130,7 +130,7 @@ def test_the_poster_has_everybody_where_they_were_first(descent):
         frame = trajectory[k]
         names = ("time", "person", "level", "position", "velocity", "started", "contact_force")
         motion.add(*(frame[name] for name in names))
-    person, level, position = first_state(motion)
+    person, level, position = motion.first_state()
     first = trajectory[0]
     assert (person.tolist(), level.tolist()) == (first["person"].tolist(), first["level"].tolist())
     np.testing.assert_allclose(position, first["position"], atol=0.51 * GRAIN)

@@ -85,7 +85,7 @@ def test_heights_on_an_uneven_level_are_those_of_its_cells(browser, tmp_path, bu
     position = np.column_stack([np.linspace(10.1, 13.9, 20), np.linspace(1.9, 0.1, 20)])
     motion = MotionPacker(20, building)
     motion.add(0.0, person, level, position, np.zeros((20, 3)), np.ones(20, bool), np.zeros(20))
-    write_page(tmp_path / "replay.html", motion, replace(account_of_run(room[1]), exit_time=None, exit_used=None), ())
+    write_page(tmp_path / "replay.html", motion, account_of_run(room[1]), ())
     browser.open(tmp_path / "replay.html")
     z = browser.run("Array.from(replay.record.motion.z)")
     np.testing.assert_allclose(z, elevation(building, level, position), atol=0.01)
@@ -99,7 +99,7 @@ def test_people_are_drawn_as_tall_as_they_are(browser, tmp_path, room):
     corners = np.array([[0.5, 0.5], [4.5, 0.5], [0.5, 4.5], [4.5, 4.5]])  # so that nobody is behind another's head
     still = np.zeros((4, 3)), np.ones(4, bool), np.zeros(4)
     motion.add(0.0, np.arange(4, dtype=np.int32), np.zeros(4, np.int32), corners, *still)
-    account = replace(account_of_run(results), height=height, exit_time=None, exit_used=None)
+    account = replace(account_of_run(results), height=height)
     write_page(tmp_path / "replay.html", motion, account, ())
     browser.open(tmp_path / "replay.html")
     places = browser.run(

@@ -61,14 +61,16 @@ def page(request, room, tmp_path_factory):
         motion.add(time, rows, level, position, np.zeros((people, 3)), np.ones(people, bool), np.zeros(people))
     everybody = np.zeros(people, np.int32)
     some = account_of_run(room[1])
-    moves = replace(some.moves, start=everybody, row=everybody[:0], target=everybody[:0], time=np.zeros(0))
+    moves = replace(
+        some.moves, start=everybody, time=np.zeros(0), **dict.fromkeys(("row", "target", "link"), everybody[:0])
+    )
     sizes = {
         "group": np.arange(people, dtype=np.int32) % 60,
         "radius": everybody + 0.25,
         "height": everybody + 1.7,
         "moves": moves,
     }
-    unknown = dict.fromkeys(("speed", "response_time", "exit_used", "exit_time"))
+    unknown = dict.fromkeys(("speed", "response_time"))
     account = replace(some, groups=[f"group {k + 1}" for k in range(60)], **sizes, **unknown)
     path = tmp_path_factory.mktemp("view") / "replay.html"
     write_page(path, motion, account, ())

@@ -18,49 +18,42 @@ class Record {
              x: floats(), y: floats(), z: floats() };
   }
 
-  // Times of leaving are those of the run where they are known, else those of the first frame without the person.
+  // Finds when, by which exit and at which point people leave. The moves of killed runs are those between recorded times,
+  // and have no exits.
   findExits() {
-    const { motion } = this;
+    const { motion, moves } = this, firstSeen = new Map();
     this.lastRow = new Int32Array(this.people).fill(-1);
-    this.lastFrame = new Int32Array(this.people).fill(-1);
-    const firstSeen = new Map();
     for (let k = 0; k < this.frames; k++) {
       for (let row = motion.first[k]; row < motion.first[k + 1]; row++) {
         if (this.lastRow[motion.person[row]] < 0) firstSeen.set(motion.person[row], [row, k]);
         this.lastRow[motion.person[row]] = row;
-        this.lastFrame[motion.person[row]] = k;
       }
     }
-    // Who comes during the run, when, and where each of them is recorded first.
-    const { moves } = this;
-    this.comes = [];
-    moves.person.forEach((p, i) => {
-      if (moves.start[p] >= 0 || !firstSeen.has(p)) return;
-      this.comes.push([moves.time[i] / 100, ...firstSeen.get(p)]);
-      firstSeen.delete(p);
-    });
-    this.hasTimes = this.exit_time !== null;
+    this.comes = [];  // Who comes during the run: when, and where each of them is recorded first.
+    this.hasTimes = moves.target.some((target) => target < -1);
     this.outTime = new Float64Array(this.people).fill(Infinity);
     this.outBy = new Int32Array(this.people).fill(-1);
     this.outAt = new Float32Array(2 * this.people);
-    for (let p = 0; p < this.people; p++) {
-      const gone = this.lastFrame[p] + 1 < this.frames;
-      if (this.hasTimes && this.exit_time[p] >= 0) {
-        this.outTime[p] = this.exit_time[p] / 100;
-        this.outBy[p] = this.exit_used[p];
-      } else if (gone && !this.hasTimes) {
-        this.outTime[p] = motion.times[this.lastFrame[p] + 1];
+    moves.person.forEach((p, i) => {
+      const time = moves.time[i] / 100, target = moves.target[i];
+      if (target < 0) {
+        this.outTime[p] = time;
+        this.outBy[p] = target < -1 ? -2 - target : -1;
+        if (this.lastRow[p] >= 0) this.leadOut(p);
+      } else if (moves.start[p] < 0 && firstSeen.has(p)) {
+        this.comes.push([time, ...firstSeen.get(p)]);
+        firstSeen.delete(p);
       }
-      if (this.outTime[p] < Infinity && this.lastRow[p] >= 0) this.leadOut(p);
-    }
+    });
   }
 
   // Takes the nearest point of the exit used, or of the nearest exit on the level if it is not known.
   leadOut(p) {
     const row = this.lastRow[p], { x, y, level } = this.motion;
     let least = Infinity;
+    const known = this.outBy[p];
     this.building.exits.forEach((exit, index) => {
-      if (this.outBy[p] >= 0 && this.hasTimes ? index !== this.outBy[p] : exit.level !== level[row]) return;
+      if (known >= 0 ? index !== known : exit.level !== level[row]) return;
       for (let s = 0; s < exit.segments.length; s += 6) {
         const [x1, y1, , x2, y2] = exit.segments.slice(s, s + 6).map((value) => value * this.grain);
         const along = (x2 - x1) ** 2 + (y2 - y1) ** 2;
