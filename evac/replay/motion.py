@@ -3,10 +3,9 @@
 The page decodes the streams (page/run/motion.js). All numbers are little-endian:
 
 - ``times``: float64, the time of each frame [s].
-- ``events``: int32. For each frame the number of people who were not in the previous frame, then their indices and
-  their levels; the number of people who have left, and their indices; the number of people who have changed the level,
-  their indices and their levels; the number of people for whom it has changed whether their response time is over,
-  and their indices.
+- ``events``: int32. For each frame the number of people who came, left or changed the level, their indices and their
+  levels, -1 of those who left; the number of people for whom it has changed whether their response time is over, and
+  their indices.
 - ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: second differences in
   centimetres of the position rounded down, to which the page adds half a centimetre. Before a person's first frame its
   positions count as zero, for its second frame as the first one.
@@ -251,17 +250,14 @@ class MotionPacker:
         return _Stream(data)
 
     def _events(self, person: IntArray, level: IntArray, started: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Return the people who are new, have left, have changed the level or started since the previous frame."""
+        """Return the people who came, left, changed the level or started since the previous frame."""
         now = np.full(len(self._level), -1, np.int32)
         now[person] = level
-        new = np.flatnonzero((self._level < 0) & (now >= 0))
-        gone = np.flatnonzero((self._level >= 0) & (now < 0))
-        changed = np.flatnonzero((self._level >= 0) & (now >= 0) & (self._level != now))
+        changed = np.flatnonzero(self._level != now)
         self._level[:] = now
         begun = person[started != self._started[person]]
         self._started[person] = started
-        moved = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
-        return np.concatenate([*moved, [begun.size], begun]).astype("<i4")
+        return np.concatenate([[changed.size], changed, now[changed], [begun.size], begun]).astype("<i4")
 
     def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
         """Write whole numbers as bytes, and those that do not fit to ``wide``."""

@@ -162,16 +162,18 @@ class Cells {
     this.marks.fill(0);
   }
 
-  column(x) { return Math.max(0, Math.min(this.columns - 1, Math.floor(x / CELL))); }
-
-  row(y) { return Math.max(0, Math.min(this.rows - 1, Math.floor(y / CELL))); }
+  // Calls `visit` with the cells of a box until it returns true, and returns whether it did.
+  some(left, top, right, bottom, visit) {
+    const cell = (value, count) => Math.max(0, Math.min(count - 1, Math.floor(value / CELL)));
+    const from = cell(left, this.columns), to = cell(right, this.columns), last = cell(bottom, this.rows);
+    for (let row = cell(top, this.rows); row <= last; row++) {
+      for (let k = row * this.columns + from; k <= row * this.columns + to; k++) if (visit(k)) return true;
+    }
+    return false;
+  }
 
   mark(left, top, right, bottom) {
-    if (right < 0 || bottom < 0 || left > this.width || top > this.height) return;
-    const from = this.column(left), to = this.column(right), last = this.row(bottom);
-    for (let row = this.row(top); row <= last; row++) {
-      for (let cell = row * this.columns + from; cell <= row * this.columns + to; cell++) this.marks[cell] = 1;
-    }
+    if (right >= 0 && bottom >= 0 && left <= this.width && top <= this.height) this.some(left, top, right, bottom, (k) => { this.marks[k] = 1; });
   }
 
   // Everybody from the feet to the head, as `Camera.project` but without arrays, which are many for many people.
@@ -188,12 +190,7 @@ class Cells {
   }
 
   isFree(left, top, right, bottom) {
-    if (left < 0 || top < this.top || right > this.width || bottom > this.height) return false;
-    const from = this.column(left), to = this.column(right), last = this.row(bottom);
-    for (let row = this.row(top); row <= last; row++) {
-      for (let cell = row * this.columns + from; cell <= row * this.columns + to; cell++) if (this.marks[cell]) return false;
-    }
-    return true;
+    return left >= 0 && top >= this.top && right <= this.width && bottom <= this.height && !this.some(left, top, right, bottom, (k) => this.marks[k]);
   }
 }
 

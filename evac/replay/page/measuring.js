@@ -109,10 +109,7 @@ class Measured {
 // What has been drawn, on the floor.
 function measureMesh(layout, { kind, level, ends: [x1, y1, x2, y2] }, colour) {
   const values = [], [c, a, b] = layout.building.levels[level].plane;
-  const quad = (corners, share) => {
-    const [p, q, r, s] = corners.map(([x, y]) => layout.place(level, x, y, c + a * x + b * y));
-    for (const [x, y, z] of [p, q, r, p, r, s]) values.push(x, y, z + 0.05, ...colour, share);
-  };
+  const quad = (corners, share) => pushQuad(values, corners.map(([x, y]) => layout.place(level, x, y, c + a * x + b * y + 0.05)), [...colour, share]);
   const half = Math.max(0.04, Math.max(...layout.extent) / 500), length = Math.hypot(x2 - x1, y2 - y1) || 1;
   const [ox, oy] = [-(y2 - y1) / length * half, (x2 - x1) / length * half];
   if (kind === "line") quad([[x1 + ox, y1 + oy], [x2 + ox, y2 + oy], [x2 - ox, y2 - oy], [x1 - ox, y1 - oy]], 0.9);

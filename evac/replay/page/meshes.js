@@ -1,5 +1,10 @@
 // Triangles of the storeys of the building, as the layout places them.
 
+// Two triangles, whose corners have some numbers in common.
+function pushQuad(values, corners, shared = []) {
+  for (const k of [0, 1, 2, 0, 2, 3]) values.push(...corners[k], ...shared);
+}
+
 function floorMesh(layout, storey, density) {
   const { building, grain } = layout, { vertices } = building, values = [];
   building.levels.forEach((level, index) => {
@@ -17,9 +22,7 @@ function floorMesh(layout, storey, density) {
 function solidMesh(layout, storey) {
   const { building, grain } = layout, values = [];
   const thick = Math.max(0.07, Math.max(...layout.extent) / 420);
-  const quad = (a, b, c, d, normal, kind) => {
-    for (const corner of [a, b, c, a, c, d]) values.push(...corner, ...normal, kind);
-  };
+  const quad = (a, b, c, d, normal, kind) => pushQuad(values, [a, b, c, d], [...normal, kind]);
   building.levels.forEach((level, index) => {
     if (!layout.shows(index, storey)) return;
     const { walls, furniture } = level;
@@ -66,9 +69,9 @@ function glowMesh(layout, storey, { shut, marks }, colours) {
       const a = layout.place(level, x1, y1, z1), b = layout.place(level, x2, y2, z2);
       const [ox, oy] = [(y2 - y1) / length * wide, -(x2 - x1) / length * wide];
       const lift = ([x, y, z], by) => [x, y, z + by], push = ([x, y, z]) => [x + ox, y + oy, z + 0.03];
-      const corners = [[a, 0.75], [b, 0.75], [lift(b, EXIT_HEIGHT), 0.05], [a, 0.75], [lift(b, EXIT_HEIGHT), 0.05], [lift(a, EXIT_HEIGHT), 0.05],
-                       [lift(a, 0.03), 0.95], [lift(b, 0.03), 0.95], [push(b), 0.35], [lift(a, 0.03), 0.95], [push(b), 0.35], [push(a), 0.35]];
-      for (const [corner, share] of corners) values.push(...corner, ...colour, share);
+      const shaded = (share, corners) => corners.map((corner) => [...corner, ...colour, share]);
+      pushQuad(values, [...shaded(0.75, [a, b]), ...shaded(0.05, [lift(b, EXIT_HEIGHT), lift(a, EXIT_HEIGHT)])]);
+      pushQuad(values, [...shaded(0.95, [lift(a, 0.03), lift(b, 0.03)]), ...shaded(0.35, [push(b), push(a)])]);
     }
   };
   building.exits.forEach((exit, index) => {
@@ -111,8 +114,7 @@ function trackMesh(layout, record, p, colour) {
     const jumps = layout.isFlat && (point.storey !== last.storey || layout.isSection && level !== last.level);
     if (point.isVisible && last.isVisible && !jumps) {
       const [ox, oy] = [-(point.y - last.y) / length * half, (point.x - last.x) / length * half];
-      const [a, b, c, d] = [[last, 1], [point, 1], [point, -1], [last, -1]].map(([at, side]) => [at.x + side * ox, at.y + side * oy, at.z]);
-      for (const corner of [a, b, c, a, c, d]) values.push(...corner, ...colour, 0.85);
+      pushQuad(values, [[last, 1], [point, 1], [point, -1], [last, -1]].map(([at, side]) => [at.x + side * ox, at.y + side * oy, at.z]), [...colour, 0.85]);
     }
     last = point;
   }

@@ -68,17 +68,14 @@ class Density {
 
   // Calls `visit` with the cells on the floor that have a point or whose centre is within a radius of it.
   covered(level, px, py, radius, visit) {
-    const { x, y, nx, ny, left, low } = this.grids[level];
-    const gx = (px - left) / this.cell, gy = (py - low) / this.cell, reach = radius / this.cell;
-    const own = [Math.floor(gx), Math.floor(gy)];
-    for (let j = Math.max(0, Math.ceil(gy - 0.5 - reach)); j <= Math.min(ny - 1, gy - 0.5 + reach); j++) {
-      for (let i = Math.max(0, Math.ceil(gx - 0.5 - reach)); i <= Math.min(nx - 1, gx - 0.5 + reach); i++) {
-        const cell = (y + j) * this.width + x + i;
-        if (this.inside[cell] && (i + 0.5 - gx) ** 2 + (j + 0.5 - gy) ** 2 <= reach ** 2 && (i !== own[0] || j !== own[1])) visit(cell);
-      }
+    const { x, y, nx, ny, left: x0, low: y0 } = this.grids[level];
+    const gx = (px - x0) / this.cell, gy = (py - y0) / this.cell, reach = radius / this.cell;
+    const cells = (at, count) => [Math.max(0, Math.min(Math.floor(at), Math.ceil(at - 0.5 - reach))), Math.min(count - 1, Math.max(Math.floor(at), Math.floor(at - 0.5 + reach)))];
+    const [[left, right], [low, high]] = [cells(gx, nx), cells(gy, ny)];
+    for (let j = low; j <= high; j++) for (let i = left; i <= right; i++) {
+      const cell = (y + j) * this.width + x + i, isOwn = i === Math.floor(gx) && j === Math.floor(gy);
+      if (this.inside[cell] && (isOwn || (i + 0.5 - gx) ** 2 + (j + 0.5 - gy) ** 2 <= reach ** 2)) visit(cell);
     }
-    const cell = (y + own[1]) * this.width + x + own[0];
-    if (own[0] >= 0 && own[1] >= 0 && own[0] < nx && own[1] < ny && this.inside[cell]) visit(cell);
   }
 
   // Finds the density of people; `bytes` are from 0 to 255 for 0 to the greatest density of the scale.

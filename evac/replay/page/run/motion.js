@@ -7,56 +7,27 @@ async function inflateMotion() {
   return Object.fromEntries(streams);
 }
 
-// The first row of each frame, and the number of all rows at the end.
-function firstRows(streams) {
-  const first = new Uint32Array(streams.times.length + 1);
-  const events = streams.events;
-  let at = 0, inside = 0;
-  for (let k = 0; k + 1 < first.length; k++) {
-    const entered = events[at];
-    const gone = events[at += 1 + 2 * entered];
-    at += 1 + gone;
-    at += 1 + 2 * events[at];
-    at += 1 + events[at];
-    inside += entered - gone;
-    first[k + 1] = first[k] + inside;
-  }
-  return first;
-}
-
 // Rows of everybody inside, frame after frame: person, level, position [m], speed [m/s], direction in plan, time waited so
-// far [s], contact force [N], dose if there is one, and whether the response time is over.
+// far [s], contact force [N], dose if there is one, and whether the response time is over. `first` has the first row of
+// each frame, and the number of all rows at the end.
 function unpackMotion(streams, { building: { levels }, group, grain, pace, moment, part }) {
-  const people = group.length;
-  const first = firstRows(streams);
-  const rows = first[first.length - 1];
+  const { times, events, steps, heights, headings, wide } = streams, people = group.length, rows = streams.speeds.length;
+  const floats = (count) => new Float32Array(count), whole = () => new Int32Array(people), bytes = () => new Uint8Array(people);
   const motion = {
-    times: streams.times, first, started: new Uint8Array(rows), heading: new Uint8Array(rows),
-    person: new Uint32Array(rows), level: new Uint16Array(rows),
-    x: new Float32Array(rows), y: new Float32Array(rows), z: new Float32Array(rows),
-    speed: new Float32Array(rows), waited: new Float32Array(rows), force: new Float32Array(rows),
-    dose: new Float32Array(streams.doses.length),
+    times, first: new Uint32Array(times.length + 1), started: new Uint8Array(rows), heading: new Uint8Array(rows),
+    person: new Uint32Array(rows), level: new Uint16Array(rows), x: floats(rows), y: floats(rows), z: floats(rows),
+    speed: floats(rows), waited: floats(rows), force: floats(rows), dose: floats(streams.doses.length),
   };
-  const { events, steps, heights, headings, wide } = streams;
-  const levelOf = new Int32Array(people).fill(-1);
-  const seen = new Uint8Array(people);
-  const begun = new Uint8Array(people), turned = new Uint8Array(people);
-  const codes = ["speeds", "waited", "forces", "doses"].map((name) => [streams[name], new Int32Array(people)]);
-  const last = [new Int32Array(people), new Int32Array(people)];
-  const before = [new Int32Array(people), new Int32Array(people)];
+  const levelOf = whole().fill(-1), seen = bytes(), begun = bytes(), turned = bytes(), { first } = motion;
+  const codes = ["speeds", "waited", "forces", "doses"].map((name) => [streams[name], whole()]);
+  const last = [whole(), whole()], before = [whole(), whole()];
   let event = 0, step = 0, lift = 0, wider = 0, turn = 0;
   const number = (byte) => byte === 255 ? wide[wider++] : byte & 1 ? -(byte + 1) / 2 : byte / 2;
 
-  for (let k = 0; k + 1 < first.length; k++) {
-    const entered = events[event++];
-    for (let i = 0; i < entered; i++) levelOf[events[event + i]] = events[event + entered + i];
-    event += 2 * entered;
-    const gone = events[event++];
-    for (let i = 0; i < gone; i++) levelOf[events[event + i]] = -1;
-    event += gone;
-    const moved = events[event++];
-    for (let i = 0; i < moved; i++) levelOf[events[event + i]] = events[event + moved + i];
-    event += 2 * moved;
+  for (let k = 0; k < times.length; k++) {
+    const changed = events[event++];
+    for (let i = 0; i < changed; i++) levelOf[events[event + i]] = events[event + changed + i];
+    event += 2 * changed;
     const other = events[event++];
     for (let i = 0; i < other; i++) begun[events[event + i]] ^= 1;
     event += other;
@@ -68,6 +39,7 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
       motion.started[row] = begun[p];
       motion.level[row++] = levelOf[p];
     }
+    first[k + 1] = row;
     for (const axis of [0, 1]) {
       const target = axis ? motion.y : motion.x;
       for (row = first[k]; row < first[k + 1]; row++) {
@@ -79,11 +51,10 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
       }
     }
     for (row = first[k]; row < first[k + 1]; row++) {
-      const level = levels[motion.level[row]];
-      const [c, a, b] = level.plane;
+      const { plane: [c, a, b], uneven } = levels[motion.level[row]];
       if (seen[motion.person[row]] < 2) seen[motion.person[row]]++;
       motion.z[row] = c + a * motion.x[row] + b * motion.y[row];
-      if (level.uneven) motion.z[row] += grain * number(heights[lift++]);
+      if (uneven) motion.z[row] += grain * number(heights[lift++]);
     }
     const [speeds, waited, forces, doses] = codes.map(([bytes, last]) => {
       for (row = first[k]; row < first[k + 1]; row++) last[motion.person[row]] += number(bytes[row] ?? 0);

@@ -9,13 +9,8 @@ class Record {
     this.begin = motion.times[0];
     this.end = motion.times[this.frames - 1];
     this.findExits();
-    this.now = this.room(this.people);
-  }
-
-  room(count) {
-    const floats = () => new Float32Array(count);
-    return { count: 0, person: new Uint32Array(count), row: new Uint32Array(count), level: new Uint16Array(count),
-             x: floats(), y: floats(), z: floats() };
+    const floats = () => new Float32Array(this.people), whole = () => new Uint32Array(this.people);
+    this.now = { count: 0, person: whole(), row: whole(), level: new Uint16Array(this.people), x: floats(), y: floats(), z: floats() };
   }
 
   // Finds when, by which exit and at which point people leave. The moves of killed runs are those between recorded times,
@@ -85,48 +80,24 @@ class Record {
 
   // Everybody inside at a time, between two frames on the straight line; whoever leaves goes to the exit.
   at(time) {
-    const { motion, now } = this;
-    const { first, person, level, x, y, z, times } = motion;
-    const k = this.frameAt(time);
-    const isLast = k + 1 >= this.frames;
-    const span = isLast ? 1 : times[k + 1] - times[k];
-    const share = isLast ? 0 : Math.min(1, (time - times[k]) / span);
-    let other = isLast ? 0 : first[k + 1], count = 0;
-    const end = isLast ? 0 : first[k + 2];
+    const { motion: { first, person, level, x, y, z, times }, now, outTime, outAt } = this;
+    const k = this.frameAt(time), isLast = k + 1 >= this.frames, end = isLast ? 0 : first[k + 2];
+    const shareTo = (then) => Math.min(1, (time - times[k]) / Math.max(1e-6, then - times[k])), share = isLast ? 0 : shareTo(times[k + 1]);
+    let other = isLast ? 0 : first[k + 1];
+    Object.assign(now, { count: 0, frame: k });
+    const add = (row, at, px, py, pz, u) => {
+      const i = now.count++;
+      [now.person[i], now.row[i], now.level[i]] = [person[row], row, level[at]];
+      [now.x[i], now.y[i], now.z[i]] = [x[row] + u * (px - x[row]), y[row] + u * (py - y[row]), z[row] + u * (pz - z[row])];
+    };
     for (let row = first[k]; row < first[k + 1]; row++) {
       const p = person[row];
       while (other < end && person[other] < p) other++;
-      let next = row, u = 0;
-      now.level[count] = level[row];
-      if (other < end && person[other] === p) {
-        next = other;
-        u = share;
-        if (share > 0.5) now.level[count] = level[next];
-      } else if (!isLast && time >= this.outTime[p]) continue;
-      now.person[count] = p;
-      now.row[count] = row;
-      if (next === row && !isLast && this.outTime[p] < Infinity) {
-        u = Math.min(1, (time - times[k]) / Math.max(1e-6, this.outTime[p] - times[k]));
-        now.x[count] = x[row] + u * (this.outAt[2 * p] - x[row]);
-        now.y[count] = y[row] + u * (this.outAt[2 * p + 1] - y[row]);
-        now.z[count++] = z[row];
-        continue;
-      }
-      now.x[count] = x[row] + u * (x[next] - x[row]);
-      now.y[count] = y[row] + u * (y[next] - y[row]);
-      now.z[count++] = z[row] + u * (z[next] - z[row]);
+      if (other < end && person[other] === p) add(row, share > 0.5 ? other : row, x[other], y[other], z[other], share);
+      else if (isLast || outTime[p] === Infinity) add(row, row, x[row], y[row], z[row], 0);
+      else if (time < outTime[p]) add(row, row, outAt[2 * p], outAt[2 * p + 1], z[row], shareTo(outTime[p]));
     }
-    for (const [came, row, frame] of this.comes) {
-      if (frame !== k + 1 || came > time) continue;
-      now.person[count] = person[row];
-      now.row[count] = row;
-      now.level[count] = level[row];
-      now.x[count] = x[row];
-      now.y[count] = y[row];
-      now.z[count++] = z[row];
-    }
-    now.count = count;
-    now.frame = k;
+    for (const [came, row, frame] of this.comes) if (frame === k + 1 && came <= time) add(row, row, x[row], y[row], z[row], 0);
     return now;
   }
 
