@@ -5,10 +5,10 @@ differences to one page. Each point of a sweep is a design.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 from evac.cli.screen import show_table
+from evac.cli.streams import note
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -30,13 +30,14 @@ def execute(arguments: argparse.Namespace) -> int:
     first, *others = found.designs
     for design in others:
         own = [one for one in found.differences if one.design == design.label]
-        rows = [
-            (one.measure, one.before, one.after, one.change.value, interval(one.change), one.verdict) for one in own
-        ]
+        rows = []
+        for one in own:
+            times = (round(time, 2) for time in (one.before, one.after, one.change.value))
+            rows.append((one.measure, *times, interval(one.change), one.verdict))
         columns = ("measure [s]", "first", "design", "change", "95 % interval", "verdict")
         show_table(f"{design.label}, compared with {first.label}", columns, rows)
-        for note in dict.fromkeys(one.change.note for one in own if one.change.note):
-            print(f"evac: {note}", file=sys.stderr)
+        for remark in dict.fromkeys(one.change.note for one in own if one.change.note):
+            note(f"evac: {remark}")
     if arguments.out is not None:
         write_page(found.page(), arguments.out)
         print(arguments.out)

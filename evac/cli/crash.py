@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from evac.base.errors import EvacWarning, in_one_line, text_of
-from evac.cli.streams import wrapped
+from evac.cli.streams import note
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -73,8 +73,7 @@ def report_crash(error: BaseException, what: str, case: "Case | None" = None, no
     advice = "please report it"
     if isinstance(error, MemoryError):
         what, advice = "not enough memory", "use fewer people, a coarser directions.spacing or fewer processes"
-    line = f"evac: {what}: {in_one_line(error)}; {advice} ({crash_file(error, case, notes)})"
-    print(wrapped(line, sys.stderr), file=sys.stderr)
+    note(f"evac: {what}: {in_one_line(error)}; {advice} ({crash_file(error, case, notes)})")
 
 
 def crash_file(error: BaseException, case: "Case | None" = None, notes: Sequence[str] = ()) -> str:
@@ -178,11 +177,11 @@ def shown_warnings() -> Iterator[list[str]]:
 
         told = f"{filename}, line {lineno}: {category.__name__}: {message}"
         if issubclass(category, EvacWarning):
-            print(f"warning: {message}", file=sys.stderr)
+            note(f"warning: {message}")
         elif sys.warnoptions:
             before(message, category, filename, lineno, file, line)
         elif is_plugin_file(filename):
-            print(f"warning: {told}", file=sys.stderr)
+            note(f"warning: {told}")
         elif len(hidden) < MOST_KEPT:
             hidden.append(told)
 
@@ -214,7 +213,7 @@ def catch_the_rest() -> None:
 
     def ignored(unraisable: Any) -> None:
         if unraisable.exc_value is not None:
-            print(f"warning: ignored: {in_one_line(unraisable.exc_value)}", file=sys.stderr)
+            note(f"warning: ignored: {in_one_line(unraisable.exc_value)}")
 
     def of_process(kind: type[BaseException], error: BaseException, trace: Any) -> None:
         report_crash(error, "internal error")

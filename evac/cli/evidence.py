@@ -1,9 +1,9 @@
 """evac evidence: recompute tables, plots and pages on accuracy, stability, speed and validation."""
 
 import argparse
-import sys
 from pathlib import Path
 
+from evac.cli.streams import note
 from evac.evidence import KINDS
 
 
@@ -22,6 +22,6 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.evidence.command import run_evidence
 
     if not arguments.page_only:
-        print(f"computing {arguments.kind} from scratch", file=sys.stderr, flush=True)
+        note(f"computing {arguments.kind} from scratch")
     print(run_evidence(arguments.kind, arguments.out, arguments.quick, page_only=arguments.page_only))
     return 0

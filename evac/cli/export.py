@@ -4,11 +4,11 @@ Also works during a run and after a run was killed. Formats are plugins: `evac p
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 from evac.base.errors import counted
 from evac.cli.inputs import declare_plugin, declare_result, declare_set, trajectory_of, values_of
+from evac.cli.streams import note
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -34,5 +34,5 @@ def execute(arguments: argparse.Namespace) -> int:
     for path in export(trajectory, exporter, arguments.out):
         print(path)
     if len(trajectory):
-        print(f"{counted(len(trajectory), 'frame')} up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
+        note(f"{counted(len(trajectory), 'frame')} up to {trajectory.time[-1]:.2f} s")
     return 0

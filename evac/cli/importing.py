@@ -91,7 +91,7 @@ def _show(made: "Imported") -> None:
 
     from evac.building.model.findings import KINDS, grouped
     from evac.building.model.storeys import storeys
-    from evac.cli.screen import show_facts, show_table, show_warnings
+    from evac.cli.screen import say, show_facts, show_table, show_warnings
     from evac.importing.importing import PICTURE, REPORT
     from evac.importing.report import MOST_OPENINGS, opening_row
 
@@ -102,7 +102,7 @@ def _show(made: "Imported") -> None:
     full = [room.number for room in made.rooms if room.number]
     count = Counter(finding.kind for finding in made.findings)
     for missing in made.missing:
-        print(f"incomplete: {missing}", flush=True)
+        say(f"incomplete: {missing}")
     show_facts(
         {
             "imported": ", ".join(str(file) for file in made.files),

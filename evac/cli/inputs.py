@@ -1,9 +1,10 @@
 """Arguments that name a case or a result folder, and how these are read."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from evac.cli.streams import note
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -95,7 +96,7 @@ def note_unused_plugins(case: "Case") -> None:
     from evac.case.trust import unused_files
 
     for path, tables in unused_files(case):
-        print(f"note: plugin {path} is not used by the case: add {' or '.join(tables)}", file=sys.stderr)
+        note(f"note: plugin {path} is not used by the case: add {' or '.join(tables)}")
 
 
 def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
@@ -117,7 +118,7 @@ def with_plugin_files(case: "Case") -> "Case":
 
 def announce_plugin_file(path: Path) -> None:
     """Print the path of a plugin file of the case before it is executed."""
-    print(f"running plugin file of the case: {path}", file=sys.stderr)
+    note(f"running plugin file of the case: {path}")
 
 
 def default_folder(case: "Case", what: str = "result") -> Path:
@@ -135,8 +136,7 @@ def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":
     place = find_result(arguments.result)
     check_result(place)
     if place != arguments.result:
-        missing = f"evac: {arguments.result} does not exist yet"
-        print(f"{missing}; reading {place} of a run that has not ended", file=sys.stderr)
+        note(f"evac: {arguments.result} does not exist yet; reading {place} of a run that has not ended")
     trajectory = read_trajectory(place)
     show_warnings(trajectory.warnings)
     return trajectory

@@ -23,7 +23,7 @@ from evac.cli.crash import (
     shown_warnings,
 )
 from evac.cli.inputs import loaded_case
-from evac.cli.streams import guard_streams, warn_lost_output, wrapped
+from evac.cli.streams import guard_streams, note, warn_lost_output
 
 #: Exit status for bad input, and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
@@ -76,15 +76,16 @@ def main(argv: Sequence[str] | None = None) -> int:
             details = ""
             if isinstance(error, PluginError) and error.__cause__ is not None:
                 details = f" ({crash_file(error, loaded_case(arguments), hidden)})"
-            lines = f"evac: {error}{details}".split("\n") + getattr(error, "__notes__", [])
-            print("\n".join(wrapped(line, sys.stderr) for line in lines), file=sys.stderr)
+            for line in [*f"evac: {error}{details}".split("\n"), *getattr(error, "__notes__", ())]:
+                note(line)
             return BAD_INPUT
         except KeyboardInterrupt as error:
-            print("\n".join(["evac: interrupted", *getattr(error, "__notes__", ())]), file=sys.stderr)
+            for line in ["evac: interrupted", *getattr(error, "__notes__", ())]:
+                note(line)
             return INTERRUPTED_STATUS
         except BaseException as error:
             if place := fault_of_path(error):
-                print(f"evac: {place}", file=sys.stderr)
+                note(f"evac: {place}")
                 return BAD_INPUT
             if isinstance(error, SystemExit) and arguments is None:
                 raise  # from argparse, which has printed the help or an error about the command line
@@ -131,7 +132,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.print_usage(sys.stderr)
-        print(wrapped(f"{self.prog}: {message}", sys.stderr), file=sys.stderr)
+        note(f"{self.prog}: {message}")
         self.exit(BAD_INPUT)
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
@@ -164,7 +165,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         module = importlib.import_module(f"evac.cli.{MODULES.get(name, name)}")
-        summary = (module.__doc__ or "").partition(": ")[2].partition(".\n")[0]
+        summary = (module.__doc__ or "").partition(": ")[2].partition(".\n")[0].removesuffix(".")
         sub = commands.add_parser(name, help=summary, description=module.__doc__, formatter_class=_Help)
         module.declare(sub)
         sub.set_defaults(execute=module.execute, parser=sub)

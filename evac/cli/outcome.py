@@ -1,41 +1,43 @@
 """What is shown after a run: the answer, and on request all tables."""
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evac.cli.screen import say, show_facts, show_table
+from evac.cli.screen import height, say, show_facts, show_table
 from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
 from evac.physics.state import Crowd
 from evac.results.results import Results
 
-#: Maximum number of lines that the answer takes on a terminal of this width, with the line of the result folder.
-MOST_LINES, WIDTH = 12, 80
+#: Maximum number of lines that the answer takes on a terminal, with the line of the result folder.
+MOST_LINES = 12
 
 #: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
 
 
-def show_answer(results: Results) -> None:
-    """Show what the run answers: on a terminal in at most a dozen lines with the folder, which is shown after it."""
+def show_answer(results: Results, below: int = 1) -> None:
+    """Show what the run answers; on a terminal in `MOST_LINES` with as many as are shown `below`.
+
+    What is cut first, to a line and then to nothing, are the title and how people move, then exits, changes and
+    remarks, and the queue; the verdict and the times never are.
+    """
     answer, title = results.answer, results.title or Path(results.source).name
-    each = 1 if shutil.get_terminal_size().columns >= WIDTH else 2
-    room = MOST_LINES - 4 - sum(map(bool, (answer.times, answer.warnings))) - len(answer.exits)  # for the others
-    say(title, 1, is_bold=True)
-    say(answer.verdict, each, is_bold=True)
-    for line in filter(None, (answer.times, *answer.exits)):
-        say(line, each)
     changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
-    told = [line for line in (changes, *answer.remarks, answer.queue) if line]
-    for number, line in enumerate(told):
-        lines = min(2, room - (len(told) - number - 1))
-        if lines > 0:
-            room -= say(line, lines)
-    say(answer.movement, each)
-    if answer.warnings:
-        say(f"{answer.warnings}; --verbose shows all", each)
+    told = [changes, *answer.remarks, answer.queue]
+    lines = [title, answer.verdict, answer.times, *answer.exits, *told, answer.movement]
+    lines.append(f"{answer.warnings}; --verbose shows all" if answer.warnings else "")
+    heights = [height(line) for line in lines]
+    heights[0] = 1
+    first = 3 + len(answer.exits)
+    of_told = range(first, first + len(told))
+    for least, rows in ((1, (len(lines) - 2, *range(first - 1, 2, -1), *of_told, len(lines) - 1)), (0, of_told)):
+        for row in rows:
+            heights[row] -= max(0, min(heights[row] - least, sum(heights) + below - MOST_LINES))
+    for row, (line, most) in enumerate(zip(lines, heights, strict=True)):
+        if most:
+            say(line, most, is_bold=row < 2)
 
 
 def show_results(results: Results) -> None:
@@ -50,11 +52,11 @@ def show_results(results: Results) -> None:
     show_table("Wall time", ("phase", "s"), [(name, round(seconds, 3)) for name, seconds in phases])
 
 
-def show_folder(folder: Path) -> None:
-    """Show the result folder and the files in it that are played, as the last line."""
+def folder_line(folder: Path) -> str:
+    """Return the line that names the result folder and the files in it that are played, shown last."""
     shown = {REPLAY_NAME: "browser", ANIMATION_NAME: "ParaView"}
     files = [f", {name} ({where})" for name, where in shown.items() if (folder / name).is_file()]
-    show_facts({"results in": "".join([str(folder), *files])})
+    return f"results in  {folder}{''.join(files)}"
 
 
 def response_times(crowd: Crowd) -> str:

@@ -6,13 +6,17 @@ ends with status 2 if one of them fails.
 
 import argparse
 import inspect
-import sys
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from evac.cli.inputs import declare_plugin
-from evac.cli.screen import console, say, show_table, shown
+from evac.cli.screen import say, shown
+from evac.cli.streams import note
+
+#: Ends of lines within a paragraph or an item of a list of a docstring, whose formulas are indented farther.
+JOINED = re.compile(r"(?<=[^\s-])\n {0,2}(?=[^\s-])")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
         items = [item for item in entry["provides"] if arguments.name in (None, item["name"])]
         if items or arguments.name is None:
             where = f"{entry['source']}, {entry['origin']} {entry['version']}"
-            console().print(f"{entry['plugin']}  ({where})", style="bold")
+            say(f"{entry['plugin']}  ({where})", is_bold=True)
         for item in items:
             _show(item, None if arguments.name is None else registry.get(item["kind"], item["name"]))
     return 0
@@ -73,29 +77,29 @@ def _check(file: str, others: list[str]) -> int:
     for kind, name in registry.provided_by(Path(file).resolve()):
         title = f"{kind.replace('_', ' ')} {name}"
         if kind == "case":
-            print(f"{title}: is checked by: evac check {registry.get(kind, name)}")
+            say(f"{title}: is checked by: evac check {registry.get(kind, name)}")
             continue
         if kind == "hook":
-            print(f"{title}: its arguments are valid; what it does is checked by a run: evac run CASE --plugin {file}")
+            say(f"{title}: its arguments are valid; what it does is checked by a run: evac run CASE --plugin {file}")
             continue
         try:
             check_plugin(registry.get(kind, name))
         except EvacError as error:
-            print(f"evac: {error}", file=sys.stderr)
+            note(f"evac: {error}")
             status = BAD_INPUT
         else:
-            print(f"{title}: all checks passed")
+            say(f"{title}: all checks passed")
     return status
 
 
 def _show(item: dict[str, Any], plugin: Any) -> None:
     """Print one plugin with its parameters; with its whole description if `plugin` is given."""
     has_text = inspect.isclass(plugin) and plugin.__doc__
-    doc = inspect.getdoc(plugin) if has_text else item["doc"]
-    console().print(f"  {item['kind'].replace('_', ' ')} {item['name']}: {doc}")
-    rows = [
-        (f"    {name}", shown(parameter["default"]), parameter["unit"], parameter["range"], parameter["doc"])
-        for name, parameter in item["parameters"].items()
-    ]
-    if rows:
-        show_table("", ("    parameter", "default", "unit", "allowed", "meaning"), rows)
+    doc = (inspect.getdoc(plugin) or "") if has_text else item["doc"]
+    first, *others = JOINED.sub(" ", doc).split("\n")
+    say(f"  {item['kind'].replace('_', ' ')} {item['name']}: {first}", indent=4)
+    for line in others:
+        say(line, indent=len(line) - len(line.lstrip(" -")))
+    for name, one in item["parameters"].items():
+        allowed = f" ({one['range']})" if one["range"] else ""
+        say(f"    {name} = {shown(one['default'])} {one['unit']}".rstrip() + f"{allowed}: {one['doc']}", indent=8)

@@ -5,7 +5,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from evac.base.display import Display
-from evac.cli.streams import notify, wrapped
+from evac.cli.streams import note, notify, wrapped
 
 if TYPE_CHECKING:
     from evac.folder.resultfolder import ResultFolder
@@ -50,8 +50,8 @@ def run_shown(
 
 def show_run(results: "Results", verbose: bool) -> None:
     """Show the answer of a run; if verbose, all tables before it, with quality warnings in full, as in logs."""
-    from evac.cli.outcome import show_answer, show_folder, show_results
-    from evac.cli.screen import show_warnings
+    from evac.cli.outcome import folder_line, show_answer, show_results
+    from evac.cli.screen import height, say, show_warnings
     from evac.folder.files import CHECKPOINT_NAME
     from evac.results.ending import INTERRUPTED
 
@@ -60,13 +60,14 @@ def show_run(results: "Results", verbose: bool) -> None:
         show_results(results)
     if verbose or not sys.stderr.isatty():
         for line in results.remarks:
-            print(wrapped(f"evac: {line}", sys.stderr), file=sys.stderr)
+            note(f"evac: {line}")
         show_warnings(results.quality_warnings)
-    show_answer(results)
-    show_folder(results.folder)
+    folder_shown = folder_line(results.folder)
+    show_answer(results, height(folder_shown))
+    say(folder_shown)
     if results.ended == INTERRUPTED:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
         has_state = (results.folder / CHECKPOINT_NAME).is_file()
         how = f"; continue with: evac resume {folder}" if has_state else "; no state was saved, it cannot be resumed"
-        print(f"evac: interrupted at {results.time:.2f} s{beside}{how}", file=sys.stderr)
+        note(f"evac: interrupted at {results.time:.2f} s{beside}{how}")

@@ -8,13 +8,16 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from evac.cli.streams import wrapped
+from evac.cli.streams import note, wrapped
 
 #: Width of tables written to a file or a pipe.
 PLAIN_WIDTH = 160
 
-#: Words up to this length are not divided in tables.
+#: Words up to this length are not divided in tables, if these fit the terminal.
 MOST_WIDTH = 20
+
+#: Columns between two columns of a table, and beside the first and the last one.
+GAP, EDGES = 3, 2
 
 
 def console() -> Console:
@@ -24,39 +27,53 @@ def console() -> Console:
 
 def show_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Print a table; columns of numbers are aligned to the right."""
-    rows = [list(row) for row in rows]
+    rows, to = [list(row) for row in rows], console()
     table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    cells = [[column, *(shown(row[k]) for row in rows)] for k, column in enumerate(columns)]
+    widths = _widths(cells, to.width - EDGES - GAP * (len(columns) - 1))
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], (int, float)) for row in rows)
-        words = [word for row in [columns, *rows] for word in shown(row[index]).split()]
-        width = min(MOST_WIDTH, max(map(len, words), default=0))
-        table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold", min_width=width)
+        table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold", width=widths[index])
     for row in rows:
         table.add_row(*(Text(shown(value)) for value in row))
-    console().print(table)
+    to.print(table)
+
+
+def _widths(cells: Sequence[Sequence[str]], room: int) -> list[int]:
+    """Return widths of columns that fit; the widest ones are narrowed first, and words divided only if they must be."""
+    widths = [max(map(len, column)) for column in cells]
+    longest = [max(map(len, " ".join(column).split()), default=0) for column in cells]
+    most = next((n for n in range(MOST_WIDTH, 1, -1) if sum(min(n, one) for one in longest) <= room), 1)
+    while sum(widths) > room:
+        wider = [k for k, width in enumerate(widths) if width > min(most, longest[k])]
+        if not wider:
+            break
+        widths[max(wider, key=widths.__getitem__)] -= 1
+    return widths
 
 
 def show_facts(facts: Mapping[str, object]) -> None:
-    """Print names and values, one line each."""
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
+    """Print names and values, one line each, divided between words on a terminal."""
+    indent = max(map(len, facts)) + 2
     for name, value in facts.items():
-        table.add_row(Text(name), Text(shown(value)))
-    console().print(table)
+        text = wrapped(f"{name:{indent}}{shown(value)}", sys.stdout, indent=indent)
+        console().print(Text.assemble((text[:indent], "bold"), text[indent:]), soft_wrap=True)
 
 
 def show_warnings(warnings: Iterable[str]) -> None:
     """Print warnings to standard error."""
     for warning in warnings:
-        print(wrapped(f"warning: {warning}", sys.stderr), file=sys.stderr)
+        note(f"warning: {warning}")
 
 
-def say(line: str, lines: int, is_bold: bool = False) -> int:
-    """Print a sentence, on a terminal with so many lines at most; return their number."""
-    text = wrapped(line, sys.stdout, lines)
-    console().print(Text(text, style="bold" if is_bold else ""), soft_wrap=True)
-    return text.count("\n") + 1
+def say(line: str, lines: int | None = None, is_bold: bool = False, indent: int = 2) -> None:
+    """Print a sentence, on a terminal with so many lines at most, of which the others hang by `indent`."""
+    console().print(Text(wrapped(line, sys.stdout, lines, indent), style="bold" if is_bold else ""), soft_wrap=True)
+
+
+def height(line: str) -> int:
+    """Return the number of lines that a sentence takes; 0 if it is empty, 1 if the output is not a terminal."""
+    return wrapped(line, sys.stdout).count("\n") + 1 if line else 0
 
 
 def shown(value: object) -> str:

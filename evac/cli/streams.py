@@ -92,19 +92,24 @@ def warn_lost_output() -> None:
         notify(f"warning: {what}; files are not affected")
 
 
-def wrapped(line: str, stream: TextIO, lines: int | None = None) -> str:
+def wrapped(line: str, stream: TextIO, lines: int | None = None, indent: int = 2) -> str:
     """Return a line divided between words for the terminal of a stream, cut to so many lines; as it is for others."""
     if not stream.isatty():
         return line
     return textwrap.fill(
         line,
         shutil.get_terminal_size().columns,
-        subsequent_indent="  ",
+        subsequent_indent=" " * indent,
         break_long_words=False,
         break_on_hyphens=False,
         max_lines=lines,
         placeholder=" ...",
     )
+
+
+def note(line: str) -> None:
+    """Print a line to standard error, divided between words if that is a terminal."""
+    print(wrapped(line, sys.stderr), file=sys.stderr, flush=True)
 
 
 def notify(line: str) -> None:

@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -12,6 +11,7 @@ from evac.base.display import Display
 from evac.base.errors import counted, text_of
 from evac.cli.inputs import positive
 from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.cli.streams import note
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -82,7 +82,7 @@ def run_study(
     prepare(first)
     of_each = f"points: {len(points)}, runs of each" if arguments.command == "sweep" else "runs"
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
-    print(f"{of_each}: {number}, seeds from {first.simulation.seed} on", file=sys.stderr, flush=True)
+    note(f"{of_each}: {number}, seeds from {first.simulation.seed} on")
     connected = nullcontext() if arguments.dask is None else dask_executor(arguments.dask)
     with connected as executor, Display() as display:
         display.phase("checking points and seeds")
@@ -113,8 +113,7 @@ def shown_progress(display: Display) -> "Callable[[StudyProgress], None]":
     def show(progress: "StudyProgress") -> None:
         if progress.row is None:
             if progress.done:
-                done = f"resuming: {progress.done} of {progress.wanted} runs are done"
-                print(done, file=sys.stderr, flush=True)
+                note(f"resuming: {progress.done} of {progress.wanted} runs are done")
             return
         if (error := progress.row.error) is not None and not failed:
             failed.append(f"failed, while others go on: {text_of(error)}, {error.__notes__[-1]}")
@@ -151,7 +150,7 @@ def show_study(study: "Study") -> int:
         _show_step(study, change)
     _show_rule(study)
     for line in remarks_of(study):
-        print(f"evac: {line}", file=sys.stderr)
+        note(f"evac: {line}")
     show_warnings(quality_of(study))
     show_facts({"results in": study.folder})
     return BAD_INPUT if failed else PEOPLE_LEFT if blocked else 0
@@ -210,15 +209,16 @@ def _show_points(study: "Study") -> None:
         middle, found = row[central], row.percentiles[-1]
         values = [point.parameters.get(key) for key in keys]
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
-        rows.append([*values, seconds(middle.value), interval(middle), seconds(found.value), interval(found), blocked])
-    columns = (*map(_head, keys), central, "95 % interval", percentile, "95 % interval", "blocked")
+        times = [text for one in (middle, found) for text in (bare(one.value), interval(one, bare))]
+        rows.append([*values, *times, blocked])
+    columns = (*map(_head, keys), f"{central} [s]", "95 % interval", f"{percentile} [s]", "95 % interval", "blocked")
     show_table(TITLE, columns, rows)
     if len(study.points) > MOST_SHOWN:
         print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
     for name in ("mean", percentile):
-        notes = dict.fromkeys(row[name].note for row in study.statistics if row[name].note)
-        for note in list(notes)[:MOST_NOTES]:
-            print(f"evac: {name}: {note}", file=sys.stderr)
+        remarks = dict.fromkeys(row[name].note for row in study.statistics if row[name].note)
+        for remark in list(remarks)[:MOST_NOTES]:
+            note(f"evac: {name}: {remark}")
 
 
 def _head(key: str) -> str:
@@ -245,8 +245,7 @@ def _show_rule(study: "Study") -> None:
             decision = study.deciding(point.index)
             where = f" at {point.label}" if len(study.points) > 1 else ""
             runs, half = counted(study.runs_of(point.index), "run"), 100 * decision.relative_half_width
-            line = f"interval of the {decision.name} narrow enough{where} after {runs}: half-width {half:.2g} %"
-            print(f"evac: {line}", file=sys.stderr)
+            note(f"evac: interval of the {decision.name} narrow enough{where} after {runs}: half-width {half:.2g} %")
 
 
 def seconds(value: float) -> str:
@@ -254,6 +253,11 @@ def seconds(value: float) -> str:
     if math.isnan(value):
         return "-"
     return f"{value:.2f} s" if math.isfinite(value) else "not reached"
+
+
+def bare(value: float) -> str:
+    """Format a time without its unit."""
+    return seconds(value).removesuffix(" s")
 
 
 def signed(value: float) -> str:

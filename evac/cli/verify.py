@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.cli.inputs import declare_plugin, declare_set, note_unused_plugins
+from evac.cli.screen import say
 
 if TYPE_CHECKING:
     from evac.evidence.validation.standard import Result
@@ -41,7 +42,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if not arguments.tests:
         for test in TESTS:
             kind = f" ({test.why.partition(': ')[0]})" if test.why else ""
-            print(f"{' '.join(test.names):32}{test.title}{kind}")
+            say(f"{' '.join(test.names):32}{test.title}{kind}", indent=32)
         return 0
     tests = find_tests(arguments.tests)
     plugin_files = tuple(Path(path).resolve() for path in arguments.plugins)
@@ -57,14 +58,14 @@ def execute(arguments: argparse.Namespace) -> int:
 def tell(result: "Result") -> None:
     """Print the verdict on a test and its checks."""
     test = result.test
-    print(f"{' '.join(test.names)}: {test.title}: {test.why or result.verdict}")
+    say(f"{' '.join(test.names)}: {test.title}: {test.why or result.verdict}")
     if result.error:
-        print(f"    error: {result.error}")
+        say(f"    error: {result.error}", indent=6)
     for check in result.checks:
         found = "-" if check.mean is None else f"{check.mean:.4g}"
         met = "met" if check.is_passed else "NOT MET"
         blocked = f", {check.blocked} of {len(check.values)} runs blocked" if check.blocked else ""
-        print(f"    {check.criterion.quantity}: {found} (expected {check.criterion.band}){blocked}: {met}")
+        say(f"    {check.criterion.quantity}: {found} (expected {check.criterion.band}){blocked}: {met}", indent=6)
     if test.by_design and not all(check.is_passed for check in result.checks):
-        print(f"    fails by design: {test.by_design}")
+        say(f"    fails by design: {test.by_design}", indent=6)
     sys.stdout.flush()

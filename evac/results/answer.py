@@ -81,8 +81,8 @@ def _times(results: "Results") -> str:
     most = time_of_share(results.crowd.exit_time[results.leaving], MOST)
     share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"{MOST:g} % never are out"
     if results.is_complete:
-        return f"Evacuation time: the last is out after {results.last_out:.2f} s, {share}"
-    return f"The last of those who are out left after {results.last_out:.2f} s; {share}"
+        return f"Evacuation time {results.last_out:.2f} s; {share}"
+    return f"The last who got out left after {results.last_out:.2f} s; {share}"
 
 
 def _exits(results: "Results") -> tuple[str, ...]:
@@ -90,8 +90,8 @@ def _exits(results: "Results") -> tuple[str, ...]:
     building, lines = results.building_or_none, list[str]()
     notes = {one.name: building.label_of(one).removeprefix(one.name) for one in building.exits} if building else {}
     for name, use in used[: MOST_EXITS if len(used) <= MOST_EXITS else MOST_EXITS - 1]:
-        last = "" if use["last_out"] is None else f", the last after {use['last_out']:.2f} s"
-        flow = "" if use["flow"] is None else f", {use['flow']:.2f} /s ({use['flow_per_metre']:.2f} /s/m)"
+        last = "" if use["last_out"] is None else f" by {use['last_out']:.2f} s"
+        flow = "" if use["flow"] is None else f", {use['flow']:.2f}/s ({use['flow_per_metre']:.2f}/s/m)"
         lines.append(f"Exit {name!r}{notes.get(name, '')}: {counted(use['people'], 'person', 'people')}{last}{flow}")
     if others := used[len(lines) :]:
         people = sum(use["people"] for _, use in others)
@@ -109,7 +109,7 @@ def _movement(keepers: Sequence[str]) -> str:
     """Describe how people walk, by the behaviours in use that keep distances."""
     if keepers:
         return f"People keep distances ({', '.join(keepers)})"
-    return f"Full speed until bodies touch; for distances: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+    return f"No distances kept; for them: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
 
 
 def _warnings(results: "Results") -> str:

@@ -141,7 +141,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
         where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))
         waiting = results.not_started
         wait = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
-        lines.append(f"{left} of {_number(people)} still inside ({results.ended}): {where}{wait}")
+        lines.append(f"{_number(left)} still inside: {where}{wait}")
     if late := results.not_arrived:
         outside = f"; {results.waiting_outside} of them found no free place" if results.waiting_outside else ""
         lines.append(f"{_number(late)} of {people} had not come at the end{outside}")

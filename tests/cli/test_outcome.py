@@ -7,7 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from evac.cli.main import main
 from evac.cli.outcome import show_answer, show_results
+from evac.cli.screen import show_facts, show_table
 from evac.results.answer import Answer
 
 SUMMARY = {
@@ -124,12 +126,18 @@ class Terminal(io.StringIO):
         return True
 
 
+def screen_of(stream):
+    """Lines of a screen, without their style."""
+    return [re.sub("\x1b[^m]*m", "", line) for line in stream.getvalue().splitlines()]
+
+
 @pytest.mark.parametrize("remarks", [0, 1, 4])
-def test_the_answer_has_a_dozen_lines_of_80_columns_at_most(monkeypatch, remarks):
+@pytest.mark.parametrize(("columns", "below"), [(60, 2), (80, 1), (80, 2)])
+def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, below):
     words = "people who did not leave as their route says, in a sentence of more than a line of the terminal " * 2
     answer = Answer(
         verdict="NOT everybody is out (no progress): 7 of 9 people out after 60.00 s",
-        times="The last of those who are out left after 40.00 s; 95 % never are out",
+        times="The last who got out left after 40.00 s; 95 % never are out",
         exits=(
             "Exit 'a': 4 people, the last after 40.00 s",
             "Exit 'b': 2 people",
@@ -143,12 +151,12 @@ def test_the_answer_has_a_dozen_lines_of_80_columns_at_most(monkeypatch, remarks
     )
     screen = Terminal()
     monkeypatch.setattr("sys.stdout", screen)
-    monkeypatch.setenv("COLUMNS", "80")
-    show_answer(SimpleNamespace(answer=answer, title="A title " * 20, source="case.toml", changes=()))
-    lines = [re.sub("\x1b[^m]*m", "", line) for line in screen.getvalue().splitlines()]
-    assert 8 <= len(lines) <= 11  # the result folder is one more
-    assert max(map(len, lines)) <= 80
-    assert answer.verdict in lines
+    monkeypatch.setenv("COLUMNS", str(columns))
+    show_answer(SimpleNamespace(answer=answer, title="A title " * 20, source="case.toml", changes=()), below)
+    lines = screen_of(screen)
+    assert 8 <= len(lines) <= 12 - below  # as many more for the result folder
+    assert max(map(len, lines)) <= columns
+    assert answer.verdict in " ".join(line.strip() for line in lines)
     assert lines[-1].startswith(answer.warnings)
     assert sum("Exit" in line or "exits" in line for line in lines) >= 4
 
@@ -156,8 +164,8 @@ def test_the_answer_has_a_dozen_lines_of_80_columns_at_most(monkeypatch, remarks
 def test_no_number_of_the_answer_is_cut_off_on_a_narrow_terminal(monkeypatch):
     answer = Answer(
         verdict="NOT everybody is out (no progress): 7 of 9 people out after 1160.00 s",
-        times="Evacuation time: the last is out after 1132.13 s, 95 % are out after 1110.53 s",
-        exits=("Exit 'main entrance': 485 people, the last after 1132.13 s, 1.47 /s (0.73 /s/m)",),
+        times="Evacuation time 1132.13 s; 95 % are out after 1110.53 s",
+        exits=("Exit 'main entrance': 485 people by 1132.13 s, 1.47/s (0.73/s/m)",),
         queue="",
         movement="People keep distances (walking)",
         remarks=(),
@@ -168,7 +176,49 @@ def test_no_number_of_the_answer_is_cut_off_on_a_narrow_terminal(monkeypatch):
         monkeypatch.setattr("sys.stdout", screen)
         monkeypatch.setenv("COLUMNS", str(columns))
         show_answer(SimpleNamespace(answer=answer, title="A title", source="case.toml", changes=()))
-        text = re.sub("\x1b[^m]*m", "", screen.getvalue())
-        assert max(map(len, text.splitlines())) <= columns
-        words = " ".join(text.split())
+        lines = screen_of(screen)
+        assert max(map(len, lines)) <= columns
+        words = " ".join(" ".join(lines).split())
         assert all(line in words for line in (answer.verdict, answer.times, *answer.exits))
+
+
+@pytest.mark.parametrize("columns", [56, 60, 80])
+def test_tables_are_narrowed_until_they_fit_and_lose_nothing(monkeypatch, columns):
+    rows = [
+        ("lower flight z=0.00..1.65", "flight", "0.00 to 1.65", 4.2, 30.5, 2),
+        ("a storey with a long name", "floor", "0.00", 162.5, 0, 125),
+    ]
+    screen = Terminal()
+    monkeypatch.setattr("sys.stdout", screen)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    show_table("Levels", ("level", "kind", "z [m]", "plan [m2]", "slope [deg]", "walls"), rows)
+    lines = screen_of(screen)
+    assert max(map(len, lines)) <= columns
+    words = " ".join(lines).split()
+    assert {"lower", "z=0.00..1.65", "storey", "flight", "162.5", "30.5", "125", "walls", "1.65"} <= {*words}
+
+
+def test_facts_are_divided_between_words_and_paths_are_not(monkeypatch):
+    path = "/a/folder/with/a/name/that/is/wider/than/the/terminal.msh"
+    screen = Terminal()
+    monkeypatch.setattr("sys.stdout", screen)
+    monkeypatch.setenv("COLUMNS", "40")
+    show_facts({"case": "some words " * 6, "building": path})
+    lines = screen_of(screen)
+    assert path in [line.strip() for line in lines]
+    assert all(
+        len(line) <= 40 and line.startswith(("case ", 10 * " ", "building")) for line in lines if path not in line
+    )
+
+
+@pytest.mark.parametrize("words", [["plugins", "walking"], ["verify"], ["verify", "--help"], ["plugins", "--verbose"]])
+def test_descriptions_fit_narrow_terminals(monkeypatch, words):
+    screen = Terminal()
+    monkeypatch.setattr("sys.stdout", screen)
+    monkeypatch.setenv("COLUMNS", "60")
+    if words[-1] == "--help":
+        with pytest.raises(SystemExit):
+            main(words)
+    else:
+        assert main(words) == 0
+    assert max(map(len, screen_of(screen))) <= 60

@@ -240,7 +240,7 @@ def answer_of(run):
     times, leaving = run.exit_times(), run.leaving
     most, complete = time_of(times, len(leaving), 95), run.summary["ended"].startswith("everybody")
     share = "95 % never are out" if most is None else f"95 % are out after {most:.2f} s"
-    last = "Evacuation time: the last is out after" if complete else "The last of those who are out left after"
+    last = "Evacuation time" if complete else "The last who got out left after"
     exits = []
     closed = {one["what"] for one in run.summary["changes"] if one["kind"] == "close"}
     for way in sorted(run.building["exits"], key=lambda one: -len(run.exit_times(one["name"]))):
@@ -248,13 +248,13 @@ def answer_of(run):
         flow = steady(out)
         exits.append(
             f"Exit {way['name']!r}{' (closed)' * (way['name'] in closed)}: {len(out)} people"
-            + (f", the last after {out[-1]:.2f} s" if out else "")
-            + (f", {flow:.2f} /s ({flow / way['width']:.2f} /s/m)" if flow else "")
+            + (f" by {out[-1]:.2f} s" if out else "")
+            + (f", {flow:.2f}/s ({flow / way['width']:.2f}/s/m)" if flow else "")
         )
     number = f"{len(times)} of {len(run.people)} people out"
     return {
         "Answer": f"Everybody out: {number}" if complete else f"NOT everybody is out: {number}",
-        "Evacuation": f"{last} {times[-1]:.2f} s{',' if complete else ';'} {share}",
+        "Evacuation": f"{last} {times[-1]:.2f} s; {share}",
         "Exits": exits,
         "Queues": run.longest_queue(),
     }

@@ -8,8 +8,8 @@ from evac.results.answer import answer_of
 def test_people_left_are_said_first(make_results):
     answer = answer_of(make_results())
     assert answer.verdict == "NOT everybody is out (no progress): 2 of 5 people out after 20.00 s"
-    assert answer.times == "The last of those who are out left after 9.00 s; 95 % never are out"
-    assert answer.exits == ("Exit 'door': 2 people, the last after 9.00 s",)
+    assert answer.times == "The last who got out left after 9.00 s; 95 % never are out"
+    assert answer.exits == ("Exit 'door': 2 people by 9.00 s",)
     assert answer.queue == ""  # nothing was recorded
     assert answer.warnings == "1 warning about building and people"
 
@@ -21,7 +21,7 @@ def test_a_complete_run_has_its_times(make_results):
     results.crowd.exit_time[:] = np.arange(5) * 2.0 + 1.0
     answer = answer_of(results)
     assert answer.verdict == "Everybody out: 5 of 5 people out"
-    assert answer.times == "Evacuation time: the last is out after 9.00 s, 95 % are out after 9.00 s"
+    assert answer.times == "Evacuation time 9.00 s; 95 % are out after 9.00 s"
 
 
 def test_quality_warnings_are_named_by_their_kind(make_results):
