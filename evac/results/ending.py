@@ -116,7 +116,7 @@ class Ending:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
         inside = (crowd.level >= 0) & self._leaves
         if not (inside & ~self._arrived & ~self._stopped).any() and not np.isnan(crowd.arrival_time).any():
-            if (inside & self._stopped).any():
+            if ((crowd.level >= 0) & self._stopped).any():
                 return EVERYBODY_ABLE_OUT
             return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
         return DURATION_OVER if step >= self._settings.last_step else ""

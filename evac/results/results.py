@@ -299,8 +299,8 @@ class Results:
 
     @property
     def at_places(self) -> int:
-        """Number of people who are at refuges or assembly areas."""
-        return sum(len(place.people) for place in self.places)
+        """Number of people who are at refuges or assembly areas, but for those whom gases or heat have stopped."""
+        return len({row for place in self.places for row in place.people} - {*self.stopped.tolist()})
 
     @property
     def is_complete(self) -> bool:
@@ -323,8 +323,8 @@ class Results:
 
     @property
     def staying(self) -> int:
-        """Number of people inside at the end who do not leave."""
-        return int(self._stays.sum())
+        """Number of people inside at the end who do not leave, but for those whom gases or heat have stopped."""
+        return int(np.delete(self._stays, self.stopped).sum())
 
     @cached_property
     def leaving(self) -> IntArray:

@@ -35,6 +35,8 @@ class Deciding:
         Whether one of them reads contact forces, which are then needed at every tick.
     version : int
         Version of the scene at the last tick.
+    held : (n,) bool
+        Whom behaviours let stand, to wait for others for example, but not behind others.
     """
 
     def __init__(self, simulation: "Simulation", behaviours: Sequence[Behaviour]) -> None:
@@ -56,6 +58,7 @@ class Deciding:
         self.acts: dict[str, bool] = {}
         self.reads_forces = any("contact_force" in behaviour.reads for behaviour, _ in self.used)
         self.version = self._scene.version
+        self.held = np.zeros(len(self._crowd.level), np.bool_)
 
     def _view(self, behaviour: Behaviour) -> BehaviourScene:
         """Return the scene that a behaviour can access."""
@@ -89,7 +92,7 @@ class Deciding:
         ]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         if again or "speed_factor" in renewed:
-            self._crowd.speed_factor[:] = 1.0
+            self._crowd.speed_factor[:], self.held[:] = 1.0, False
         if self._case.place:
             self._crowd.speed_factor[self._places.arrived] = 0.0
         if self._share is not None:
@@ -102,6 +105,8 @@ class Deciding:
             with plugin_code(f"t = {time:.3f} s: behaviour {behaviour.name!r}", behaviour, DECLARE):
                 behaviour.act(scene.crowd, time)
             self._check(behaviour, scene, time)
+            if not behaviour.acts_last:  # those that do slow people down behind others
+                self.held[:] = self._crowd.speed_factor == 0.0
 
     def _check(self, behaviour: Behaviour, scene: BehaviourScene, time: float) -> None:
         """Check what a behaviour wrote; those who do not leave never start, whatever it was."""
@@ -125,7 +130,7 @@ class Deciding:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the private arrays of the behaviours, and the states of their generators."""
-        state: dict[str, NDArray[Any]] = {}
+        state: dict[str, NDArray[Any]] = {"held": self.held.copy()}
         for behaviour, scene in self.used:
             state |= state_of(behaviour, f"behaviour {behaviour.name!r}", f"behaviour.{behaviour.name}.")
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
@@ -133,6 +138,7 @@ class Deciding:
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned; behaviours that a changed case has added stay as they are."""
+        self.held[:] = taken(state, "held", np.bool_, self.held.shape, False, True)
         for behaviour, scene in self.used:
             if f"generator.{behaviour.name}" in state:
                 what = f"behaviour {behaviour.name!r}: restore"

@@ -188,8 +188,9 @@ class Simulation:
 
     @property
     def standing(self) -> NDArray[np.bool_]:
-        """Who waits for nothing, (n,): they have arrived at a refuge or assembly area, or gases have stopped them."""
-        return self.places.arrived if self.exposure is None else self.places.arrived | self.exposure.stopped
+        """Who is in no queue, (n,): at a refuge or assembly area, stopped by gases, or held by a behaviour."""
+        standing = self.places.arrived | self.deciding.held
+        return standing if self.exposure is None else standing | self.exposure.stopped
 
     def _watch_people(self) -> None:
         """Keep the initial state of people, and begin to watch how they get on."""

@@ -144,8 +144,11 @@ def before_a_door(folder, model, walking, strategy="fastest"):
 @pytest.mark.parametrize(("model", "walking"), [("dem", False), ("nsm1", False), ("nsm2", False), ("nsm2", True)])
 def test_people_who_are_stopped_before_a_door_are_not_pushed_away_but_passed(tmp_path, model, walking):
     results = Simulation(before_a_door(tmp_path, model, walking)).run()
-    assert (results.ended, results.exit_status, results.evacuated) == ("everybody out", 3, 20)
+    assert (results.ended, results.exit_status, results.evacuated) == ("everybody out who can move", 3, 20)
     (stopped,) = results.stopped
+    assert results.staying == 0  # who does not leave either is named once
+    (remark,) = results.remarks
+    assert "stopped" in remark
     assert np.abs(results.crowd.position[stopped] - [11.5, 3.0]).max() < 0.01
     assert np.nanmax(results.crowd.exit_time) < 30.0
 

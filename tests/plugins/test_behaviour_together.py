@@ -5,6 +5,7 @@ import pytest
 from shapely import box
 
 import evac
+from evac.analysis.queues import find_queues
 from evac.report.of_run import main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
@@ -70,6 +71,19 @@ def test_a_unit_gathers_and_is_counted_before_it_leaves():
     assert arrived is not None
     assert left - arrived > 7.0
     assert np.ptp(crowd.exit_time) < 8.0
+
+
+def test_who_gathers_is_in_no_queue_and_resumed_runs_know_it(tmp_path):
+    case = corridor(("class", 12, {"gather": "hall"}, SPEEDS * 3), places=["hall"], count=30.0).case
+    results = evac.run(case, tmp_path / "whole")
+    waited = [queue.waited for queue in find_queues(results.trajectory)]
+    assert results.last_out > 90.0
+    assert sum(waited) < 12 * 3.0
+    first, second = Simulation(case), Simulation(case)
+    run_ticks(first, 450)
+    assert first.standing.sum() == 12
+    second.restore(first.state())
+    assert second.standing.tolist() == first.standing.tolist()
 
 
 def test_a_unit_leaves_without_those_who_do_not_come():
