@@ -68,6 +68,8 @@ def _verdict(results: "Results") -> str:
     out = f"{results.evacuated} of {counted(results.number_of_people, 'person', 'people')} out"
     if results.at_places:
         out += f", {results.at_places} at a safe place"
+    if results.staying:
+        out += f", {results.staying} not to leave"
     if len(results.stopped):
         out += f", {len(results.stopped)} stopped by gases or heat"
     if results.is_complete:

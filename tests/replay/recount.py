@@ -34,7 +34,12 @@ class Recount:
         lines = [one for one in self.building.get("places", ()) if one["kind"] == "line"]
         self.lines = {one["name"]: math.dist(*one["shape"]["coordinates"]) for one in lines}
         stay = ("", "inf")  # who has not come, and who stays
-        self.leaving = [one for one in self.people if one["exit_time"] or one["response_time"] not in stay]
+        at_places = self.at_places = {row for place in self.summary["places"] for row in place["people"]}
+        self.leaving = [
+            one
+            for row, one in enumerate(self.people)
+            if one["exit_time"] or (one["response_time"] not in stay and row not in at_places)
+        ]
         self.stairs = {
             name: {level["name"] for level in self.levels if level["stair"] == name} for name in self.summary["stairs"]
         }
@@ -91,15 +96,17 @@ class Recount:
             ready = {one["person"] for one in there if self.has_started(one, before)}
             found.append(
                 {
-                    one["person"]: time - before if one["person"] in ready and self.speed(one) < WAITING else 0.0
+                    one["person"]: time - before
+                    if one["person"] in ready and self.has_started(one, time) and self.speed(one) < WAITING
+                    else 0.0
                     for one in here
                 }
             )
         return found
 
     def has_started(self, one, time):
-        """Whether a person walks."""
-        return float(self.people[one["person"]]["response_time"]) <= time
+        """Whether a person walks, and does not stand at a refuge, after gases or because of a behaviour."""
+        return float(self.people[one["person"]]["response_time"]) <= time and one["started"]
 
     def waited(self, person, last):
         """Time waited by a person until a frame."""
@@ -215,7 +222,7 @@ class Recount:
                 times[names[1] if source == names[0] else names[0]].append(float(one["time"]))
             for name, passed in times.items():
                 if passed:
-                    found["portal", way["name"], f"to {name}"] = passed, way["width"]
+                    found["portal", way["name"], f"to {name}"] = sorted(passed), way["width"]
         for way in self.building["exits"]:
             found["exit", way["name"], "out"] = self.exit_times(way["name"]), way["width"]
         ways = [("door", way["name"], way["level"], way["segment"], way["width"]) for way in self.building["doors"]]

@@ -40,13 +40,14 @@ HALL = {
     "areas": [
         {"name": "loft", "storey": "gallery", "polygon": [[8, 1], [13, 1], [13, 7], [8, 7]]},
         {"name": "room", "storey": "hall", "polygon": [[9, 1], [13, 1], [13, 7], [9, 7]]},
+        {"name": "yard", "storey": "hall", "polygon": [[2, 3], [7, 3], [7, 7.5], [2, 7.5]]},
     ],
 }
 LINE = {"name": "middle", "level": "hall", "segment": [[3, 0.1], [3, 7.8]]}
 CONTACT = {"contact": {"model": "nsm2"}, "simulation": {"duration": 120.0}, "line": [LINE]}
 CROWD = {"radius": {"uniform": [0.2, 0.25]}, "speed": {"uniform": [1.0, 1.6]}}
 
-#: Levels and stairs, groups that respond at different times, quickest ways, exits that close, arrivals, smoke.
+#: Stairs, groups that respond at different times, quickest ways, exits that close, arrivals, gatherings, smoke.
 CASES = {
     "school": "primary_school",
     "groups": {
@@ -75,6 +76,16 @@ CASES = {
             {"name": "train", "level": "hall", "arrive": {"rate": 1.0, "from": 1.0, "to": 15.0}, **CROWD},
             {"name": "staff", "number": 3, "area": "room", "leave": False, **CROWD},
         ],
+    },
+    "places": {
+        **{"title": "A class gathers", "building": {"plan": HALL}, **CONTACT},
+        "place": [{"name": "safe", "kind": "assembly", "area": "loft"}],
+        "people": [
+            {"name": "class", "number": 25, "area": "room", "behaviours": {"together": {"gather": "yard"}}, **CROWD},
+            {"name": "guests", "number": 10, "area": "room", "assembly": ["safe"], **CROWD},
+        ],
+        "behaviours": {"walking": {}, "together": {"places": ["yard"]}},
+        "event": [{"time": 4.0, "kind": "one_way", "target": "inner", "value": "yard"}],
     },
     "fire": "office_fire",
 }
@@ -176,7 +187,7 @@ def test_people_of_the_replay_and_of_pictures_have_the_measures_of_the_trajector
             "Level": run.levels[one["level"]]["name"],
             "Exit time": f"{float(told['exit_time']):.2f} s" if told["exit_time"] else "did not get out",
             "Desired speed": f"{float(told['speed']):.2f} m/s",
-            "Response time": f"{float(told['response_time']):.2f} s",
+            "Response time": "never" if told["response_time"] == "inf" else f"{float(told['response_time']):.2f} s",
         }
         computed |= {(k, name): value for name, value in expected.items()}
         shown |= {(k, name): facts[name] for name in expected}
@@ -252,8 +263,13 @@ def answer_of(run):
             + (f", {flow:.2f}/s ({flow / way['width']:.2f}/s/m)" if flow else "")
         )
     number = f"{len(times)} of {len(run.people)} people out"
+    if run.at_places:
+        number += f", {len(run.at_places)} at a safe place"
+    if stays := len(run.people) - len(run.leaving) - len(run.at_places):
+        number += f", {stays} not to leave"
+    ended = run.summary["ended"].capitalize()
     return {
-        "Answer": f"Everybody out: {number}" if complete else f"NOT everybody is out: {number}",
+        "Answer": f"{ended}: {number}" if complete else f"NOT everybody is out ({ended.lower()}): {number}",
         "Evacuation": f"{last} {times[-1]:.2f} s; {share}",
         "Exits": exits,
         "Queues": run.longest_queue(),
@@ -268,11 +284,14 @@ def test_every_number_of_the_terminal_is_that_of_the_trajectory(run, capsys):
     told = [answer["Answer"], answer["Evacuation"], *answer["Exits"], answer["Queues"]]
     assert [line for line in lines if line in told] == told
     others = [line for line in lines if line not in told]
-    staying = [len(run.people) - len(run.leaving)] * (len(run.people) > len(run.leaving))
+    stays = len(run.people) - len(run.leaving) - len(run.at_places)
+    staying = [stays] * (stays > 0)
     kinds = [len(run.summary[key]) for key in ("quality_warnings", "warnings") if run.summary[key]]
     changes = [number for one in run.summary["changes"] for number in (one["time"], *one["values"].values())]
+    changes = [number for number in changes if isinstance(number, float | int)]
     numbers = [float(number) for line in others for number in re.findall(r"\d+(?:\.\d+)?", line)]
-    assert sorted(numbers) == sorted([*changes, *staying, *kinds])
+    stay_there = [len(place["people"]) for place in run.summary["places"]]
+    assert sorted(numbers) == sorted([*changes, *staying, *kinds, *stay_there])
     show_results(results)
     rows = [re.split(r"\s{2,}", line.strip()) for line in capsys.readouterr().out.splitlines()]
     for way in run.building["exits"]:
@@ -287,6 +306,9 @@ def test_every_number_of_the_terminal_is_that_of_the_trajectory(run, capsys):
         (row,) = [row for row in rows if row[0] == name and len(row) == 4]
         assert row[1:] == ["-" if value is None else f"{value:.4g}" for value in run.use_of(levels)]
     facts = {row[0]: row[1] for row in reversed(rows) if len(row) == 2}
+    responses = sorted(time for one in run.people if (time := float(one["response_time"])) < np.inf)
+    spread = f"{responses[0]:.4g} to {responses[-1]:.4g} s"
+    assert facts["response times"] == (spread if responses[-1] else "none: everybody starts at 0 s")
     assert facts["people"] == str(len(run.people))
     assert facts["out"] == str(len(run.exit_times()))
     assert facts["last out"].startswith(f"{run.exit_times()[-1]:.2f} s")
@@ -461,6 +483,7 @@ def test_tables_of_the_summary_are_those_of_the_crossings(run):
 def test_people_who_come_are_drawn_and_counted_from_then_on(browser, tmp_path):
     arrive = {"rate": 1.0, "from": 0.0, "to": 6.0}
     people = [{"name": "early", "level": "room", "number": 4}, {"name": "late", "level": "room", "arrive": arrive}]
+    people.append({"name": "staff", "level": "room", "number": 1, "leave": False})
     quiet = {"output.animation": False, "output.picture": False}
     results = evac.run(evac.load("square_room", {"people": people, **quiet}), tmp_path / "result")
     browser.open(tmp_path / "result" / "replay.html")
@@ -469,3 +492,7 @@ def test_people_who_come_are_drawn_and_counted_from_then_on(browser, tmp_path):
         inside = int(((crowd.arrival_time <= time) & (crowd.exit_time > time)).sum())
         shown = browser.run(f"[replay.series.inside.at({time}), replay.record.at({time}).count]")
         assert shown == [inside, inside]
+    (staff,) = np.flatnonzero(np.isinf(crowd.start_time)).tolist()
+    browser.run(f"replay.act.select({staff})")
+    browser.settle()
+    assert "never" in browser.text("#person-facts").split("Response time")[1].split("\n")[:2]

@@ -104,7 +104,8 @@ class Panel {
       facts.push(["Level", time < record.outTime[p] ? "not inside yet" : "out"]);
     }
     if (record.speed) facts.push(["Desired speed", `${(record.speed[p] / 100).toFixed(2)} m/s`]);
-    if (record.response_time) facts.push(["Response time", `${(record.response_time[p] / 100).toFixed(2)} s`]);
+    const response = record.response_time?.[p];  // -1 of those who never start
+    if (response !== undefined) facts.push(["Response time", response < 0 ? "never" : `${(response / 100).toFixed(2)} s`]);
     facts.push(["Body height", `${(record.height[p] / 1000).toFixed(2)} m`]);
     facts.push(["Body radius", `${(record.radius[p] / 10).toFixed(1)} cm`]);
     facts.push(["Exit time", left ? (record.hasTimes ? `${record.outTime[p].toFixed(2)} s` : `by ${seconds(record.outTime[p])}`) : "did not get out"]);
