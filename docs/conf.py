@@ -50,7 +50,11 @@ html_math_renderer = "mathml"
 html_theme_options = {
     "source_repository": "",
     "footer_icons": [],
+    "top_of_page_buttons": [],
 }
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]
+html_js_files = ["wide.js"]
 
 
 def _formula(translator, node, display):
@@ -60,6 +64,12 @@ def _formula(translator, node, display):
         raise ExtensionError(f"latex2mathml does not know a command of {node.astext()!r}")
     translator.body.append(written)
     raise nodes.SkipNode
+
+
+def _give_captions_a_level(app, page, template, context, doctree):
+    """Give the captions of the contents, which the theme declares as headings, the level that headings must have."""
+    contents = context["furo_navigation_tree"]
+    context["furo_navigation_tree"] = contents.replace('role="heading"', 'role="heading" aria-level="2"')
 
 
 def _write_replay(app, exception):
@@ -77,4 +87,5 @@ def setup(app):
         (lambda translator, node: _formula(translator, node, "inline"), None),
         (lambda translator, node: _formula(translator, node, "block"), None),
     )
+    app.connect("html-page-context", _give_captions_a_level, priority=600)  # after the theme
     app.connect("build-finished", _write_replay)

@@ -156,11 +156,11 @@ def test_python_of_the_guides_to_what_was_recorded_runs(text, tmp_path, monkeypa
 
 def test_python_of_the_recipe_that_closes_a_stair_runs(text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    plugin, script = fenced(text("docs/recipes.md"), "python")
+    plugin, script = fenced(text("docs/recipes_events.md"), "python")
     (tmp_path / "closing.py").write_text(plugin, encoding="utf-8")
     case = evac.load("primary_school", {"simulation.duration": 11.0}, plugin_files=["closing.py"])
     assert [(change.time, change.kind, change.what) for change in evac.run(case).changes] == [(10.0, "close", "upper")]
-    exec(compile(script, "docs/recipes.md", "exec"), {})
+    exec(compile(script, "docs/recipes_events.md", "exec"), {})
     results = evac.read_results("upper-closed")
     assert results.evacuated == results.number_of_people
     assert [(change.time, change.kind) for change in results.changes] == [(10.0, "close"), (40.0, "open")]

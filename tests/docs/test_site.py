@@ -26,11 +26,15 @@ def fenced(text, kind):
     return re.findall(rf"^```{kind}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
-RECIPES = fenced((Path(__file__).parents[2] / "docs/recipes.md").read_text(encoding="utf-8"), "toml")
+RECIPES = [
+    block
+    for page in sorted((Path(__file__).parents[2] / "docs").glob("recipes*.md"))
+    for block in fenced(page.read_text(encoding="utf-8"), "toml")
+]
 
 
 def test_every_public_name_is_in_the_reference(root):
-    text = (root / "docs/api.md").read_text(encoding="utf-8")
+    text = "".join(page.read_text(encoding="utf-8") for page in (root / "docs").glob("api*.md"))
     described = set(re.findall(r"auto(?:function|class|data|exception):: (\w+)", text))
     errors = {name for name in evac.__all__ if name.endswith(("Error", "Warning"))}
     assert "automodule:: evac.base.errors" in text
