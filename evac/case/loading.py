@@ -62,7 +62,7 @@ def load_case(
 
     Examples
     --------
-    >>> case = load_case("classroom", ["simulation.duration=60", "simulation.seed=7"])  # doctest: +SKIP
+    >>> case = evac.load("classroom", ["simulation.duration=60", "simulation.seed=7"])  # doctest: +SKIP
     """
     if registry is None:
         from evac.contract.registry import Registry

@@ -52,7 +52,7 @@ def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) ->
 
     Examples
     --------
-    >>> results = read_results("classroom-result")  # doctest: +SKIP
+    >>> results = evac.read_results("classroom-result")  # doctest: +SKIP
     >>> results.last_out, results.exits["door"]["people"]  # doctest: +SKIP
     """
     place = find_result(usable_path(folder, ResultError))

@@ -85,7 +85,7 @@ def read_building(
 
     Examples
     --------
-    >>> building = read_building("hall.msh", scale=0.001)  # doctest: +SKIP
+    >>> building = evac.read_building("hall.msh", scale=0.001)  # doctest: +SKIP
     """
     path = Path(path)
     own = BuildingOptions.read(options, BuildingError, f"{path}: building.")

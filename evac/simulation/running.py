@@ -92,7 +92,7 @@ def run(
 
     Examples
     --------
-    >>> results = run("classroom", "classroom-result")  # doctest: +SKIP
+    >>> results = evac.run("classroom", "classroom-result")  # doctest: +SKIP
     """
     case = as_case(case)
     _check_interval(checkpoint)
@@ -173,8 +173,8 @@ def resume(
 
     Examples
     --------
-    >>> results = resume("classroom-result")  # doctest: +SKIP
-    >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
+    >>> results = evac.resume("classroom-result")  # doctest: +SKIP
+    >>> results = evac.resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
     _check_interval(checkpoint)
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
