@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from evac.case.reference import as_toml
+from evac.case.toml import toml_value
 from evac.contract.registry import Registry
 
 #: Pages with descriptions of plugins, in the folder of this file.
@@ -68,11 +68,11 @@ def _parameters(plugin: type[Any]) -> str:
     declared = plugin.declared()
     if not declared:
         return "It has no parameters."
-    rows = [
-        f"| `{name}` | `{as_toml(one.default)}` | {one.unit} | {one.range} | {one.doc} |"
-        for name, one in declared.items()
-    ]
-    return "\n".join(["| parameter | default | unit | allowed | meaning |", "|---|---|---|---|---|", *rows])
+    rows = ["| parameter | default | unit | allowed | meaning |", "|---|---|---|---|---|"]
+    for name, one in declared.items():
+        default = "none" if one.default is None else f"`{toml_value(one.default)}`"
+        rows.append(f"| `{name}` | {default} | {one.unit} | {one.range} | {one.doc} |")
+    return "\n".join(rows)
 
 
 if __name__ == "__main__":

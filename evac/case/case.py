@@ -4,11 +4,11 @@ import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from pydantic import PrivateAttr, field_validator, model_validator
 
-from evac.base.keys import Parameters, Table, Title, key, wrong
+from evac.base.keys import Key, Parameters, Table, Title, key, wrong
 from evac.building.options import MOST_ITEMS
 from evac.case.events import EventSettings
 from evac.case.fire import ConditionSettings, DoseSettings, SmokeSettings
@@ -25,10 +25,7 @@ from evac.case.schema import (
     ReportSettings,
     SimulationSettings,
 )
-
-if TYPE_CHECKING:
-    from evac.base.keys import Key
-    from evac.contract.registry import Registry
+from evac.contract.registry import Registry
 
 #: File name used for a case that was made from a dictionary.
 DICTIONARY = "<dictionary>"
@@ -42,8 +39,8 @@ class Origin:
     table: Mapping[str, Any]
     loaded_files: tuple[Path, ...]
     unloaded_files: tuple[Path, ...]
-    unchecked: "tuple[Key, ...]"
-    registry: "Registry"
+    unchecked: tuple[Key, ...]
+    registry: Registry
 
 
 class Case(Table):
@@ -158,12 +155,12 @@ class Case(Table):
         return self._origin.unloaded_files
 
     @property
-    def unchecked(self) -> "tuple[Key, ...]":
+    def unchecked(self) -> tuple[Key, ...]:
         """Keys that name plugins or parameters which may be provided by plugin files that are not executed yet."""
         return self._origin.unchecked
 
     @property
-    def registry(self) -> "Registry":
+    def registry(self) -> Registry:
         """The registry with which the case was checked."""
         return self._origin.registry
 

@@ -4,7 +4,7 @@ import copy
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -20,9 +20,7 @@ from evac.case.places import place_faults
 from evac.case.presets import with_presets
 from evac.case.schema import MOST_STATES
 from evac.case.trust import named_files
-
-if TYPE_CHECKING:
-    from evac.contract.registry import Registry
+from evac.contract.registry import Registry
 
 #: Greatest number of faults in one error, and of characters of each.
 MOST_SHOWN, LONGEST_SHOWN = 50, 1_000
@@ -32,7 +30,7 @@ def load_case(
     source: str | Path | Mapping[str, Any],
     overrides: Mapping[str, Any] | Iterable[str] = (),
     plugin_files: Iterable[str | Path] = (),
-    registry: "Registry | None" = None,
+    registry: Registry | None = None,
 ) -> Case:
     """Read and check a case. The file is parsed as data; no code that it contains or names is executed.
 
@@ -64,10 +62,7 @@ def load_case(
     --------
     >>> case = evac.load("classroom", ["simulation.duration=60", "simulation.seed=7"])  # doctest: +SKIP
     """
-    if registry is None:
-        from evac.contract.registry import Registry
-
-        registry = Registry()
+    registry = registry or Registry()
     files = _added(plugin_files, registry)
     if isinstance(source, Mapping):
         return case_from(source, Path.cwd() / DICTIONARY, overrides, plugin_files=files, registry=registry)
@@ -90,16 +85,13 @@ def case_from(
     source: Path,
     overrides: Mapping[str, Any] | Iterable[str] = (),
     plugin_files: Iterable[str | Path] = (),
-    registry: "Registry | None" = None,
+    registry: Registry | None = None,
 ) -> Case:
     """Check the content of a case.toml; paths in it are relative to the folder of `source`.
 
     Raises the errors of `load_case`.
     """
-    if registry is None:
-        from evac.contract.registry import Registry
-
-        registry = Registry()
+    registry = registry or Registry()
     table = _with_plan(dict(table))
     _refuse(content_faults(table), table, source, [])
     content: dict[str, Any] = copy.deepcopy(table)
@@ -165,7 +157,7 @@ def _without_repeats(faults: list[Fault], content: dict[str, Any]) -> list[Fault
     return [fault for fault in faults if not is_repeat(fault.key)]
 
 
-def _found(source: str | Path, registry: "Registry") -> Path:
+def _found(source: str | Path, registry: Registry) -> Path:
     """Return the path of the case.toml that `source` names."""
     path = usable_path(source, ScenarioError)
     if path.is_dir():
@@ -181,7 +173,7 @@ def _found(source: str | Path, registry: "Registry") -> Path:
     )
 
 
-def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...]:
+def _added(files: Iterable[str | Path], registry: Registry) -> tuple[Path, ...]:
     """Register plugin files and return their paths, resolved."""
     paths = tuple(usable_path(file, PluginError).resolve() for file in files)
     for path in paths:
@@ -189,7 +181,7 @@ def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...
     return paths
 
 
-def _plugin_faults(content: dict[str, Any], registry: "Registry") -> list[Fault]:
+def _plugin_faults(content: dict[str, Any], registry: Registry) -> list[Fault]:
     """Check the tables of plugins against the parameters that their classes declare."""
     faults: list[Fault] = []
     contact = content.get("contact")
@@ -239,7 +231,7 @@ def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]
     return [(key, table) for key, table in tables if isinstance(table, dict)]
 
 
-def _solver_faults(tables: dict[str, Any], registry: "Registry") -> list[Fault]:
+def _solver_faults(tables: dict[str, Any], registry: Registry) -> list[Fault]:
     """Check that the solvers named in tables of contact models are registered."""
     from evac.physics.contact.model import SolvedContactModel
 
@@ -254,7 +246,7 @@ def _solver_faults(tables: dict[str, Any], registry: "Registry") -> list[Fault]:
     return faults
 
 
-def _fire_faults(content: dict[str, Any], registry: "Registry") -> list[Fault]:
+def _fire_faults(content: dict[str, Any], registry: Registry) -> list[Fault]:
     """Check the sources of conditions and the law of speed in smoke that a case names, and their parameters."""
     faults: list[Fault] = []
     tables, sources = content.get("conditions"), registry.condition_sources
@@ -314,7 +306,7 @@ def _parameter_faults(key: Key, value: Any, cls: type[Configurable], allowed: li
     return []
 
 
-def _group_faults(key: Key, settings: dict[str, Any], content: dict[str, Any], registry: "Registry") -> list[Fault]:
+def _group_faults(key: Key, settings: dict[str, Any], content: dict[str, Any], registry: Registry) -> list[Fault]:
     """Check the settings of a group for behaviours: each must be registered and in the case, and accept these keys."""
     faults: list[Fault] = []
     in_use = content.get("behaviours", {})
@@ -331,7 +323,7 @@ def _group_faults(key: Key, settings: dict[str, Any], content: dict[str, Any], r
     return faults
 
 
-def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path, registry: "Registry") -> list[Fault]:
+def _scene_faults(content: dict[str, Any], case: Case | None, folder: Path, registry: Registry) -> list[Fault]:
     """Check conditions that involve more than one table."""
     faults: list[Fault] = []
     groups = content.get("people")

@@ -93,7 +93,8 @@ def toml_key(name: str) -> str:
 def toml_value(value: Any) -> str:
     """Return a value; None stands for infinity, which JSON does not have."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{toml_key(name)} = {toml_value(item)}" for name, item in value.items()) + " }"
+        pairs = ", ".join(f"{toml_key(name)} = {toml_value(item)}" for name, item in value.items())
+        return f"{{ {pairs} }}" if pairs else "{}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml_value, value))}]"
     if value is None or (isinstance(value, float) and math.isinf(value)):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.case.reference import as_toml
+from evac.case.toml import toml_value
 from evac.cli.main import main
 from evac.simulation.identity import differences_of, made_of
 from evac.simulation.simulation import Simulation
@@ -231,7 +231,7 @@ def test_the_command_prints_the_lines_of_the_deck_before_there_are_data(tmp_path
 
 def toml(case):
     """Return a case as TOML, with its tables in lines."""
-    return "\n".join(f"{key} = {as_toml(value)}" for key, value in case.table.items())
+    return "\n".join(f"{key} = {toml_value(value)}" for key, value in case.table.items())
 
 
 def test_check_warns_of_what_slices_do_not_cover_and_of_their_end(tmp_path, capsys):

@@ -12,7 +12,6 @@ import pytest
 from shapely import Point
 
 import evac
-from evac.case.reference import reference
 from evac.results.results import EGRESS_COLUMNS, EXPOSURE_COLUMNS, PEOPLE_COLUMNS
 from evac.simulation.simulation import Simulation
 
@@ -173,10 +172,6 @@ def test_python_of_the_guide_to_results_runs(text, tmp_path, monkeypatch, capsys
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("everybody out 30 ")
     assert "'time', 'person'" in lines[-1]
-
-
-def test_the_reference_of_a_case_is_the_generated_one(text):
-    assert text("docs/case.md").endswith("\n\n" + reference())
 
 
 def test_the_plan_of_the_guide_is_evacuated(text, capsys):

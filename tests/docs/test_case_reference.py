@@ -1,9 +1,16 @@
+import importlib.util
+from pathlib import Path
+
 import pytest
 
 from evac.base.distributions import KINDS
 from evac.base.keys import table_of
 from evac.case.case import Case
-from evac.case.reference import reference
+
+_spec = importlib.util.spec_from_file_location("case_reference", Path(__file__).parents[2] / "docs/case_reference.py")
+case_reference = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(case_reference)
+reference = case_reference.reference
 
 
 def tables(table=Case):
@@ -12,6 +19,10 @@ def tables(table=Case):
         inner = table_of(field.annotation)
         if inner is not None:
             yield from tables(inner)
+
+
+def test_the_page_has_the_generated_reference(root):
+    assert (root / "docs/case.md").read_text(encoding="utf-8").endswith("\n\n" + reference())
 
 
 def test_every_key_stands_in_the_reference_with_its_meaning():

@@ -1,6 +1,7 @@
-"""The reference of case.toml as Markdown, generated from the schema."""
+"""Write the reference of case.toml, generated from the schema, into its page: ``python docs/case_reference.py``."""
 
 import types
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
@@ -10,8 +11,11 @@ from evac.base.keys import Factor, Table, table_of
 from evac.case.case import Case
 from evac.case.presets import DESCRIPTION, shipped_presets
 from evac.case.schema import GroupSettings, PeopleSettings
+from evac.case.toml import toml_value
 
-#: Names of the types of single values.
+#: Title of the first table of the reference, which is the end of its page.
+FIRST = "At the top of the file"
+
 #: Meaning of the numbers of a distribution where it is often mistaken.
 NOTES = {
     "lognormal": (
@@ -21,6 +25,7 @@ NOTES = {
     )
 }
 
+#: Names of the types of single values.
 WORDS: dict[Any, str] = {
     float: "number",
     int: "whole number",
@@ -33,10 +38,7 @@ WORDS: dict[Any, str] = {
 
 def reference() -> str:
     """Return every key of case.toml with its type, unit, default and meaning, as Markdown, by table."""
-    return (
-        "\n\n".join([_table(Case, "", "At the top of the file"), *_tables(Case, ""), _distributions(), _presets()])
-        + "\n"
-    )
+    return "\n\n".join([_table(Case, "", FIRST), *_tables(Case, ""), _distributions(), _presets()]) + "\n"
 
 
 def _tables(table: type[Table], path: str) -> list[str]:
@@ -81,7 +83,7 @@ def _type(annotation: Any) -> str:
     if origin is Annotated:
         return _type(arguments[0])
     if origin is Literal:
-        return " or ".join(f"`{as_toml(word)}`" for word in arguments)
+        return " or ".join(f"`{toml_value(word)}`" for word in arguments)
     if origin in (Union, types.UnionType):
         words = [_type(argument) for argument in arguments if argument is not type(None)]
         return " or ".join(dict.fromkeys(words))
@@ -100,26 +102,13 @@ def _default(field: FieldInfo) -> str:
     value = field.default
     if isinstance(value, Distribution):
         value = value.to_value()
-    return "none" if value is None else f"`{as_toml(value)}`"
-
-
-def as_toml(value: Any) -> str:
-    """Return a plain value in TOML."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(as_toml(item) for item in value)}]"
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {as_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
-    return repr(value)
+    return "none" if value is None else f"`{toml_value(value)}`"
 
 
 def _presets() -> str:
     rows = []
     for name, preset in shipped_presets().items():
-        given = ", ".join(f"{key} = {as_toml(value)}" for key, value in preset.items() if key not in DESCRIPTION)
+        given = ", ".join(f"{key} = {toml_value(value)}" for key, value in preset.items() if key not in DESCRIPTION)
         rows.append(f"| `{name}` | {preset['about']} | `{given}` | {preset['source']} |")
     return (
         "### Shipped presets\n\nThe values that a preset does not have are the defaults above. Speeds on stairs are "
@@ -137,3 +126,9 @@ def _distributions() -> str:
         "`minimum` and `maximum` may be added: what lies outside is drawn again. The values of `list` are taken "
         "in order, and there must be one for each person.\n\n| name | numbers |\n|---|---|\n" + "\n".join(rows)
     )
+
+
+if __name__ == "__main__":
+    page = Path(__file__).with_name("case.md")
+    before, _, _ = page.read_text(encoding="utf-8").partition(f"### {FIRST}\n")
+    page.write_text(before + reference(), encoding="utf-8")
