@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import BoolArray, FloatArray
+from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
 from evac.physics.contact.neighbours import segment_distance
@@ -78,10 +78,11 @@ def place(
     fitting = int(DENSEST * polygon.buffer(reach).area / (np.pi * float(np.square(radii).mean())))
     if len(radii) > 2 * fitting:  # no need to try
         raise _too_many(place_name, radii, polygon, fitting)
-    left, bottom, right, top = polygon.bounds
-    box = (left - 2 * reach, bottom - 2 * reach, right + 2 * reach, top + 2 * reach)
-    near = np.ascontiguousarray(segments[_touches(segments, box)])
-    there = occupied[_within(occupied, left, bottom, right, top)]
+    low, high = np.reshape(polygon.bounds, (2, 2))
+    ends, around = segments.reshape(-1, 2, 2), 2 * occupied[:, 2].max(initial=0.0)
+    is_near = (ends.max(axis=1) >= low - 2 * reach) & (ends.min(axis=1) <= high + 2 * reach)
+    near = np.ascontiguousarray(segments[is_near.all(axis=1)])
+    there = occupied[((occupied[:, :2] >= low - around) & (occupied[:, :2] <= high + around)).all(axis=1)]
     shapely.prepare(polygon)
     positions, n_placed = _at_random(polygon, radii, near, there, generator)
     if n_placed == len(radii):
@@ -209,27 +210,6 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
     cells.head.reshape(-1)[cell[is_last]] = rows[is_last]
     cells.following[rows[1:]] = np.where(is_last[:-1], -1, rows[:-1])
     return cells
-
-
-def _touches(segments: FloatArray, box: tuple[float, float, float, float]) -> BoolArray:
-    """Return which segments have bounds that overlap a box (left, bottom, right, top)."""
-    x, y = segments[:, 0::2], segments[:, 1::2]
-    inside: BoolArray = (
-        (x.max(axis=1) >= box[0]) & (y.max(axis=1) >= box[1]) & (x.min(axis=1) <= box[2]) & (y.min(axis=1) <= box[3])
-    )
-    return inside
-
-
-def _within(discs: FloatArray, left: float, bottom: float, right: float, top: float) -> BoolArray:
-    """Return which discs are within the largest radius of a box."""
-    reach = 2 * discs[:, 2].max(initial=0.0)
-    inside: BoolArray = (
-        (discs[:, 0] >= left - reach)
-        & (discs[:, 0] <= right + reach)
-        & (discs[:, 1] >= bottom - reach)
-        & (discs[:, 1] <= top + reach)
-    )
-    return inside
 
 
 @kernel

@@ -164,7 +164,16 @@ def _check_walks(
         stopped = rows[ends[rows, 2] >= 0.0]
         as_points = _walked(fields, world, crowd, stopped, int(one), np.zeros(len(stopped)))
         as_points = _arrived(building, fields, route, as_points)
-        _refuse_lost(source, building, fields, crowd, groups, route, stopped, as_points)
+        for group in groups:
+            lost = group.rows[np.isin(group.rows, stopped[as_points[:, 2] >= 0.0])]
+            if lost.size:
+                x, y, level = as_points[stopped == lost[0]][0]
+                what = f"do not arrive at an exit along the directions {fields.routes[route]!s}"
+                raise ScenarioError(
+                    f"{_affected(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
+                    f"{building.levels[int(level)].name!r}: check for a gap there narrower than two cells of "
+                    f"directions.spacing = {fields.packed.spacing:g} m, and choose a smaller spacing"
+                )
     return ends
 
 
@@ -235,31 +244,6 @@ def _walked(
     return ends
 
 
-def _refuse_lost(
-    source: "Path",
-    building: Building,
-    fields: Fields,
-    crowd: Crowd,
-    groups: "tuple[Group, ...]",
-    route: int,
-    rows: NDArray[np.int64],
-    ends: FloatArray,
-) -> None:
-    """Refuse people in some rows whose walks do not arrive."""
-    is_lost = np.zeros(len(crowd.level), np.bool_)
-    is_lost[rows] = ends[:, 2] >= 0.0
-    for group in groups:
-        lost = group.rows[is_lost[group.rows]]
-        if lost.size:
-            x, y, level = ends[rows == lost[0]][0]
-            what = f"do not arrive at an exit along the directions {fields.routes[route]!s}"
-            raise ScenarioError(
-                f"{_affected(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
-                f"{building.levels[int(level)].name!r}: check for a gap there narrower than two cells of "
-                f"directions.spacing = {fields.packed.spacing:g} m, and choose a smaller spacing"
-            )
-
-
 def _stopped_places(
     building: Building, crowd: Crowd, group: "Group", rows: IntArray, ends: FloatArray
 ) -> list[Finding]:
@@ -269,20 +253,15 @@ def _stopped_places(
         x, y, level = ends[rows[0]]
         away = np.hypot(ends[rows, 0] - x, ends[rows, 1] - y)
         here = (away < SAME_PLACE) & (ends[rows, 2] == level)
-        widths = 2.0 * crowd.contact_radius[rows[here]]
+        widths = [f"{end(2.0 * crowd.contact_radius[rows[here]]):.2f}" for end in (np.min, np.max)]
         text = (
             f"people.{group.name}: {np.count_nonzero(here)} of {counted(len(group.rows), 'person', 'people')} "
-            f"({_span(widths)} m wide) do not fit through here, and no other way to an exit is wide enough for them: "
-            "widen the place, move them, or reduce their radius"
+            f"({' to '.join(dict.fromkeys(widths))} m wide) do not fit through here, and no other way to an exit is "
+            "wide enough for them: widen the place, move them, or reduce their radius"
         )
         found.append(Finding("warning", text, building.levels[int(level)].name, (float(x), float(y))))
         rows = rows[~here]
     return found
-
-
-def _span(widths: FloatArray) -> str:
-    low, high = f"{widths.min():.2f}", f"{widths.max():.2f}"
-    return low if low == high else f"{low} to {high}"
 
 
 def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
