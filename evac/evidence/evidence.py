@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Row = Mapping[str, Any]
+Row = dict[str, Any]
 
 #: Packages whose versions affect the results, and those used only by some evidence, which are listed if imported.
 PACKAGES = ("evac", "numpy", "scipy", "numba", "llvmlite", "scikit-fmm", "shapely", "matplotlib")
@@ -133,14 +133,14 @@ class Evidence:
         study = self.study(case.change({"simulation.seed": self.seed}), runs)
         return np.array([row["exit_time"] for row in study.rows(columns=["exit_time"])])
 
-    def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
+    def measured(self, name: str, measure: Callable[..., Iterable[Row]], *arguments: Any) -> list[Row]:
         """Measure, write NAME.csv with full precision, and return its rows; with `page_only` only read them.
 
         Rows are read from the file in both cases: integers, floats and text; None for an empty field.
         """
         self._stored.add(name)
         if not self.page_only:
-            write_rows(self.folder / f"{name}.csv", measure())
+            write_rows(self.folder / f"{name}.csv", list(measure(*arguments)))
         with self._earlier(f"{name}.csv").open(newline="", encoding="utf-8") as file:
             return [{key: _read(text) for key, text in row.items()} for row in csv.DictReader(file)]
 
@@ -229,7 +229,6 @@ class Evidence:
             write_rows(self.folder / f"{name}.csv", rows)
 
     def _earlier(self, name: str) -> Path:
-        """Return the path of a file that must exist in the folder."""
         path = self.folder / name
         if not path.is_file():
             raise ResultError(f"{path}: no such file; run `evac evidence {self.kind}` without --page-only first")
@@ -304,7 +303,6 @@ def markdown_table(rows: Sequence[Row], formats: Mapping[str, str]) -> str:
 
 
 def _cell(value: Any, specification: str) -> str:
-    """Format a value for a table; None is a dash."""
     if value is None:
         return "-"
     if isinstance(value, str):
@@ -378,7 +376,6 @@ def commit(file: Path = Path(__file__)) -> str:
 
 
 def _version(package: str) -> str:
-    """Return the version of a package from its metadata, or else from its module."""
     try:
         return version(package)
     except PackageNotFoundError:

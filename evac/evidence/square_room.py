@@ -182,7 +182,6 @@ def _estimates(
 
 
 def _estimate(value: float, resampled: FloatArray) -> FlowEstimate:
-    """Return an estimate in people per minute from slopes [people per s]."""
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.nanpercentile(resampled, [tail, 100.0 - tail])
     return FlowEstimate(60.0 * value, 60.0 * float(low), 60.0 * float(high))
@@ -222,7 +221,6 @@ def _slope(sums: FloatArray) -> FloatArray:
 
 @cache
 def _room() -> tuple["Case", Simulation, World]:
-    """Return the shipped case, its simulation, which provides building and fields, and the world."""
     case = load_case("square_room")
     simulation = Simulation(case)
     return case, simulation, simulation.scene.world

@@ -147,7 +147,7 @@ def made_up_solves():
 
 def test_wins_are_told_where_another_solver_has_them():
     rows = made_up_solves()
-    races = race_rows(rows, "accelerated_sweeps")
+    races = list(race_rows(rows, "accelerated_sweeps"))
     wins = {(row["start"], row["by"], row["to"]): row for row in win_rows(races, SOLVERS, "accelerated_sweeps")}
     assert wins["cold", "error", "1e-06"]["accelerated_sweeps"] == 1
     assert wins["warm", "residual", "1e-06"]["conjugate_faces"] == 1

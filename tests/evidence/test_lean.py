@@ -69,7 +69,7 @@ def test_an_unused_strategy_costs_its_field_and_nothing_else():
 
 @pytest.mark.slow
 def test_rows_name_every_part_and_model():
-    rows = scene_rows("square_room", 0.5, NAMED[:1], rounds=2)
+    rows = list(scene_rows("square_room", 0.5, NAMED[:1], rounds=2))
     assert [(row["model"], row["part forced in"]) for row in rows] == [
         (model, part.name) for model in lean.MODELS for part in parts_of("square_room", model, NAMED[:1])
     ]

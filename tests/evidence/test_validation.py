@@ -153,7 +153,7 @@ def test_a_run_that_cannot_go_on_fails_its_test_alone(tmp_path):
 
     result = carry_out(StandardTest(("RiMEA-1",), "a corridor", measure), Trial(tmp_path), 1)
     assert (result.verdict, result.error) == (FAILED, "no step")
-    assert failed_tests(check_rows(result, model="NSM2")) == {"NSM2": ["RiMEA-1"]}
+    assert failed_tests(list(check_rows(result, model="NSM2"))) == {"NSM2": ["RiMEA-1"]}
 
 
 def test_each_seed_has_a_folder_and_an_outcome(tmp_path):

@@ -1,7 +1,7 @@
 """Accuracy, part d: travel times and directions against exact geodesics, over grid spacing and order."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any
 
@@ -16,7 +16,7 @@ from evac.directions.routes import Route
 from evac.evidence.accuracy.orders import order_of
 from evac.evidence.accuracy.plans import PLANS, TimedPlan
 from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
-from evac.evidence.evidence import Evidence, new_figure
+from evac.evidence.evidence import Evidence, Row, new_figure
 from evac.evidence.verdicts import reported
 
 SPACINGS = (0.2, 0.1, 0.05, 0.025)
@@ -63,7 +63,7 @@ def run(evidence: Evidence) -> None:
         ],
     )
     coarser = evidence.measured("clean_ways", lambda: _coarser_rows(plans(), clean(), _default_spacing(spacings)))
-    orders = _order_rows(rows)
+    orders = list(_order_rows(rows))
     _judge(evidence, orders, angles, _default_spacing(spacings))
     evidence.show(
         "fields", __name__, angles=angles, coarser=coarser, finest=finest, orders=orders, points=points, rows=rows
@@ -71,14 +71,10 @@ def run(evidence: Evidence) -> None:
 
 
 def _default_spacing(spacings: Sequence[float]) -> float:
-    """Return the spacing that is nearest to the default [m]."""
     return min(spacings, key=lambda spacing: abs(spacing - DirectionSettings().spacing))
 
 
-def _judge(
-    evidence: Evidence, orders: Sequence[dict[str, Any]], angles: Sequence[dict[str, Any]], spacing: float
-) -> None:
-    """Add the verdicts: orders of the travel times, directions beside plain gradients and with clearance."""
+def _judge(evidence: Evidence, orders: Sequence[Row], angles: Sequence[Row], spacing: float) -> None:
     second = [row["of the mean error"] for row in orders if row["order of the stencil"] == 2]
     told = f"{min(second):.2f} to {max(second):.2f}"
     evidence.verdict(reported("Travel times: order of the mean error, stencil of order 2", told, "-", SECTION))
@@ -88,16 +84,11 @@ def _judge(
     evidence.verdict(reported("Directions nearer to the exact ones than np.gradient", told, "-", SECTION))
 
 
-def _coarser_rows(
-    plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, ...]], spacing: float
-) -> list[dict[str, Any]]:
-    """Return by how much the independent directions change when their grid is made twice as coarse."""
-    rows = []
+def _coarser_rows(plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, ...]], spacing: float) -> Iterator[Row]:
     for plan, (one, other) in zip(plans, clean, strict=True):
         sure = (one.to_meeting > CLEAR_CELLS * spacing) & (plan.time > CLEAR_EXIT)
         change = float(angles_between(one.direction, other.direction)[sure].mean())
-        rows.append({"plan": plan.name, "mean change [degrees]": change})
-    return rows
+        yield {"plan": plan.name, "mean change [degrees]": change}
 
 
 def _fields(plan: TimedPlan, spacing: float, order: int, clearance: float = 0.0) -> Fields:
@@ -106,9 +97,8 @@ def _fields(plan: TimedPlan, spacing: float, order: int, clearance: float = 0.0)
     )
 
 
-def _time_rows(plan: TimedPlan, spacings: Sequence[float], order: int) -> list[dict[str, Any]]:
+def _time_rows(plan: TimedPlan, spacings: Sequence[float], order: int) -> Iterator[Row]:
     """Return a row per spacing: errors of the travel times, and the time of a build (median of up to three)."""
-    rows = []
     for spacing in spacings:
         fields = _fields(plan, spacing, order)
         spans: list[float] = []
@@ -117,36 +107,28 @@ def _time_rows(plan: TimedPlan, spacings: Sequence[float], order: int) -> list[d
             _fields(plan, spacing, order)
             spans.append(time.perf_counter() - start)
         error = np.abs(fields.travel_time_at(plan.level, plan.points, 0) - plan.time)
-        rows.append(
-            {
-                "plan": plan.name,
-                "order": order,
-                "spacing [m]": spacing,
-                "mean error [mm]": 1e3 * float(error.mean()),
-                "greatest error [mm]": 1e3 * float(error.max()),
-                "greatest error [cells]": float(error.max()) / spacing,
-                "nodes": len(fields.packed.travel_time),
-                "time [ms]": 1e3 * float(np.median(spans)),
-            }
-        )
-    return rows
+        yield {
+            "plan": plan.name,
+            "order": order,
+            "spacing [m]": spacing,
+            "mean error [mm]": 1e3 * float(error.mean()),
+            "greatest error [mm]": 1e3 * float(error.max()),
+            "greatest error [cells]": float(error.max()) / spacing,
+            "nodes": len(fields.packed.travel_time),
+            "time [ms]": 1e3 * float(np.median(spans)),
+        }
 
 
-def _order_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return measured orders of mean and greatest error by plan and order of the stencil."""
-    table = []
+def _order_rows(rows: Sequence[Row]) -> Iterator[Row]:
     for plan, order in dict.fromkeys((row["plan"], row["order"]) for row in rows):
         here = [row for row in rows if row["plan"] == plan and row["order"] == order]
         spacings = [row["spacing [m]"] for row in here]
-        table.append(
-            {
-                "plan": plan,
-                "order of the stencil": order,
-                "of the mean error": order_of(spacings, [row["mean error [mm]"] for row in here]),
-                "of the greatest error": order_of(spacings, [row["greatest error [mm]"] for row in here]),
-            }
-        )
-    return table
+        yield {
+            "plan": plan,
+            "order of the stencil": order,
+            "of the mean error": order_of(spacings, [row["mean error [mm]"] for row in here]),
+            "of the greatest error": order_of(spacings, [row["greatest error [mm]"] for row in here]),
+        }
 
 
 def plain_directions(fields: Fields, plan: TimedPlan) -> FloatArray:
@@ -172,9 +154,7 @@ def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(is_missing, 180.0, np.degrees(np.abs(np.arctan2(cross, along))))
 
 
-def _angle_rows(plan: TimedPlan, spacings: Sequence[float], clean: CleanWays) -> list[dict[str, Any]]:
-    """Return a row per spacing and place and range of the distance to walls."""
-    rows = []
+def _angle_rows(plan: TimedPlan, spacings: Sequence[float], clean: CleanWays) -> Iterator[Row]:
     for spacing in spacings:
         fields = _fields(plan, spacing, 2)
         kept = _fields(plan, spacing, 2, CLEARANCE).directions_at(plan.level, plan.points, 0)
@@ -197,11 +177,10 @@ def _angle_rows(plan: TimedPlan, spacings: Sequence[float], clean: CleanWays) ->
             row["places"] = int((near & compared).sum())
             row |= {f"{name}, mean": float(angle[near & chosen].mean()) for name, (angle, chosen) in angles.items()}
             row |= {f"{name}, greatest": float(angle[near & chosen].max()) for name, (angle, chosen) in angles.items()}
-            rows.append({**row, "clearance from geodesics, mean": float(bent[near & compared].mean())})
-    return rows
+            yield {**row, "clearance from geodesics, mean": float(bent[near & compared].mean())}
 
 
-def draw(rows: Sequence[dict[str, Any]]) -> Any:
+def draw(rows: Sequence[Row]) -> Any:
     """Draw errors over build time, a panel per plan."""
     plans = list(dict.fromkeys(row["plan"] for row in rows))
     figure, axes = new_figure(11.0, 3.6, 1, len(plans), sharey=True)
@@ -226,7 +205,7 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
     return figure
 
 
-def draw_angles(rows: Sequence[dict[str, Any]]) -> Any:
+def draw_angles(rows: Sequence[Row]) -> Any:
     """Draw angle errors over spacing, a panel per plan and place."""
     plans = list(dict.fromkeys(row["plan"] for row in rows))
     figure, axes = new_figure(11.5, 8.0, len(RANGES), len(plans), sharex=True, sharey=True)

@@ -2,14 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from evac.evidence.accuracy.reference import PRECISION
-
-Row = dict[str, Any]
+from evac.evidence.evidence import Row
 
 STARTS = ("cold", "warm")
 
@@ -54,7 +53,7 @@ def time_to(rows: Sequence[Row], goal: float, measure: str = "residual", **where
     return None
 
 
-def problems_of(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def problems_of(rows: Sequence[Row]) -> list[Row]:
     """Return the keys of all problems in their order."""
     keys = dict.fromkeys((row["people"], row["crowd"], row["law"]) for row in rows)
     return [{"people": people, "crowd": crowd, "law": law} for people, crowd, law in keys]
@@ -69,9 +68,8 @@ def lines_of(rows: Sequence[Row], where: dict[str, Any]) -> dict[tuple[str, str]
     return lines
 
 
-def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
+def race_rows(rows: Sequence[Row], default: str) -> Iterator[Row]:
     """Return a row per problem, start, measure and goal: the fastest solver, and the default's time over its time."""
-    table = []
     solvers = solvers_of(rows)
     for where in problems_of(rows):
         lines = lines_of(rows, where)
@@ -82,38 +80,32 @@ def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
                 first = min(times, key=lambda solver: times[solver])
                 share = times[default] / times[first] if default in times else None
                 head = {**where, "start": start, "by": measure, "goal": goal}
-                table.append({**head, "first": first, f"{default} / first": share})
-    return table
+                yield {**head, "first": first, f"{default} / first": share}
 
 
-def win_rows(races: Sequence[Row], solvers: Sequence[str], default: str) -> list[Row]:
+def win_rows(races: Sequence[Row], solvers: Sequence[str], default: str) -> Iterator[Row]:
     """Return a row per start, measure and goal: problems on which each solver is fastest, and the default's loss."""
-    table = []
     for start, measure, goal in dict.fromkeys((race["start"], race["by"], race["goal"]) for race in races):
         here = [race for race in races if (race["start"], race["by"], race["goal"]) == (start, measure, goal)]
         shares = [race[f"{default} / first"] for race in here]
         reached = [share for share in shares if share is not None]
-        table.append(
-            {
-                "start": start,
-                "by": measure,
-                "to": f"{goal:.0e}",
-                "problems": len(here),
-                **{solver: sum(race["first"] == solver for race in here) for solver in solvers},
-                f"{default} / first: median": float(np.median(reached)) if reached else None,
-                "greatest": max(reached, default=None),
-                "never there": len(shares) - len(reached),
-            }
-        )
-    return table
+        yield {
+            "start": start,
+            "by": measure,
+            "to": f"{goal:.0e}",
+            "problems": len(here),
+            **{solver: sum(race["first"] == solver for race in here) for solver in solvers},
+            f"{default} / first: median": float(np.median(reached)) if reached else None,
+            "greatest": max(reached, default=None),
+            "never there": len(shares) - len(reached),
+        }
 
 
-def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
+def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> Iterator[Row]:
     """Return a row per problem: the ratio of the true error to the residual, over all solves.
 
     ``scales`` are those of the laws: errors below the precision of the reference are left out.
     """
-    table = []
     for where in problems_of(rows):
         floor = CLEAR * PRECISION * scales[where["law"]]
         here = [
@@ -123,34 +115,27 @@ def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
             if row["error"] is not None and row["error"] > floor and row["residual"] > 0.0
         ]
         if here:
-            table.append(
-                {
-                    **where,
-                    "solves": len(here),
-                    "error / residual: median": float(np.median(here)),
-                    "least": min(here),
-                    "greatest": max(here),
-                }
-            )
-    return table
+            yield {
+                **where,
+                "solves": len(here),
+                "error / residual: median": float(np.median(here)),
+                "least": min(here),
+                "greatest": max(here),
+            }
 
 
-def goal_rows(rows: Sequence[Row]) -> list[Row]:
+def goal_rows(rows: Sequence[Row]) -> Iterator[Row]:
     """Return the table of times to each residual, one column per solver [ms]."""
-    table = []
     solvers = solvers_of(rows)
     for where in problems_of(rows):
         lines = lines_of(rows, where)
         for start in STARTS:
             for goal in GOALS:
                 times = {solver: time_to(lines[solver, start], goal) for solver in solvers}
-                table.append(
-                    {
-                        **where,
-                        "contacts": lines[solvers[0], start][0]["contacts"],
-                        "start": start,
-                        "residual": f"{goal:.0e}",
-                        **{solver: None if time is None else 1e3 * time for solver, time in times.items()},
-                    }
-                )
-    return table
+                yield {
+                    **where,
+                    "contacts": lines[solvers[0], start][0]["contacts"],
+                    "start": start,
+                    "residual": f"{goal:.0e}",
+                    **{solver: None if time is None else 1e3 * time for solver, time in times.items()},
+                }

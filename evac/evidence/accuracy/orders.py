@@ -1,15 +1,13 @@
 """Accuracy, part b: orders of convergence from errors over the step, comparison of the drives, charts."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from evac.case.schema import SimulationSettings
-from evac.evidence.evidence import MODEL_COLOURS, new_figure
-
-Row = dict[str, Any]
+from evac.evidence.evidence import MODEL_COLOURS, Row, new_figure
 
 DRIVES = ("exponential", "explicit")
 
@@ -33,26 +31,22 @@ def colour_of(variant: str) -> str:
     return next(colour for model, colour in MODEL_COLOURS.items() if variant.startswith(model))
 
 
-def order_rows(rows: Sequence[Row]) -> list[Row]:
+def order_rows(rows: Sequence[Row]) -> Iterator[Row]:
     """Return measured and theoretical orders of every problem, model and drive."""
-    table = []
     for name, model, drive in dict.fromkeys((row["problem"], row["model"], row["drive"]) for row in rows):
         here = [row for row in rows if (row["problem"], row["model"], row["drive"]) == (name, model, drive)]
         small = [row for row in here if row["error [m]"] > EXACT][-5:]
         at = [row["error [m]"] for row in here if math.isclose(row["h [s]"], 0.01)]
-        table.append(
-            {
-                "problem": name,
-                "model": model,
-                "drive": drive,
-                "theory": here[0]["theory"],
-                "measured order": _slope(small) if len(small) > 2 else None,
-                "over the last halving": _slope(small[-2:]) if len(small) > 2 else None,
-                "error at h = 0.01 s [mm]": 1e3 * at[0] if at else None,
-                "greatest error / (v h), h <= 0.01 s": max(r["error / (v h)"] for r in here if r["h [s]"] < 0.0101),
-            }
-        )
-    return table
+        yield {
+            "problem": name,
+            "model": model,
+            "drive": drive,
+            "theory": here[0]["theory"],
+            "measured order": _slope(small) if len(small) > 2 else None,
+            "over the last halving": _slope(small[-2:]) if len(small) > 2 else None,
+            "error at h = 0.01 s [mm]": 1e3 * at[0] if at else None,
+            "greatest error / (v h), h <= 0.01 s": max(r["error / (v h)"] for r in here if r["h [s]"] < 0.0101),
+        }
 
 
 def _slope(rows: Sequence[Row]) -> float:

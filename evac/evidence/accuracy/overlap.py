@@ -3,7 +3,7 @@
 import itertools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from evac.base.errors import SimulationError
 from evac.evidence.accuracy.orders import colour_of
 from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
-from evac.evidence.evidence import Evidence, new_figure
+from evac.evidence.evidence import Evidence, Row, new_figure
 from evac.evidence.models import plugins
 from evac.evidence.verdicts import reported
 from evac.physics.contact.model import ContactModel
@@ -57,8 +57,8 @@ SECTION = "c. Greatest overlap against run time: which model to take"
 def run(evidence: Evidence) -> None:
     """Add part c to the page."""
     people = 60 if evidence.quick else 300
-    rows = evidence.measured("overlap", lambda: _rows(people, evidence.seed, evidence.quick))
-    table = cheapest_rows(rows)
+    rows = evidence.measured("overlap", _rows, people, evidence.seed, evidence.quick)
+    table = list(cheapest_rows(rows))
     told = []
     for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
         told.append(f"{model or 'none'}: {', '.join(row['overlap allowed [mm]'] for row in group)} mm")
@@ -66,8 +66,7 @@ def run(evidence: Evidence) -> None:
     evidence.show("overlap", __name__, people=people, rows=rows, cheapest=table)
 
 
-def _rows(people: int, seed: int, is_quick: bool) -> list[dict[str, Any]]:
-    """Return the row of each setting."""
+def _rows(people: int, seed: int, is_quick: bool) -> list[Row]:
     start = standing_crowd("settled", people, seed)
     return [measure(setting, start) for setting in settings(float(start.crowd.mass.min()), is_quick)]
 
@@ -94,7 +93,7 @@ def settings(lightest: float, is_quick: bool) -> list[Setting]:
     return chosen
 
 
-def measure(setting: Setting, start: DoorCrowd) -> dict[str, Any]:
+def measure(setting: Setting, start: DoorCrowd) -> Row:
     """Run a setting from the same start; return its row."""
     crowd = start.copy()
     per_tick = round(TICK / setting.step)
@@ -125,7 +124,7 @@ def measure(setting: Setting, start: DoorCrowd) -> dict[str, Any]:
     }
 
 
-def draw(rows: Sequence[dict[str, Any]], people: int) -> Any:
+def draw(rows: Sequence[Row], people: int) -> Any:
     """Draw the chart: runs to the end joined by series, stopped ones apart."""
     figure, axis = new_figure(8.5, 5.4)
     for model in dict.fromkeys(row["model"] for row in rows):
@@ -152,14 +151,12 @@ def draw(rows: Sequence[dict[str, Any]], people: int) -> Any:
     return figure
 
 
-def _places(rows: Sequence[dict[str, Any]]) -> tuple[list[float], list[float]]:
-    """Return where the points of rows are in the chart."""
+def _places(rows: Sequence[Row]) -> tuple[list[float], list[float]]:
     return [row["time per simulated second [s]"] for row in rows], [row["greatest overlap [mm]"] for row in rows]
 
 
-def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def cheapest_rows(rows: Sequence[Row]) -> Iterator[Row]:
     """Return the cheapest setting for each tolerated overlap, and the ratio of each model's least time to its time."""
-    table = []
     models = list(dict.fromkeys(row["model"] for row in rows))
     for allowed in ALLOWED:
         good = [r for r in rows if r["greatest overlap [mm]"] <= allowed and r["outcome"] == FINISHED]
@@ -178,5 +175,4 @@ def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             found[f"{model} / cheapest"] = (
                 least[model] / cheapest["time per simulated second [s]"] if cheapest and model in least else None
             )
-        table.append(found)
-    return table
+        yield found

@@ -2,14 +2,14 @@
 
 import importlib.util
 import time
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.snapshots import STEP
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.verdicts import at_least
 
 #: cromosim projects in the Euclidean norm, which is that of inertia where all masses are equal, and of its own model.
@@ -38,25 +38,22 @@ def run(evidence: Evidence) -> None:
         is_measured = importlib.util.find_spec("cromosim") is not None
     if not is_measured:
         return
-    rows = evidence.measured("cromosim", lambda: _rows(100 if evidence.quick else 1_000, evidence.seed))
+    rows = evidence.measured("cromosim", _rows, 100 if evidence.quick else 1_000, evidence.seed)
     for law in (INERTIAL, OVERDAMPED):
         least = min(row["cromosim / cold"] for row in rows if row["law"] == law.label)
         evidence.verdict(at_least(f"{law.label}: cromosim's time over evac's, cold", least, LEAST_RATIO, "", SECTION))
     evidence.show("peer", __name__, rows=rows)
 
 
-def _rows(people: int, seed: int) -> list[dict[str, Any]]:
-    """Return the row of each crowd and law."""
-    rows = []
+def _rows(people: int, seed: int) -> Iterator[Row]:
     for kind, crowd in snapshots(people, seed).items():
         crowd.crowd.mass[:] = crowd.crowd.mass.mean()
         for law in (INERTIAL, OVERDAMPED):
             problem = contact_problem(crowd, law)
-            rows.append({"people": people, "crowd": kind, "law": law.label, **compare(problem)})
-    return rows
+            yield {"people": people, "crowd": kind, "law": law.label, **compare(problem)}
 
 
-def compare(problem: ContactProblem) -> dict[str, Any]:
+def compare(problem: ContactProblem) -> Row:
     """Return contacts, times [ms] and errors [m] of both on one problem."""
     from cromosim import micro
 

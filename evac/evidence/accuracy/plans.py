@@ -86,7 +86,6 @@ def _one_level(
 def _timed(
     name: str, plan: Plan, storey: str, places: FloatArray, time: FloatArray, direction: FloatArray, lead: FloatArray
 ) -> TimedPlan:
-    """Return a plan with times, directions and leads that are known at places on a storey."""
     building = plan.building()
     level = next(level.index for level in building.levels if level.name == storey)
     walls = shapely.linestrings(building.walls[building.wall_level == level].reshape(-1, 2, 2))

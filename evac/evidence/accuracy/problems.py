@@ -175,7 +175,6 @@ def _keys(contacts: Contacts) -> list[tuple[int, int]]:
 
 
 def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> State:
-    """Return the state after some steps in one tick from a snapshot, which is not modified."""
     crowd = snapshot.copy()
     crowd.walk(model, steps)
     return crowd.engine.state

@@ -106,6 +106,5 @@ def _crowd(people: int, side: float, generator: np.random.Generator) -> Crowd:
 
 
 def _rows(people: int, side: float) -> Crowd:
-    """Return equal people in rows against the wall with the door, 2 cm apart."""
     rows = int((side - 0.5 * ROW - 0.02) / ROW)
     return make_crowd(packed(people, rows, 0.2, side - 0.02, 0.02, ROW - 0.4), speed=1.5)

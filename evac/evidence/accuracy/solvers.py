@@ -1,7 +1,7 @@
 """Accuracy, part a: contact solvers on crowds at a door, error against run time."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,6 @@ from evac.base.arrays import FloatArray
 from evac.evidence.accuracy.goals import (
     REFERENCE,
     STARTS,
-    Row,
     factor_rows,
     race_rows,
     solvers_of,
@@ -27,7 +26,7 @@ from evac.evidence.accuracy.problems import (
     velocity_error,
 )
 from evac.evidence.accuracy.reference import PRECISION
-from evac.evidence.evidence import Evidence, new_figure, reference_time
+from evac.evidence.evidence import Evidence, Row, new_figure, reference_time
 from evac.evidence.models import plugins
 from evac.evidence.verdicts import all_of, reported
 
@@ -61,11 +60,11 @@ SECTION = "a. Contact solvers: error against run time"
 def run(evidence: Evidence) -> None:
     """Add part a to the page."""
     stages = QUICK if evidence.quick else FULL
-    rows = evidence.measured("solvers", lambda: _all_rows(stages, evidence.seed))
+    rows = evidence.measured("solvers", _all_rows, stages, evidence.seed)
     default = default_solver()
-    races = race_rows(rows, default)
-    wins = win_rows(races, solvers_of(rows), default)
-    factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
+    races = list(race_rows(rows, default))
+    wins = list(win_rows(races, solvers_of(rows), default))
+    factors = list(factor_rows(rows, {law.label: law.scale for law in LAWS}))
     _judge(evidence, wins, factors, default)
     evidence.show(
         "solvers", __name__, stages=stages, rows=rows, default=default, races=races, wins=wins, factors=factors
@@ -73,7 +72,6 @@ def run(evidence: Evidence) -> None:
 
 
 def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], default: str) -> None:
-    """Add the verdicts: how often the default is the first to a true error, what it loses, error over residual."""
     by_error = [row for row in wins if row["by"] == "error"]
     for start in STARTS:
         here = [row for row in by_error if row["start"] == start]
@@ -87,13 +85,10 @@ def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], defa
 
 
 def _all_rows(stages: Sequence[Stage], seed: int) -> list[Row]:
-    """Return the solves of all sizes."""
     return [row for stage in stages for row in _stage_rows(stage, seed)]
 
 
-def _stage_rows(stage: Stage, seed: int) -> list[dict[str, Any]]:
-    """Measure all solvers on all problems of one size."""
-    rows = []
+def _stage_rows(stage: Stage, seed: int) -> Iterator[Row]:
     crowds = snapshots(stage.people, seed)
     for kind, law in PROBLEMS:
         problem = contact_problem(crowds[kind], law)
@@ -101,27 +96,24 @@ def _stage_rows(stage: Stage, seed: int) -> list[dict[str, Any]]:
         truth = problem.reference()
         duration = time.process_time() - start
         head = {"people": stage.people, "crowd": kind, "law": law.label, "contacts": problem.size, "unit": law.unit}
-        rows.append(
-            {
-                **head,
-                "start": "cold",
-                "solver": REFERENCE,
-                "tolerance": None,
-                "time [s]": duration,
-                "iterations": None,
-                "residual": None,
-                "error": None,
-                "reference run [s]": reference_time(3),
-            }
-        )
+        yield {
+            **head,
+            "start": "cold",
+            "solver": REFERENCE,
+            "tolerance": None,
+            "time [s]": duration,
+            "iterations": None,
+            "residual": None,
+            "error": None,
+            "reference run [s]": reference_time(3),
+        }
         for solver in plugins().solvers:
             for first in STARTS:
                 cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
                 # Tolerances that are, as velocities, not below the precision of the reference.
                 tolerances = tuple(one for one in stage.tolerances if one > 0.99 * PRECISION * law.scale)
                 for row in measure(problem, truth, solver, first == "warm", cap, tolerances):
-                    rows.append({**head, "start": first, "solver": solver, **row, "reference run [s]": None})
-    return rows
+                    yield {**head, "start": first, "solver": solver, **row, "reference run [s]": None}
 
 
 def measure(
@@ -131,7 +123,7 @@ def measure(
     is_warm: bool,
     cap: float,
     tolerances: Sequence[float] = TOLERANCES,
-) -> list[dict[str, Any]]:
+) -> list[Row]:
     """Solve to ever smaller residuals until one is not reached within `cap` seconds; one row each."""
     limit = affordable(problem, solver, cap)
     rows = []
@@ -176,7 +168,7 @@ def median_solve(
     return float(np.median(spans)), iterations, residual
 
 
-def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
+def draw(stage: Stage, rows: Sequence[Row]) -> Any:
     """Draw error over time: a row of panels per law, a column per kind of crowd."""
     figure, axes = new_figure(
         3.4 * len(KINDS) + 1.2, 2.3 * len(LAWS), len(LAWS), len(KINDS), sharex=True, squeeze=False

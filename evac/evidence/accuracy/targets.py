@@ -1,13 +1,12 @@
 """Accuracy, part a: targets of the default solver, on several crowds, since single crowds vary by a factor of two."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, snapshots
 from evac.evidence.accuracy.solvers import affordable, median_solve
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.verdicts import MET, all_of, at_least, at_most
 
 PEOPLE = 4_000
@@ -36,13 +35,12 @@ def run(evidence: Evidence) -> None:
     """Add the table to the page, except in a quick run, since it takes minutes."""
     if evidence.quick:
         return
-    rows = evidence.measured("solvers_targets", lambda: _rows(evidence.seed))
+    rows = evidence.measured("solvers_targets", _rows, evidence.seed)
     evidence.verdict(all_of(SECTION, sum(row["verdict"] == MET for row in rows), len(rows), SECTION))
     evidence.show("targets", __name__, rows=rows)
 
 
-def _rows(first_seed: int) -> list[dict[str, Any]]:
-    """Return the row of each target: bound, median over crowds, extremes and verdict."""
+def _rows(first_seed: int) -> list[Row]:
     default = default_solver()
     measured: dict[tuple[str, str, float], list[float]] = {}
     for seed in range(first_seed, first_seed + CROWDS):
@@ -66,7 +64,7 @@ def seconds_to(problem: ContactProblem, solver: str, goal: float) -> float:
     return median_solve(problem, solver, False, goal / problem.law.scale, limit)[0]
 
 
-def _row(what: str, side: str, bound: float, ratios: Sequence[float]) -> dict[str, Any]:
+def _row(what: str, side: str, bound: float, ratios: Sequence[float]) -> Row:
     median = float(np.median(ratios))
     finding = (at_least if side == "at least" else at_most)(what, median, bound)
     return {

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
 from evac.evidence.accuracy.orders import CLOSE, DRIVES, drives_compared, order_rows, orders_off
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import plugins
 from evac.evidence.scenes import Scene, one_direction, room
 from evac.evidence.verdicts import all_of, at_most, reported
@@ -68,8 +68,8 @@ def run(evidence: Evidence) -> None:
     """Add part b to the page."""
     finest = LARGEST / 2 ** (8 if evidence.quick else 10)
     shifts = shifts_of(PHASES[0] if evidence.quick else PHASES[1])
-    rows = evidence.measured("trajectories", lambda: _rows(shifts, 4 if evidence.quick else 7, finest))
-    orders = order_rows(rows)
+    rows = evidence.measured("trajectories", _rows, shifts, 4 if evidence.quick else 7, finest)
+    orders = list(order_rows(rows))
     off = orders_off(orders)
     known = sum(row["measured order"] is not None for row in orders)
     question = f"Orders of convergence within {CLOSE:g} of the theoretical ones"
@@ -82,8 +82,7 @@ def run(evidence: Evidence) -> None:
     evidence.show("trajectories", __name__, rows=rows, finest=finest, shifts=shifts, known=orders, off=off)
 
 
-def _rows(shifts: Sequence[float], halvings: int, finest: float) -> list[dict[str, Any]]:
-    """Return the rows of all problems and models."""
+def _rows(shifts: Sequence[float], halvings: int, finest: float) -> list[Row]:
     steps = [LARGEST / 2**k for k in range(halvings)]
     return [
         row
@@ -106,7 +105,7 @@ def measure(
     shifts: Sequence[float],
     steps: Sequence[float],
     finest: float,
-) -> list[dict[str, Any]]:
+) -> Iterator[Row]:
     """Return a row per drive and step: error over all shifts, CPU time."""
     model = plugins().get("contact_model", plugin)(**parameters)
     truths = []
@@ -115,7 +114,6 @@ def measure(
             truths.append(problem.exact(plugin, parameters, shift))
         else:
             truths.append(walked(problem, model, shift, finest, "exponential")[0])
-    rows = []
     for drive in DRIVES:
         for step in steps:
             try:
@@ -127,20 +125,17 @@ def measure(
             crowd = problem.scene(0.0).crowd
             path = float(max(crowd.speed.max(), np.hypot(*crowd.velocity.T).max())) * step
             error = math.sqrt(float(np.mean(np.square(errors))))
-            rows.append(
-                {
-                    "problem": problem.name,
-                    "model": label,
-                    "drive": drive,
-                    "h [s]": step,
-                    "error [m]": error,
-                    "error / (v h)": error / path,
-                    "worst start / (v h)": max(errors) / path,
-                    "time [s]": float(np.median([span for _, span in walks])),
-                    "theory": 2 if (label, drive) in problem.second_order else 1,
-                }
-            )
-    return rows
+            yield {
+                "problem": problem.name,
+                "model": label,
+                "drive": drive,
+                "h [s]": step,
+                "error [m]": error,
+                "error / (v h)": error / path,
+                "worst start / (v h)": max(errors) / path,
+                "time [s]": float(np.median([span for _, span in walks])),
+                "theory": 2 if (label, drive) in problem.second_order else 1,
+            }
 
 
 def walked(problem: Motion, model: ContactModel, shift: float, step: float, drive: str) -> tuple[FloatArray, float]:
@@ -155,7 +150,6 @@ def walked(problem: Motion, model: ContactModel, shift: float, step: float, driv
 
 
 def _distance(places: FloatArray, truth: FloatArray) -> float:
-    """Return the greatest distance of two sets of positions [m]."""
     return float(np.max(np.hypot(*(places - truth).T)))
 
 
@@ -209,7 +203,6 @@ def _line(shift: float) -> Scene:
 
 
 def _corridor(shift: float) -> Scene:
-    """Return twelve people who press into a corridor 1.1 m wide."""
     places = np.array([[-0.55 * k - 0.8, 0.52 * j + 0.05 * (k % 2)] for k in range(4) for j in (-1, 0, 1)])
     places[:, 0] += shift
     walls = [[0.0, 0.55, 7.0, 0.55], [0.0, -0.55, 7.0, -0.55], [0.0, 0.55, 0.0, 5.0], [0.0, -5.0, 0.0, -0.55]]

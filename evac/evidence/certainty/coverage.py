@@ -3,12 +3,12 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.distributions import generator_for
+from evac.evidence.evidence import Row
 from evac.study.statistics import CONFIDENCE, estimate, percentile, percentile_of
 from evac.study.stopping import until_known
 
@@ -39,7 +39,7 @@ def truth(times: FloatArray, statistic: str) -> float:
     return float(times[np.isfinite(times)].mean()) if of is None else percentile(times.ravel(), of)
 
 
-def covered(task: Drawn) -> dict[str, Any]:
+def covered(task: Drawn) -> Row:
     """Return the coverage of the intervals of studies, the sides on which they miss, and the numbers of runs."""
     wanted = truth(task.times, task.statistic)
     generator = generator_for(task.seed, "certainty", task.statistic, str(task.runs), str(task.until), task.method)
@@ -68,7 +68,6 @@ def covered(task: Drawn) -> dict[str, Any]:
 
 
 def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, int]:
-    """Return the interval of one study, and its number of runs."""
     if task.times.ndim == 2:
         drawn = task.times[generator.integers(len(task.times), size=task.runs)]
         interval = estimate(task.statistic, drawn.ravel(), np.repeat(np.arange(task.runs), drawn.shape[1]).tolist())
@@ -124,7 +123,6 @@ def _percentile_bootstrap(times: FloatArray, statistic: str, generator: np.rando
 
 
 def _bca_bootstrap(times: FloatArray, statistic: str, generator: np.random.Generator) -> Interval:
-    """Return the bias-corrected and accelerated bootstrap interval of the mean."""
     from scipy.stats import bootstrap
 
     interval = bootstrap(

@@ -1,7 +1,7 @@
 """Uncertainty of studies: coverage of intervals, required numbers of runs, and the benefit of common seeds."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
 from evac.evidence.certainty.coverage import Drawn, covered
-from evac.evidence.evidence import WORKERS, Evidence, new_figure
+from evac.evidence.evidence import WORKERS, Evidence, Row, new_figure
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
@@ -17,8 +17,6 @@ from evac.study.asking import repeat, sweep
 from evac.study.statistics import CONFIDENCE, least_runs, share_interval
 from evac.study.stopping import until_known
 from evac.study.study import Study
-
-Row = dict[str, Any]
 
 #: Case, runs that studies are drawn from, and studies of each kind: full and quick.
 CASE = "square_room"
@@ -77,7 +75,7 @@ COMPARED: Sequence[tuple[str, int, float | None, str]] = (
 )
 
 #: Changes of the case whose effect is measured, and the runs of each.
-CHANGES: Sequence[Mapping[str, Any]] = (
+CHANGES: Sequence[Row] = (
     {"people.people.speed": {"uniform": [1.26, 2.1]}},
     {"people.people.number": 22},
     {"people.people.mass": {"uniform": [70.0, 110.0]}},
@@ -145,9 +143,9 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
     stopped = [drawn(statistic=name, until=until) for name, shares in STOPPED.items() for until in shares]
     others = [drawn(statistic=name, runs=runs, until=until, method=how) for name, runs, until, how in COMPARED]
 
-    fixed_rows = evidence.measured("fixed", lambda: _covered(evidence, fixed))
-    stopped_rows = evidence.measured("stopped", lambda: _covered(evidence, stopped))
-    other_rows = evidence.measured("others", lambda: _covered(evidence, others))
+    fixed_rows = evidence.measured("fixed", _covered, evidence, fixed)
+    stopped_rows = evidence.measured("stopped", _covered, evidence, stopped)
+    other_rows = evidence.measured("others", _covered, evidence, others)
     for what, rows in (("a fixed number of runs", fixed_rows), ("a precision", stopped_rows)):
         good = [LEAST_COVER <= row["covers [%]"] <= MOST_COVER for row in rows]
         question = f"Intervals of studies with {what} that cover in {LEAST_COVER:g} to {MOST_COVER:g} % of {studies}"
@@ -181,16 +179,14 @@ def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
         "populations": (repeated.reshape(-1, REPETITIONS), FIXED_POPULATIONS),
     }
 
-    def measure() -> list[Row]:
-        rows = []
+    def measure() -> Iterator[Row]:
         for kind, (drawn_from, fixed) in kinds.items():
             tasks = [
                 Drawn(times=drawn_from, statistic=name, studies=studies, seed=evidence.seed, runs=runs)
                 for name, counts in fixed.items()
                 for runs in counts
             ]
-            rows += [{"runs of": kind, **row} for row in _covered(evidence, tasks)]
-        return rows
+            yield from [{"runs of": kind, **row} for row in _covered(evidence, tasks)]
 
     rows = evidence.measured("other_runs", measure)
     complete = blocked[np.isfinite(blocked)]
@@ -213,7 +209,7 @@ def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
 
 def report_steps(evidence: Evidence) -> None:
     """Add what half the time step changes in the shipped cases, as `evac repeat --check-step` does."""
-    rows = evidence.measured("steps", lambda: _steps(evidence))
+    rows = evidence.measured("steps", _steps, evidence)
     evidence.show("steps", __name__, rows=rows)
     for name in dict.fromkeys(row["case"] for row in rows):
         told = ", ".join(_change(row) for row in rows if row["case"] == name)
@@ -247,7 +243,7 @@ def report_questions(evidence: Evidence, times: FloatArray) -> None:
 
 def report_seeds(evidence: Evidence) -> None:
     """Add the runs saved by the same seeds at all points of a sweep when points are compared."""
-    rows = evidence.measured("seeds", lambda: _pairs(evidence))
+    rows = evidence.measured("seeds", _pairs, evidence)
     evidence.show("seeds", __name__, rows=rows)
     best, worst = (f(rows, key=lambda row: row["runs saved by"]) for f in (max, min))
     told = f"{worst['runs saved by']:.2f} ({worst['change']}) to {best['runs saved by']:.2f} ({best['change']})"
@@ -256,7 +252,7 @@ def report_seeds(evidence: Evidence) -> None:
 
 def report_work(evidence: Evidence) -> None:
     """Add the share of a study's time that is spent in the loops of its runs."""
-    rows = evidence.measured("work", lambda: _work(evidence))
+    rows = evidence.measured("work", _work, evidence)
     evidence.show("work", __name__, rows=rows)
     bounds = {"sweep": 1.5}
     for row in rows:
@@ -266,7 +262,6 @@ def report_work(evidence: Evidence) -> None:
 
 
 def _runs(evidence: Evidence, name: str, runs: int, repetitions: int = 1) -> list[Row]:
-    """Return the evacuation times of many runs of a case."""
     rows = evidence.study(load_case(name), runs, repetitions=repetitions).rows(columns=["seed", "last_out"])
     return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in rows]
 
@@ -277,8 +272,7 @@ def _times(rows: Sequence[Row]) -> FloatArray:
     return np.array([np.inf if time is None else time for time in times])
 
 
-def _steps(evidence: Evidence) -> list[Row]:
-    rows = []
+def _steps(evidence: Evidence) -> Iterator[Row]:
     for name, pairs in STEP_PAIRS[evidence.quick].items():
         for model in STEP_MODELS:
             case = load_case(name, {"contact.model": model})
@@ -286,20 +280,17 @@ def _steps(evidence: Evidence) -> list[Row]:
             change, mean = study.step_change, study.statistics[0].mean.value
             assert change is not None
             share = [100.0 * value / mean for value in (change.value, change.low, change.high)]
-            rows.append(
-                {
-                    "case": name,
-                    "model": model,
-                    "step [s]": case.simulation.step,
-                    "pairs": change.runs,
-                    "left out": pairs - change.runs,
-                    "mean [s]": mean,
-                    "change [%]": share[0],
-                    "from": share[1] if change.has_interval else None,
-                    "to": share[2] if change.has_interval else None,
-                }
-            )
-    return rows
+            yield {
+                "case": name,
+                "model": model,
+                "step [s]": case.simulation.step,
+                "pairs": change.runs,
+                "left out": pairs - change.runs,
+                "mean [s]": mean,
+                "change [%]": share[0],
+                "from": share[1] if change.has_interval else None,
+                "to": share[2] if change.has_interval else None,
+            }
 
 
 def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:
@@ -315,38 +306,32 @@ def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:
     ]
 
 
-def _pairs(evidence: Evidence) -> list[Row]:
-    """Return the effect of each change on the evacuation time."""
-    points: list[Mapping[str, Any]] = [{"simulation.duration": 300.0}, *CHANGES]
+def _pairs(evidence: Evidence) -> Iterator[Row]:
+    points: list[Row] = [{"simulation.duration": 300.0}, *CHANGES]
     runs = PAIRS[evidence.quick]
     study = sweep(load_case(CASE), points, runs, workers=1 if evidence.quick else WORKERS)
     before = study.times(0)
-    rows = []
     for point in study.points[1:]:
         after = study.times(point.index)
         both = np.isfinite(before) & np.isfinite(after)
         one, other = before[both], after[both]
         difference = other - one
         error = float(difference.std(ddof=1)) / len(difference) ** 0.5
-        rows.append(
-            {
-                "change": point.label,
-                "pairs": int(both.sum()),
-                "difference [s]": float(difference.mean()),
-                "half interval [s]": 1.96 * error,
-                "correlation": float(np.corrcoef(one, other)[0, 1]),
-                "runs saved by": float((one.var(ddof=1) + other.var(ddof=1)) / difference.var(ddof=1)),
-            }
-        )
-    return rows
+        yield {
+            "change": point.label,
+            "pairs": int(both.sum()),
+            "difference [s]": float(difference.mean()),
+            "half interval [s]": 1.96 * error,
+            "correlation": float(np.corrcoef(one, other)[0, 1]),
+            "runs saved by": float((one.var(ddof=1) + other.var(ddof=1)) / difference.var(ddof=1)),
+        }
 
 
-def _work(evidence: Evidence) -> list[Row]:
+def _work(evidence: Evidence) -> Iterator[Row]:
     """Return the time of studies and of their loops, after one run of each that is not counted."""
     school, small = load_case("primary_school"), load_case(CASE)
     repeat(school, 1, workers=1)
     sweep(small, {"contact.model": SWEPT["contact.model"]}, 1, workers=1)
-    rows = []
     studies: Mapping[str, Callable[[], Study]] = {
         "sweep": lambda: sweep(small, SWEPT, SWEPT_RUNS[evidence.quick], workers=1),
         "school": lambda: repeat(school, SCHOOL_RUNS[evidence.quick], workers=1),
@@ -361,10 +346,7 @@ def _work(evidence: Evidence) -> list[Row]:
             for run in range(study.runs_of(point.index))
         )
         runs = len(study.points) * study.runs_of(0)
-        rows.append(
-            {"study": name, "runs": runs, "study [s]": whole, "loops [s]": loops, "over the loops": whole / loops}
-        )
-    return rows
+        yield {"study": name, "runs": runs, "study [s]": whole, "loops [s]": loops, "over the loops": whole / loops}
 
 
 def _loop(simulation: Simulation) -> float:
@@ -375,7 +357,6 @@ def _loop(simulation: Simulation) -> float:
 
 
 def _draw(fixed: Sequence[Row], stopped: Sequence[Row]) -> Any:
-    """Draw coverage over the number of runs."""
     figure, axis = new_figure(7.0, 4.0)
     axis.axhspan(LEAST_COVER, MOST_COVER, color="0.93")
     axis.axhline(100.0 * CONFIDENCE, color="0.6", linewidth=0.8)

@@ -2,16 +2,16 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from shutil import rmtree
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
 from evac.case.loading import load_case
-from evac.evidence.evidence import Evidence, in_fresh_process, timed
+from evac.evidence.evidence import Evidence, Row, in_fresh_process, timed
 from evac.evidence.verdicts import reported
 from evac.simulation.running import run as run_case
 
@@ -21,7 +21,7 @@ FRESH, AGAIN = "fresh process, with imports [ms]", "afterwards [ms]"
 def report_output(evidence: Evidence, repeats: int) -> None:
     """Add the time of picture and animation: the first in a new process, and repeated."""
     fresh = 1 if evidence.quick else 5
-    rows = evidence.measured("output", lambda: _output_rows(fresh, repeats))
+    rows = evidence.measured("output", _output_rows, fresh, repeats)
     section = "Picture and animation"
     for row in rows[1:]:
         what = "picture" if row["picture"] == "in" else "animation"
@@ -30,20 +30,15 @@ def report_output(evidence: Evidence, repeats: int) -> None:
     evidence.show("output", __name__, fresh=fresh, repeats=repeats, rows=rows, section=section)
 
 
-def _output_rows(fresh: int, repeats: int) -> list[dict[str, Any]]:
-    """Return the row of no output, of the picture and of the animation."""
-    rows: list[dict[str, Any]] = []
+def _output_rows(fresh: int, repeats: int) -> Iterator[Row]:
     for picture, animation in ((False, False), (True, False), (False, True)):
         switches = {"output.picture": picture, "output.animation": animation}
-        rows.append(
-            {
-                "picture": "in" if picture else "out",
-                "animation": "in" if animation else "out",
-                FRESH: 1e3 * float(np.median([in_fresh_process(output_time, switches) for _ in range(fresh)])),
-                AGAIN: 1e3 * float(np.median([output_time(switches) for _ in range(repeats + 1)][1:])),
-            }
-        )
-    return rows
+        yield {
+            "picture": "in" if picture else "out",
+            "animation": "in" if animation else "out",
+            FRESH: 1e3 * float(np.median([in_fresh_process(output_time, switches) for _ in range(fresh)])),
+            AGAIN: 1e3 * float(np.median([output_time(switches) for _ in range(repeats + 1)][1:])),
+        }
 
 
 def output_time(switches: dict[str, bool]) -> float:
@@ -91,7 +86,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
 def report_commands(evidence: Evidence) -> None:
     """Add the start-up time of each command."""
     repeats = 1 if evidence.quick else 9
-    rows = evidence.measured("commands", lambda: _command_rows(evidence.quick, repeats))
+    rows = evidence.measured("commands", _command_rows, evidence.quick, repeats)
     section = "Start-up of each command"
     for row in rows:
         if row["command"] in SHOWN:
@@ -99,9 +94,8 @@ def report_commands(evidence: Evidence) -> None:
     evidence.show("commands", __name__, repeats=repeats, rows=rows, section=section)
 
 
-def _command_rows(quick: bool, repeats: int) -> list[dict[str, Any]]:
-    """Return the row of each command; a quick run leaves out the school."""
-    rows: list[dict[str, Any]] = []
+def _command_rows(quick: bool, repeats: int) -> list[Row]:
+    rows: list[Row] = []
     with TemporaryDirectory() as folder:
         for name, arguments in commands(Path(folder)).items():
             if quick and "primary_school" in arguments:

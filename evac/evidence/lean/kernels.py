@@ -2,13 +2,13 @@
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 from evac.case.loading import load_case
-from evac.evidence.evidence import Evidence, in_fresh_process
+from evac.evidence.evidence import Evidence, Row, in_fresh_process
 from evac.evidence.verdicts import reported
 from evac.jit.kernels import entries_of
 from evac.jit.processor import host
@@ -37,7 +37,7 @@ class KernelCase:
 def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
     """Add the kernels that the cases load, and the compilation time saved if none is on disk."""
     rows = evidence.measured("kernels", lambda: [row for case in cases for row in kernel_rows(case)])
-    table = summary_rows(rows)
+    table = list(summary_rows(rows))
     for row in table:
         told = f"{row['kernels']} kernels, {row[CPU]:.1f} CPU s;"
         told += f" left out {row['left out: kernels']}, {row[f'left out: {CPU}']:.1f} CPU s"
@@ -45,9 +45,9 @@ def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
     evidence.show("kernels", __name__, rows=rows, compiled=table)
 
 
-def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
+def kernel_rows(case: KernelCase) -> list[Row]:
     """Return a row per kernel that a case loads by default, and with all parts."""
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for variant in (AS_IT_IS, ALL_IN):
         overrides = dict(case.overrides) | (dict(case.named) if variant == ALL_IN else {})
         loads: dict[str, Any] = {"before": 1}
@@ -60,7 +60,7 @@ def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
     return rows
 
 
-def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[str]) -> dict[str, Any]:
+def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[str]) -> Row:
     """Run a case, then compile the kernels that it has loaded, beginning with those with labels in `first`.
 
     ``kernels`` are CPU time [s] and bytes of each; ``functions`` how many are in them; ``before`` how many of these the
@@ -81,30 +81,26 @@ def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[
     return {"kernels": seconds, "functions": len(compiled_functions()), "before": before}
 
 
-def summary_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def summary_rows(rows: Sequence[Row]) -> Iterator[Row]:
     """Return a row per case: kernels, functions and CPU time as it is, and those that it leaves out."""
-    table = []
     for scene, model in dict.fromkeys((row["scene"], row["model"]) for row in rows):
         own = [row for row in rows if (row["scene"], row["model"]) == (scene, model)]
         lean, full = ([row for row in own if row["variant"] == variant] for variant in (AS_IT_IS, ALL_IN))
         needed = {row["kernel"] for row in lean}
         out = [row for row in full if row["kernel"] not in needed]
-        table.append(
-            {
-                "scene": scene,
-                "model": model,
-                "kernels": len(lean),
-                "functions": lean[0]["functions"],
-                CPU: sum(row[CPU] for row in lean),
-                "left out: kernels": len(out),
-                "left out: functions": full[0]["functions"] - lean[0]["functions"],
-                f"left out: {CPU}": sum(row[CPU] for row in out),
-            }
-        )
-    return table
+        yield {
+            "scene": scene,
+            "model": model,
+            "kernels": len(lean),
+            "functions": lean[0]["functions"],
+            CPU: sum(row[CPU] for row in lean),
+            "left out: kernels": len(out),
+            "left out: functions": full[0]["functions"] - lean[0]["functions"],
+            f"left out: {CPU}": sum(row[CPU] for row in out),
+        }
 
 
-def loaded_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def loaded_rows(rows: Sequence[Row]) -> list[Row]:
     """Return a row per kernel, and in a column for each case whether it is in, or only if forced in."""
     cases = list(dict.fromkeys((row["scene"], row["model"]) for row in rows))
     variants: dict[str, dict[tuple[str, str], str]] = {}

@@ -1,7 +1,7 @@
 """Time saved by leaving out parts: each is forced in on scenes that do not need it; and start-up times of commands."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from evac.case.loading import load_case
 from evac.contract.registry import Registry
 from evac.directions.routes import STRATEGIES
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
 from evac.evidence.lean.kernels import KernelCase, report_kernels
@@ -106,8 +106,8 @@ def run(evidence: Evidence) -> None:
     rows = evidence.measured(
         "parts",
         lambda: (
-            scene_rows("square_room", 10.0, NAMED, rounds)
-            + scene_rows("primary_school", 2.0 if evidence.quick else 20.0, NAMED[-1:], school_rounds)
+            *scene_rows("square_room", 10.0, NAMED, rounds),
+            *scene_rows("primary_school", 2.0 if evidence.quick else 20.0, NAMED[-1:], school_rounds),
         ),
     )
     same = sum(row["same bits"] == "yes" for row in rows)
@@ -130,7 +130,6 @@ def run(evidence: Evidence) -> None:
 
 
 def _kernel_cases(quick: bool) -> list[KernelCase]:
-    """Return the cases whose kernels are compared; a quick run has one."""
     everything = {key: value for part in NAMED for key, value in part.overrides.items()}
     cases = [
         KernelCase(scene, model, model_overrides(model), named)
@@ -140,13 +139,12 @@ def _kernel_cases(quick: bool) -> list[KernelCase]:
     return cases[:1] if quick else cases
 
 
-def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> list[dict[str, Any]]:
+def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> Iterator[Row]:
     """Return a row for each model and part: its cost when forced in, and whether the results are bitwise the same.
 
     All variants run alternately in rounds; a cost is the difference to the part's base in the same round.
     """
     registry = Registry([unused_route.__file__])
-    rows = []
     for model in MODELS:
         shared = {"simulation.duration": duration, "simulation.seed": 1} | model_overrides(model)
         parts = parts_of(name, model, named)
@@ -155,12 +153,10 @@ def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -
         # The first round is not counted: it loads the kernels.
         trials = [{key: trial(cases[key], part) for key, part in variants.items()} for _ in range(rounds + 1)][1:]
         for part in parts:
-            rows.append({"scene": name, "model": model} | _part_row(part, trials))
-    return rows
+            yield {"scene": name, "model": model} | _part_row(part, trials)
 
 
-def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> dict[str, Any]:
-    """Return the cost of a part over several rounds: median, least and greatest."""
+def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> Row:
     assert part.base is not None
     pairs = [(trial[part.name], trial[part.base.name]) for trial in trials]
     setup = [1e3 * (forced.setup - base.setup) for forced, base in pairs]

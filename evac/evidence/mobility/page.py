@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from shapely import box
@@ -11,7 +10,7 @@ from evac.base.arrays import FloatArray
 from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
 from evac.contract.builtin import DEFAULT_MOVEMENT
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people.measures import Line, passing_times
 from evac.evidence.people.runs import follow
 from evac.evidence.validation.plans import across, one_storey, straight_stair
@@ -73,7 +72,7 @@ class DoorRun:
     seed: int
 
 
-def _simulation(plan: Plan, people: list[dict[str, Any]], seed: int) -> Simulation:
+def _simulation(plan: Plan, people: list[Row], seed: int) -> Simulation:
     table = {
         "building": plan,
         "people": [{"name": f"group {number}", **group} for number, group in enumerate(people)],
@@ -105,7 +104,7 @@ def walking_speeds(walk: WalkRun) -> FloatArray:
     return (LINES[1] - LINES[0]) * math.hypot(1.0, rise / RUN) / (last - first)
 
 
-def flow_through(door: DoorRun) -> dict[str, Any]:
+def flow_through(door: DoorRun) -> Row:
     """Return what came of a run through a door."""
     half = 0.5 * door.width
     plan = one_storey(
@@ -134,7 +133,7 @@ def run(evidence: Evidence) -> None:
     walks += [WalkRun(preset, way, seed) for preset in ON_RAMPS for way in ("up", "down") for seed in seeds]
     doors = [DoorRun(width, share, seed) for width in DOORS for share in SHARES for seed in seeds]
 
-    def speeds() -> list[dict[str, Any]]:
+    def speeds() -> list[Row]:
         found: dict[tuple[str, str], list[FloatArray]] = {}
         for walk, each in zip(walks, evidence.map(walking_speeds, walks), strict=True):
             found.setdefault((walk.preset, walk.place), []).append(each)
@@ -165,7 +164,7 @@ def run(evidence: Evidence) -> None:
     )
 
 
-def _speed_row(preset: str, place: str, speeds: FloatArray) -> dict[str, Any]:
+def _speed_row(preset: str, place: str, speeds: FloatArray) -> Row:
     published = PUBLISHED[preset] if place == "flat" else None
     mean = float(speeds.mean())
     return {
@@ -179,7 +178,7 @@ def _speed_row(preset: str, place: str, speeds: FloatArray) -> dict[str, Any]:
     }
 
 
-def _door_row(flows: list[dict[str, Any]], width: float, share: float) -> dict[str, Any]:
+def _door_row(flows: list[Row], width: float, share: float) -> Row:
     own = [row for row in flows if (row["door [m]"], row["in wheelchairs [%]"]) == (width, round(100 * share))]
     found = [row["flow [1/s]"] for row in own if row["flow [1/s]"] is not None]
     mean = float(np.mean(found)) if found else None

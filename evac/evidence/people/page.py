@@ -20,7 +20,7 @@ HELD, BLOCKED, SCENES = "Held out", "Blocked runs", "The scenes"
 
 def run(evidence: Evidence) -> None:
     """Make the runs that are missing and write the page."""
-    rows = evidence.measured(TABLE, lambda: measure_runs(evidence))
+    rows = evidence.measured(TABLE, measure_runs, evidence)
     asked = {job.key for job in jobs(evidence.quick, evidence.seed)}
     runs = [row for row in rows if tuple(str(row[key]) for key in KEY) in asked]
     subjects = list(dict.fromkeys((row["setting"], row["model"]) for row in runs))
@@ -108,7 +108,6 @@ def _share(count: int, total: int) -> str:
 
 
 def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], found: Sequence[Row]) -> None:
-    """Add the table of one movement model: a row for each measured value, a column for each contact model."""
     rows: list[Row] = []
     for value in values:
         told = {"value": value.name, "measured": value.measured, "target": value.wanted or "-"}

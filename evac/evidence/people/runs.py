@@ -139,7 +139,6 @@ def _writer(file: TextIO) -> "csv.DictWriter[str]":
 
 
 def _kept(path: Path) -> Iterator[dict[str, str]]:
-    """Yield the rows of an earlier measurement with the present code."""
     if path.is_file():
         with path.open(newline="", encoding="utf-8") as file:
             yield from (row for row in csv.DictReader(file) if row.get(CODE) == code())

@@ -13,6 +13,7 @@ import numpy as np
 from shapely import Polygon, box, union_all
 
 from evac.building.plan.plan import Plan
+from evac.evidence.evidence import Row
 from evac.evidence.people import measures
 from evac.evidence.people.measures import Line, Track, Values
 from evac.evidence.validation.plans import one_storey
@@ -50,7 +51,7 @@ class Experiment:
     """
 
     plan: Plan
-    people: Sequence[Mapping[str, Any]]
+    people: Sequence[Row]
     speed: Mapping[str, Any]
     measure: Callable[[Track], Values]
     line: Line | None = None

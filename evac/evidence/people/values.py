@@ -118,7 +118,6 @@ class Value:
 
 
 def _value(scene: str, column: str, measured: float | None = None, is_held_out: bool = False, **target: Any) -> Value:
-    """Return a value of one scene."""
     return Value((scene,), column, measured, is_held_out=is_held_out or scene in HELD_SCENES, **target)
 
 
@@ -171,7 +170,7 @@ def _ways() -> Iterator[Value]:
 VALUES: Sequence[Value] = (*_doors(), *_corridors(), *_ways())
 
 
-def found_row(value: Value, setting: str, model: str, runs: Sequence[Row]) -> dict[str, Any]:
+def found_row(value: Value, setting: str, model: str, runs: Sequence[Row]) -> Row:
     """Return what was found for a measured value in the runs of one setting and contact model.
 
     A run is blocked if people are left. Such runs have no value, and every mean stands beside their share.

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from evac.building.model.building import Building
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
+from evac.evidence.evidence import Row
 from evac.evidence.scenes import room
 from evac.physics.state import Crowd, make_crowd
 
@@ -59,7 +59,7 @@ def make_hall(people: int, density: float, seed: int, deepest: float = math.inf)
     return Hall(building, fields, _crowd(position, generator), depth, length)
 
 
-def hall_case(people: int) -> dict[str, Any]:
+def hall_case(people: int) -> Row:
     """Return the content of a case: a square hall with `people` at random places, `DENSITY` per m2."""
     side = math.sqrt(people / DENSITY)
     low, high = doors_along(side)

@@ -1,10 +1,10 @@
 """Cost of the behaviour headway: the same hall without and with it."""
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.evac_walk import HeadwayWalk
 from evac.evidence.scaling.walks import Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
@@ -22,7 +22,7 @@ WARM, TIMED = 10, 15
 def run(evidence: Evidence, models: tuple[str, ...], step: float) -> None:
     """Add the table to the page."""
     people = QUICK_PEOPLE if evidence.quick else PEOPLE
-    rows = evidence.measured("headway", lambda: _rows(people, evidence.seed, models, step))
+    rows = evidence.measured("headway", _rows, people, evidence.seed, models, step)
     ratios = [row["with / without"] for row in rows]
     section = "What headway costs and saves"
     told = f"{min(ratios):.2f} to {max(ratios):.2f}"
@@ -30,16 +30,15 @@ def run(evidence: Evidence, models: tuple[str, ...], step: float) -> None:
     evidence.show("headway", __name__, people=people, rows=rows, section=section)
 
 
-def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> list[dict[str, Any]]:
-    """Return a row for each density and model."""
-    rows = []
+def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> Iterator[Row]:
     for density in DENSITIES:
         hall = make_hall(people, density, seed)
-        rows += [{"start [1/m2]": density, "model": name, **compare(hall, make_variant(name, step))} for name in models]
-    return rows
+        yield from [
+            {"start [1/m2]": density, "model": name, **compare(hall, make_variant(name, step))} for name in models
+        ]
 
 
-def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
+def compare(hall: Hall, variant: Variant) -> Row:
     """Return the costs without and with headway and of the minimal kernel, taken alternately [ns per person-step]."""
     plain, kept = Walk(hall, variant.step), HeadwayWalk(hall, variant.step, variant.model)
     costs = []

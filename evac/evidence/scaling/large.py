@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evac.case.loading import load_case
-from evac.evidence.evidence import Evidence, in_fresh_process
+from evac.evidence.evidence import Evidence, Row, in_fresh_process
 from evac.evidence.models import model_overrides
 from evac.evidence.scaling.halls import hall_case
 from evac.evidence.scaling.walks import bytes_of, cpu_time, minimal_cost, start_minimal
@@ -38,7 +38,7 @@ SECTION = "From the case to the first ticks"
 def run(evidence: Evidence) -> None:
     """Add the table to the page."""
     sizes = QUICK_SIZES if evidence.quick else SIZES
-    rows = evidence.measured("large", lambda: _rows(sizes, evidence.seed))
+    rows = evidence.measured("large", _rows, sizes, evidence.seed)
     people = max(row["people"] for row in rows)
     seconds, memory = (
         max(row[column] for row in rows if row["people"] == people) for column in ("set-up [s]", "peak memory [MB]")
@@ -50,12 +50,11 @@ def run(evidence: Evidence) -> None:
     evidence.show("large", __name__, rows=rows, formats={f"{phase} [%]": ".0f" for phase in SHOWN})
 
 
-def _rows(sizes: tuple[int, ...], seed: int) -> list[dict[str, Any]]:
-    """Return the row of each size and scene, simulated one after another."""
+def _rows(sizes: tuple[int, ...], seed: int) -> list[Row]:
     return [in_fresh_process(simulate, people, *scene, seed) for people in sizes for scene in SCENES]
 
 
-def simulate(people: int, model: str, behaviour: str, seed: int) -> dict[str, Any]:
+def simulate(people: int, model: str, behaviour: str, seed: int) -> Row:
     """Return the row of one simulation; peak memory is that of the process, so each wants one of its own."""
     changes: dict[str, Any] = model_overrides(model) | {"simulation.seed": seed}
     changes |= {f"behaviours.{behaviour}": {}} if behaviour else {}

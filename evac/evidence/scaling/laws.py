@@ -1,13 +1,14 @@
 """Cost of contact laws written as the force of a single contact, beside the built-in DEM."""
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers import comparison
@@ -70,7 +71,7 @@ class Hertz(PairContact):
 def run(evidence: Evidence, step: float) -> None:
     """Add the table to the page."""
     people = QUICK_PEOPLE if evidence.quick else PEOPLE
-    rows = evidence.measured("laws", lambda: _rows(people, evidence.seed, step))
+    rows = evidence.measured("laws", _rows, people, evidence.seed, step)
     for start in DENSITIES:
         ratio = max(row["times DEM"] for row in rows if row["start"] == start and row["law"] != "DEM")
         what = f"Contact laws of a few lines, {start} crowd: greatest time of a person-step over that of DEM"
@@ -78,22 +79,19 @@ def run(evidence: Evidence, step: float) -> None:
     evidence.show("laws", __name__, people=people, rows=rows)
 
 
-def _rows(people: int, seed: int, step: float) -> list[dict[str, Any]]:
-    """Return a row for each density and law."""
-    rows: list[dict[str, Any]] = []
+def _rows(people: int, seed: int, step: float) -> Iterator[Row]:
     for start, density in DENSITIES.items():
-        rows += [{"start": start, **row} for row in compare(make_hall(people, density, seed), step)]
-    return rows
+        yield from [{"start": start, **row} for row in compare(make_hall(people, density, seed), step)]
 
 
-def compare(hall: Hall, step: float) -> list[dict[str, Any]]:
+def compare(hall: Hall, step: float) -> list[Row]:
     """Return the costs of the laws, taken alternately."""
     laws: dict[str, ContactModel] = {"DEM": make_model("DEM"), "linear spring": Spring()}
     for stiffness in (Spring().stiffness / math.sqrt(OVERLAP), Hertz().stiffness):
         laws[f"Hertz, K = {stiffness:.2g}"] = Hertz(stiffness=stiffness)
     walks = {name: EvacWalk(hall, step, law) for name, law in laws.items()}
     spans: Any = comparison.compare({comparison.LEAST: MinimalWalk(hall, step), **walks}, step, WARM, TIMED)
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for name, program in walks.items():
         tally = program.walk.engine.state.tally
         times = float(np.median(np.divide(spans[name], spans["DEM"])))

@@ -13,7 +13,7 @@ import numpy as np
 
 from evac.base.errors import SimulationError
 from evac.case.loading import load_case
-from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure, timed
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure, timed
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.scaling import headway, large, laws, phases, threads
 from evac.evidence.scaling.halls import Hall, make_hall
@@ -61,8 +61,8 @@ HALLS, SHARES = "Halls from small to large", "Where the time goes"
 def run(evidence: Evidence) -> None:
     """Measure and write the page."""
     sizes = QUICK_SIZES if evidence.quick else FULL_SIZES
-    rows = evidence.measured("scaling", lambda: _hall_rows(sizes, evidence.seed))
-    claims = evidence.measured("claims", lambda: _claims(sizes, evidence.seed, 1 if evidence.quick else 5))
+    rows = evidence.measured("scaling", _hall_rows, sizes, evidence.seed)
+    claims = evidence.measured("claims", _claims, sizes, evidence.seed, 1 if evidence.quick else 5)
     for (judge, bound), row in zip(TARGETS, claims, strict=False):
         evidence.verdict(judge(row["what"], row["measured"], bound))
     _judge_halls(evidence, rows)
@@ -84,23 +84,18 @@ def run(evidence: Evidence) -> None:
     )
 
 
-def _hall_rows(sizes: dict[int, tuple[int, int]], seed: int) -> list[dict[str, Any]]:
-    """Return the row of every walk: each size, free and jammed, with each model."""
-    rows = []
+def _hall_rows(sizes: dict[int, tuple[int, int]], seed: int) -> Iterator[Row]:
     for people, ticks in sizes.items():
         for state, density in DENSITIES.items():
             hall = make_hall(people, density, seed, DEEPEST if state == "jammed" else np.inf)
-            rows += [_row(hall, state, variant, *ticks) for variant in _variants(state, people)]
-    return rows
+            yield from [_row(hall, state, variant, *ticks) for variant in _variants(state, people)]
 
 
-def _claims(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> list[dict[str, Any]]:
-    """Return the quantities with targets, in the order of `TARGETS`."""
+def _claims(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> list[Row]:
     return [_hall_claim(sizes, seed, repeats), *_school_claims(repeats)]
 
 
-def _judge_halls(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
-    """Add the verdicts on the halls: the time of each model, memory, refusals."""
+def _judge_halls(evidence: Evidence, rows: list[Row]) -> None:
     largest = max(row["people"] for row in rows)
     for state in DENSITIES:
         for name in MODELS:
@@ -170,7 +165,7 @@ def _each(call: Callable[[int], Any]) -> float:
     return float(np.median(spans))
 
 
-def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dict[str, Any]:
+def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> Row:
     """Return the row of a walk; if the model refuses to continue, without the quantities not measured."""
     walk = Walk(hall, variant.step)
     cost, pace, walked = None, None, None
@@ -209,8 +204,7 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
     return row | {f"{phase} [%]": 100.0 * spent[phase] / total if cost else None for phase in PHASES}
 
 
-def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> dict[str, Any]:
-    """Return the claim on the hall with 10,000 people, or the greatest number up to that in this run."""
+def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> Row:
     people = max(size for size in sizes if size <= 10_000)
     hall = make_hall(people, DENSITIES["free"], seed)
     warm, timed = sizes[people]
@@ -225,8 +219,7 @@ def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> d
     return {"what": what, "measured": _middle(measured), "times minimal": _middle(ratios)}
 
 
-def _school_claims(repeats: int) -> list[dict[str, Any]]:
-    """Return the claims on the school: speed of the loop, share of Python, the whole command."""
+def _school_claims(repeats: int) -> list[Row]:
     speeds, shares = [], []
     case = load_case("primary_school")
     for _ in range(repeats + 1):
@@ -252,8 +245,7 @@ def _middle(values: list[float]) -> float:
     return float(np.median(values[1:]))
 
 
-def _draw_halls(rows: list[dict[str, Any]]) -> Any:
-    """Draw the time per person-step; a refusal is a gap."""
+def _draw_halls(rows: list[Row]) -> Any:
     colours = {**MODEL_COLOURS, STIFF_NAME: "#56B4E9"}
     figure, axes = new_figure(9.0, 4.0, 1, 2, sharex=True, sharey=True)
     for axis, state in zip(axes, DENSITIES, strict=True):

@@ -2,11 +2,10 @@
 
 import os
 import time
-from typing import Any
 
 import numpy as np
 
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import plugins
 from evac.evidence.scaling.halls import make_hall
 from evac.evidence.scaling.walks import Variant, Walk, make_variant
@@ -52,7 +51,7 @@ def run(evidence: Evidence, step: float) -> None:
     evidence.show("threads", __name__, rows=rows)
 
 
-def compare(people: int, start: str, model: str, seed: int, step: float) -> dict[str, Any]:
+def compare(people: int, start: str, model: str, seed: int, step: float) -> Row:
     """Return the times of a step with one thread and with two [ms], and their ratio."""
     hall, variant = make_hall(people, DENSITIES[start], seed), make_variant(model, step)
     walks = [Walk(hall, step), Walk(hall, step)]

@@ -1,6 +1,6 @@
 """NSM2 over its whole range of dissipation, standing crowds, static overlaps and forces."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
 from evac.evidence import scenes
-from evac.evidence.evidence import Evidence, new_figure
+from evac.evidence.evidence import Evidence, Row, new_figure
 from evac.evidence.models import plugins
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, cell_rows
@@ -49,7 +49,7 @@ STANDING_AXES = ("step h [s]", "bound [m/s]")
 
 def dissipation(evidence: Evidence) -> list[str]:
     """Try NSM2 at K_N from 0 to infinity with each solver: restitution, and bodies squeezed between walls."""
-    rows = evidence.measured("dissipation", lambda: _dissipation_rows(evidence.quick))
+    rows = evidence.measured("dissipation", _dissipation_rows, evidence.quick)
     section = "NSM2: dissipation from zero to infinity"
     off = max(abs(row[f"{name}: restitution"] - row[f"{name}: theory"]) for row in rows for name in ("pair", "wall"))
     evidence.verdict(at_most("NSM2: greatest error of the coefficient of restitution", off, SMALL_SPEED, "", section))
@@ -57,13 +57,11 @@ def dissipation(evidence: Evidence) -> list[str]:
     return []
 
 
-def _dissipation_rows(quick: bool) -> list[dict[str, Any]]:
-    """Return the row of each K_N and solver."""
+def _dissipation_rows(quick: bool) -> Iterator[Row]:
     values = [0.0, 1e2, 1e5, np.inf] if quick else [0.0, *10.0 ** np.arange(0.0, 9.1), np.inf]
     # without driving force: they keep their velocity until they touch
     pair = scenes.people_in(ROOM, [(2.5, 2.0), (2.92, 2.0)], [(1.5, 0.0), (-1.0, 0.0)], tau=1e12, mass=[60.0, 100.0])
     wall = scenes.people_in(ROOM, [(5.7, 2.0)], [(1.5, 0.0)], tau=1e12, mass=80.0)
-    rows: list[dict[str, Any]] = []
     for value in values:
         for solver in plugins().solvers:
             model = make_model("NSM2 K_N = 1e5", normal_dissipation=value, solver=solver)
@@ -76,8 +74,7 @@ def _dissipation_rows(quick: bool) -> list[dict[str, Any]]:
                 expected = restitution(value, mass)
                 row |= {f"{name}: restitution": rebound(trial), f"{name}: theory": expected}
                 row[name] = judge(trial, partial(_off, rebound, expected), SMALL_SPEED, SMALL_SPEED, "").kind
-            rows.append(row | _try_squeeze(model))
-    return rows
+            yield row | _try_squeeze(model)
 
 
 def restitution(dissipation: float, mass: float) -> float:
@@ -94,8 +91,7 @@ def squeeze() -> Scene:
     return scenes.people_in(bounds, line, [(0.1 * (-1.0) ** k, 0.0) for k in range(5)], speed=2.0, mass=80.0)
 
 
-def _try_squeeze(model: ContactModel) -> dict[str, Any]:
-    """Return the result of a squeeze between two walls."""
+def _try_squeeze(model: ContactModel) -> Row:
     scene = squeeze()
     start = deepest_overlap(scene, scene.crowd.position)
     engine, crowd = scene.start()
@@ -124,12 +120,10 @@ def _pair_rebound(trial: Trial) -> float:
 
 
 def _off(rebound: Callable[[Trial], float], expected: float, trial: Trial) -> float:
-    """Return how far the restitution of a trial is from theory."""
     return abs(rebound(trial) - expected)
 
 
-def _draw_restitution(rows: Sequence[dict[str, Any]]) -> Any:
-    """Draw measured and theoretical restitution over K_N."""
+def _draw_restitution(rows: Sequence[Row]) -> Any:
     figure, axis = new_figure(6.5, 4.0)
     smooth = np.logspace(-0.5, 10.0, 400)
     finite = [row for row in rows if 0.0 < row["K_N [kg]"] < np.inf]
@@ -172,7 +166,6 @@ def standing(evidence: Evidence) -> list[str]:
 
 
 def _standing_cells(quick: bool) -> list[Cell]:
-    """Return a cell for each model, solver, drive and step; a quick run has the default solver and drive only."""
     default = make_model("NSM1 inertial").values()["solver"]
     return [
         Cell(f"{variant}, {solver}, {drive}", step, STANDS, try_standing(variant, solver, drive == "explicit", step))
@@ -219,8 +212,7 @@ def static_overlap(evidence: Evidence) -> list[str]:
     return []
 
 
-def _static_rows() -> list[dict[str, Any]]:
-    """Return the row of each stiffness, load and drive."""
+def _static_rows() -> Iterator[Row]:
     tau = 0.1
     cases = [
         (stiffness, speed, 0.1 * float(np.sqrt(80.0 / stiffness)), drive)
@@ -229,39 +221,33 @@ def _static_rows() -> list[dict[str, Any]]:
         for drive in ("explicit", "exponential")
     ]
     cases += [(1.2e5, 2.0, 0.01, drive) for drive in ("explicit", "exponential")]
-    rows = []
     for stiffness, speed, step, drive in cases:
         scene = scenes.people_in(ROOM, [(5.8, 2.0)], tau=tau, speed=speed)
         trial = attempt(make_model("DEM", stiffness=stiffness), scene, step, 4.0, explicit=drive == "explicit")
         load = 80.0 * speed / tau
         share = 1.0 if drive == "explicit" else -float(np.expm1(-step / tau)) * tau / step
-        rows.append(
-            {
-                "k [kg/s²]": stiffness,
-                "load F = m v / tau [N]": load,
-                "h [s]": step,
-                "drive": drive,
-                "overlap [m]": last_overlap(trial),
-                "F / k [m]": load / stiffness,
-                "overlap over F / k": last_overlap(trial) * stiffness / load,
-                "theory": share,
-                "error": abs(last_overlap(trial) * stiffness / (load * share) - 1.0),
-            }
-        )
-    return rows
+        yield {
+            "k [kg/s²]": stiffness,
+            "load F = m v / tau [N]": load,
+            "h [s]": step,
+            "drive": drive,
+            "overlap [m]": last_overlap(trial),
+            "F / k [m]": load / stiffness,
+            "overlap over F / k": last_overlap(trial) * stiffness / load,
+            "theory": share,
+            "error": abs(last_overlap(trial) * stiffness / (load * share) - 1.0),
+        }
 
 
 def reported_force(evidence: Evidence) -> list[str]:
     """Tabulate the contact force reported for a person in a pressed row, over the steps, beside the load's."""
-    rows = evidence.measured("reported_force", lambda: _force_rows(evidence.quick))
+    rows = evidence.measured("reported_force", _force_rows, evidence.quick)
     evidence.show("reported_force", __name__, rows=rows)
     return []
 
 
-def _force_rows(quick: bool) -> list[dict[str, Any]]:
-    """Return the row of each model and drive."""
+def _force_rows(quick: bool) -> Iterator[Row]:
     steps = [0.01] if quick else [0.1, 0.01, 1e-3, 1e-4]
-    rows = []
     for variant in VARIANTS:
         if variant == "NSM1 overdamped":
             continue  # knows no forces
@@ -272,8 +258,7 @@ def _force_rows(quick: bool) -> list[dict[str, Any]]:
                 told = "refused" if forces is None else f"{forces.mean():.4f} +- {forces.std():.2g}"
                 row[f"h = {step:g} s"] = told
             share = 1.0 if drive == "explicit" else -float(np.expm1(-0.01 / 0.5)) * 0.5 / 0.01
-            rows.append(row | {"theory, h = 0.01 s": share})
-    return rows
+            yield row | {"theory, h = 0.01 s": share}
 
 
 def pressed_forces(variant: str, step: float, explicit: bool) -> FloatArray | None:

@@ -1,13 +1,12 @@
 """DEM's limit of stability: stiffness against step on a pressed crowd, and the limit of contact networks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from evac.evidence import scenes
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed
@@ -126,7 +125,7 @@ SECTION = "DEM: stiffness and step"
 
 def network_limits(evidence: Evidence) -> list[str]:
     """Tabulate the limit of several networks: theory, limit of the model's check, and onset of growth of a nudge."""
-    rows = evidence.measured("dem_networks", lambda: _network_rows(evidence))
+    rows = evidence.measured("dem_networks", _network_rows, evidence)
     safe = sum(
         min(row[key] or np.inf for key in ("a run cuts beyond [s]", "a run refuses beyond [s]"))
         < row["limit by theory [s]"]
@@ -137,8 +136,7 @@ def network_limits(evidence: Evidence) -> list[str]:
     return []
 
 
-def _network_rows(evidence: Evidence) -> list[dict[str, Any]]:
-    """Return the row of each network and drive."""
+def _network_rows(evidence: Evidence) -> Iterator[Row]:
     stiffness = 1.2e5
     cases = {
         "two people at a wall": scenes.people_in(
@@ -148,22 +146,18 @@ def _network_rows(evidence: Evidence) -> list[dict[str, Any]]:
         "the same, tau 0.01 s": crowd_in_corridor(30, 5, 60.0, tau=0.01),
         "40 small ones around a big one": ring_around_big(),
     }
-    rows = []
     for name, scene in cases.items():
         rest = settled(scene, stiffness)
         frequency = greatest_frequency(rest, rest.crowd.position, stiffness)
         start = nudged(rest, evidence.generator("network"))
         for drive, explicit in DRIVES.items():
-            rows.append(
-                {
-                    "network": name,
-                    "drive": drive,
-                    "omega_max² m / k": frequency**2 * 60.0 / stiffness,
-                    "limit by theory [s]": step_limit(frequency, float(scene.crowd.tau[0]), explicit),
-                    **_limits(scene, start, stiffness, explicit),
-                }
-            )
-    return rows
+            yield {
+                "network": name,
+                "drive": drive,
+                "omega_max² m / k": frequency**2 * 60.0 / stiffness,
+                "limit by theory [s]": step_limit(frequency, float(scene.crowd.tau[0]), explicit),
+                **_limits(scene, start, stiffness, explicit),
+            }
 
 
 #: Who is pressed against a wall by the load of a crowd [m], [kg].
@@ -173,35 +167,30 @@ HEAVY_RADIUS, HEAVY_MASS = 0.2, 800.0
 def hardened_contacts(evidence: Evidence) -> list[str]:
     """Tabulate the overlap of one heavy body pressed against a wall by loads up to a thousand people's."""
     hardening = float(make_model("DEM").values()["hardening"])
-    rows = evidence.measured("dem_hardening", lambda: _hardened_rows(hardening, evidence.quick))
+    rows = evidence.measured("dem_hardening", _hardened_rows, hardening, evidence.quick)
     told = f"{max(row['error'] for row in rows):.1g}"
     evidence.verdict(reported("DEM: overlap of hardened contacts, relative error", told, "0 (theory)", SECTION))
     evidence.show("hardened_contacts", __name__, hardening=hardening, rows=rows)
     return []
 
 
-def _hardened_rows(hardening: float, quick: bool) -> list[dict[str, Any]]:
-    """Return the row of each load."""
+def _hardened_rows(hardening: float, quick: bool) -> Iterator[Row]:
     tau, step = 0.1, 0.01
-    rows = []
     for load in (5e3, 2e5) if quick else (5e3, 1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6):
         exact = hardened_overlap(load, STIFFNESS, HEAVY_RADIUS, hardening)
         place = (8.0 - HEAVY_RADIUS + 0.98 * exact, 2.0)
         of = {"radius": HEAVY_RADIUS, "mass": HEAVY_MASS, "tau": tau, "speed": load * tau / HEAVY_MASS}
         scene = scenes.people_in((0.0, 0.0, 8.0, 4.0), [place], **of)
         trial = attempt(make_model("DEM"), scene, step, 20.0, explicit=True, every=10.0)
-        rows.append(
-            {
-                "load [kN]": 1e-3 * load,
-                "overlap [m]": last_overlap(trial),
-                "theory [m]": exact,
-                "F / k [m]": load / STIFFNESS,
-                "overlap over radius": last_overlap(trial) / HEAVY_RADIUS,
-                "error": abs(last_overlap(trial) / exact - 1.0),
-                "sub-steps per step": trial.report["sub_steps"] / trial.report["steps"],
-            }
-        )
-    return rows
+        yield {
+            "load [kN]": 1e-3 * load,
+            "overlap [m]": last_overlap(trial),
+            "theory [m]": exact,
+            "F / k [m]": load / STIFFNESS,
+            "overlap over radius": last_overlap(trial) / HEAVY_RADIUS,
+            "error": abs(last_overlap(trial) / exact - 1.0),
+            "sub-steps per step": trial.report["sub_steps"] / trial.report["steps"],
+        }
 
 
 def _limits(scene: Scene, nudged: Scene, stiffness: float, explicit: bool) -> dict[str, float | None]:

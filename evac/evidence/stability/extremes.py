@@ -4,13 +4,12 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from evac.base.errors import EvacError
 from evac.evidence import scenes
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.trial import (
     REFUSED,
@@ -242,13 +241,12 @@ def try_triangle(model: str) -> Verdict:
 
 def extreme_scenes(evidence: Evidence) -> list[str]:
     """Try every extreme scene with every contact model and tabulate the verdicts."""
-    rows = evidence.measured("extremes", lambda: _scene_rows(evidence.quick))
+    rows = evidence.measured("extremes", _scene_rows, evidence.quick)
     evidence.show("extreme_scenes", __name__, rows=rows)
     return [row["verdict"] for row in rows]
 
 
-def _scene_rows(quick: bool) -> list[dict[str, Any]]:
-    """Return the row of every scene and contact model."""
+def _scene_rows(quick: bool) -> list[Row]:
     rows = []
     for name, extreme in extremes(quick).items():
         variants = VARIANTS if extreme.make().crowd.radius.size < 1000 and extreme.duration < 1000.0 else LARGE

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from evac.base.arrays import FloatArray
-from evac.evidence.evidence import Evidence, new_figure
+from evac.evidence.evidence import Evidence, Row, new_figure
 from evac.evidence.stability.trial import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
 
 #: Colours of the verdicts (Okabe-Ito, with grey and black).
@@ -82,7 +82,7 @@ def show_map(
     return [row["verdict"] for row in rows]
 
 
-def cell_rows(cells: Sequence[Cell], axes: tuple[str, str]) -> list[dict[str, Any]]:
+def cell_rows(cells: Sequence[Cell], axes: tuple[str, str]) -> list[Row]:
     """Return a row for each cell, with its verdict, error and words."""
     return [
         {
@@ -97,15 +97,13 @@ def cell_rows(cells: Sequence[Cell], axes: tuple[str, str]) -> list[dict[str, An
     ]
 
 
-def _sums(panel: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str | int | float]:
-    """Return how many cells of a panel got each verdict, and the greatest error of those that ran."""
+def _sums(panel: str, rows: Sequence[Row]) -> dict[str, str | int | float]:
     errors = [row["error"] for row in rows if np.isfinite(row["error"])]
     counts = {kind: sum(row["verdict"] == kind for row in rows) for kind in VERDICTS}
     return {"panel": panel, **counts, "greatest error": max(errors, default=float("nan"))}
 
 
 def _draw(cells: Sequence[Cell], curves: Mapping[str, Sequence[Curve]], axes: tuple[str, str], columns: int) -> Any:
-    """Draw the panels of a map."""
     panels = list(dict.fromkeys(cell.panel for cell in cells))
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
@@ -154,7 +152,6 @@ def _draw_panel(axis: Any, cells: Sequence[Cell], curves: Sequence[Curve], style
 
 
 def _met_a_wall(cell: Cell) -> bool:
-    """Return whether a trial was stopped because a person would have been pressed through a wall."""
     return cell.verdict.kind == REFUSED and "wall" in cell.verdict.words
 
 

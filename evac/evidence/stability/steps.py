@@ -1,13 +1,12 @@
 """Maps of the step: against the relaxation time, the walking speed, the ratio of masses and of radii."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from evac.evidence import scenes
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import lag_limit, step_limit, walk_lag
@@ -120,9 +119,7 @@ def overlap_order(evidence: Evidence) -> list[str]:
     return []
 
 
-def _overlap_rows(steps: Sequence[float]) -> list[dict[str, Any]]:
-    """Return the row of each model."""
-    rows = []
+def _overlap_rows(steps: Sequence[float]) -> Iterator[Row]:
     for variant in VARIANTS:
         trials = [attempt(make_model(variant), walk_against_wall(1.5), step, 2.0, every=0.1) for step in steps]
         overlap = [np.nan if trial.message else greatest_overlap(trial) for trial in trials]
@@ -131,12 +128,10 @@ def _overlap_rows(steps: Sequence[float]) -> list[dict[str, Any]]:
         if usable.sum() > 1:
             power = float(np.polyfit(np.log(np.array(steps)[usable]), np.log(np.array(overlap)[usable]), 1)[0])
         cells = {f"h = {step:g} s": f"{value:.2g}" for step, value in zip(steps, overlap, strict=True)}
-        rows.append({"model": variant, **cells, "power of h": power})
-    return rows
+        yield {"model": variant, **cells, "power of h": power}
 
 
 def _ratio_cells(evidence: Evidence, ratios: Sequence[float], scene_of: Callable[[float], Scene]) -> list[Cell]:
-    """Try a ratio against the step, on a scene for each."""
     steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
     return [
         cell
@@ -147,7 +142,6 @@ def _ratio_cells(evidence: Evidence, ratios: Sequence[float], scene_of: Callable
 
 
 def _overlap_cells(variant: str, x: float, scene: Scene, steps: Sequence[float], duration: float) -> list[Cell]:
-    """Try a scene at several steps, judged by the overlap."""
     trials = {step: attempt(make_model(variant), scene, step, duration) for step in steps}
     return [Cell(variant, x, step, judge_overlap(variant, trial, step)) for step, trial in trials.items()]
 

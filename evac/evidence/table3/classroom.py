@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
-from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.verdicts import reported
 from evac.simulation.simulation import Simulation
 from evac.study.statistics import share_interval
-
-Row = dict[str, Any]
 
 #: Rows of desks in a column, as the case lists its pupils.
 ROWS = 6
@@ -66,9 +64,7 @@ def falls_of(desks: Sequence[Row], model: str) -> int:
     )
 
 
-def _all_rows(runs: ClassTimes) -> list[Row]:
-    """Return rows that compare the models over all runs, including blocked ones."""
-    rows = []
+def _all_rows(runs: ClassTimes) -> Iterator[Row]:
     for name, times in runs.items():
         middle = median_last(times)
         row: Row = {"model": name, "runs": len(times)}
@@ -76,8 +72,7 @@ def _all_rows(runs: ClassTimes) -> list[Row]:
         for moment in MOMENTS:
             out = (times <= moment).sum(axis=1)
             row |= {f"out by {moment:g} s": float(out.mean()), f"+- by {moment:g} s": _standard_error(out)}
-        rows.append(row)
-    return rows
+        yield row
 
 
 def median_last(times: FloatArray) -> float:
@@ -105,13 +100,12 @@ def _share_row(name: str, times: FloatArray) -> Row:
     }
 
 
-def _desk_rows(runs: ClassTimes) -> list[Row]:
+def _desk_rows(runs: ClassTimes) -> Iterator[Row]:
     """Return the mean escape times of every desk over the runs that did not block, from the door back."""
     simulation = Simulation(load_case("classroom"))
     place = simulation.population.crowd.position
     way = simulation.fields.travel_time_at(0, place, 0)
     column = len(place) // ROWS - np.arange(len(place)) // ROWS
-    rows = []
     for desk in np.lexsort((place[:, 1], column)):
         row: Row = {
             "column": int(column[desk]),
@@ -124,17 +118,14 @@ def _desk_rows(runs: ClassTimes) -> list[Row]:
             values = times[~_is_blocked(times), desk]
             row[f"{name} [s]"] = float(values.mean()) if len(values) else None
             row[f"{name} +- [s]"] = _standard_error(values)
-        rows.append(row)
-    return rows
+        yield row
 
 
 def _standard_error(values: NDArray[Any]) -> float | None:
-    """Return the standard error of a mean, None for fewer than two values."""
     return float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None
 
 
 def _draw_desks(desks: Sequence[Row], blocked: Sequence[Row]) -> Any:
-    """Draw the plan with the mean escape times of three models at each desk, as figure 6 of the paper."""
     building = Simulation(load_case("classroom")).building
     figure, axis = new_figure(7.0, 7.6)
     for x1, y1, x2, y2 in building.walls:

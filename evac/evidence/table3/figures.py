@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
 from evac.evidence.models import make_engine, make_model
 from evac.evidence.scenes import one_direction, room
 from evac.evidence.verdicts import reported
@@ -43,8 +43,7 @@ def draw_figure_2(evidence: Evidence) -> None:
 
 
 @cache
-def _figure_2() -> tuple[list[dict[str, Any]], Any]:
-    """Return the rows and the chart of figure 2."""
+def _figure_2() -> tuple[list[Row], Any]:
     figure, axes = new_figure(9.0, 3.8, 1, 2)
     rows = []
     for name in ("NSM1 inertial", "NSM2"):
@@ -84,8 +83,7 @@ def draw_figure_3(evidence: Evidence) -> None:
 
 
 @cache
-def _figure_3() -> tuple[list[dict[str, Any]], Any]:
-    """Return the rows and the chart of figure 3."""
+def _figure_3() -> tuple[list[Row], Any]:
     figure, axes = new_figure(9.0, 3.8, 1, 2)
     rows = []
     for tau, colour in zip(TAUS, ("#0072B2", "#D55E00", "#009E73"), strict=True):

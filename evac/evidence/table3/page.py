@@ -5,7 +5,7 @@ from functools import cache
 from typing import Any
 
 from evac.case.schema import SimulationSettings
-from evac.evidence.evidence import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
 from evac.evidence.models import MODELS
 from evac.evidence.square_room import Flow, SetTask, change, flow, run_set, stopped
 from evac.evidence.table3.classroom import report_classroom
@@ -26,8 +26,6 @@ EXERCISE = 160
 
 #: By model and step [s].
 FlowTable = Mapping[tuple[str, float], Flow]
-
-Row = dict[str, Any]
 
 #: Width of the door of the square room [m], and the greatest flow of Weidmann's fundamental diagram [1/s/m].
 WIDTH = 0.82
@@ -76,7 +74,6 @@ def report_flow(evidence: Evidence) -> None:
 
 
 def _judge_flows(evidence: Evidence, rows: Sequence[Row], changes: Sequence[Row]) -> None:
-    """Add the verdicts: published flows in the intervals of both definitions, and the effect of the default step."""
     for row in rows:
         if row["h [s]"] == DEFAULT:
             for kind, low, high in (("pooled", "from", "to"), ("of runs", "of runs, from", "of runs, to")):
@@ -140,7 +137,6 @@ def _row(name: str, step: float, sets: int, flow: Flow) -> Row:
 
 
 def _change_rows(changes: FlowTable) -> list[Row]:
-    """Return the change of the flow with the step, over the runs available at both steps."""
     return [
         {
             "model": name,
@@ -160,7 +156,6 @@ def _change_rows(changes: FlowTable) -> list[Row]:
 
 
 def _draw(flows: FlowTable, steps: list[float]) -> Any:
-    """Draw Q over h with intervals, and the published values."""
     figure, axis = new_figure(7.5, 4.2)
     handles: list[Any] = []
     for shift, name in enumerate(MODELS):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
-from evac.evidence.evidence import Evidence, new_figure
+from evac.evidence.evidence import Evidence, Row, new_figure
 from evac.evidence.verdicts import reported
 from evac.simulation.simulation import Simulation
 
@@ -74,7 +74,7 @@ def longest_pause(times: FloatArray) -> FloatArray:
     return pause
 
 
-def school_row(name: str, runs: SchoolRuns) -> dict[str, Any]:
+def school_row(name: str, runs: SchoolRuns) -> Row:
     """Return means and extremes over runs; the time of a run with people left is infinite."""
     times = np.nan_to_num(runs.times, nan=np.inf)  # infinite for people left inside
     last = times.max(axis=1)
@@ -100,9 +100,8 @@ def _grid(found: Mapping[str, SchoolRuns]) -> FloatArray:
     return np.arange(0.0, np.ceil(end) + 0.5, 0.5)
 
 
-def _curve_rows(found: Mapping[str, SchoolRuns]) -> list[dict[str, Any]]:
-    """Return mean, least and greatest number out over the runs of each variant, at each time."""
-    rows: list[dict[str, Any]] = [{"time [s]": float(time)} for time in _grid(found)]
+def _curve_rows(found: Mapping[str, SchoolRuns]) -> list[Row]:
+    rows: list[Row] = [{"time [s]": float(time)} for time in _grid(found)]
     for name, runs in found.items():
         out = curve(runs.times, _grid(found))
         for row, mean, low, high in zip(rows, out.mean(axis=0), out.min(axis=0), out.max(axis=0), strict=True):
@@ -111,7 +110,6 @@ def _curve_rows(found: Mapping[str, SchoolRuns]) -> list[dict[str, Any]]:
 
 
 def _draw(found: Mapping[str, SchoolRuns]) -> Any:
-    """Draw the curves of all runs and their means."""
     grid = _grid(found)
     figure, axes = new_figure(9.0, 4.2, 1, 2, sharex=True, sharey=True)
     for axis, (name, runs) in zip(axes, found.items(), strict=True):

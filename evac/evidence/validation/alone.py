@@ -4,7 +4,7 @@ A person who starts from rest with desired speed v accelerates as v (1 - exp(-t 
 L metres take L / v + tau once exp(-t / tau) has decayed.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy import stats
 from shapely import box
 
 from evac.base.arrays import FloatArray
+from evac.evidence.evidence import Row
 from evac.evidence.validation.plans import CROWD_SPEED, across, crowd, one_storey, straight_stair
 from evac.evidence.validation.trial import Check, Outcome, Trial, check
 
@@ -43,8 +44,7 @@ ASKED = 300
 ALPHA = 0.05
 
 
-def _place(x: float, y: float = 1.0, z: float = 0.0, **keys: Any) -> dict[str, Any]:
-    """Return a group of one person at a place."""
+def _place(x: float, y: float = 1.0, z: float = 0.0, **keys: Any) -> Row:
     return {**ONE, "positions": [[x, y]], "z": z, **keys}
 
 
@@ -136,7 +136,7 @@ def round_a_corner(trial: Trial) -> Iterator[Check]:
     yield check("people who came round the corner, of 20", "the standard", out, low=20, high=20)
 
 
-def _walked(trial: Trial, groups: Sequence[Mapping[str, Any]], each: int) -> list[FloatArray]:
+def _walked(trial: Trial, groups: Sequence[Row], each: int) -> list[FloatArray]:
     """Return the speeds at which `each` people of groups walk 11 m side by side, a lane each, one array a run [m/s]."""
     width = LANE * each * len(groups)
     lanes = LANE * (np.arange(each * len(groups)) + 0.5).reshape(len(groups), each)
@@ -196,7 +196,6 @@ def response_distributions(trial: Trial) -> Iterator[Check]:
 
 
 def _distance(values: FloatArray, distribution: Any) -> float:
-    """Return the Kolmogorov-Smirnov distance of values from a distribution."""
     return float(stats.kstest(values, distribution.cdf).statistic)
 
 

@@ -1,13 +1,13 @@
 """Standard tests of choices: exits, routes, and people who stay together."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from shapely import box
 from shapely.geometry.base import BaseGeometry
 
 from evac.case.loading import load_case
+from evac.evidence.evidence import Row
 from evac.evidence.validation.plans import across, cabins, crowd, detour_and_stairs, one_storey, ring_and_bridge
 from evac.evidence.validation.trial import SELDOM, Check, Trial, check
 from evac.results.results import Results
@@ -69,7 +69,6 @@ def shorter_over_storeys(trial: Trial) -> Iterator[Check]:
 
 
 def _ever_on(results: Results, storey: str) -> int:
-    """Return how many people were ever on a storey."""
     levels = [level.index for level in results.building.levels if level.name == storey]
     return results.moves.occupancy(levels).people
 
@@ -88,7 +87,7 @@ def fast_group(trial: Trial) -> Iterator[Check]:
     yield check("spread of the arrivals of five, with teacher_following [s]", "ISO 20414", spreads, high=10.0)
 
 
-def _together(first: float, speed: float) -> list[dict[str, Any]]:
+def _together(first: float, speed: float) -> list[Row]:
     """Return a person and four others who stay with it, by their speeds [m/s]."""
     places = [[1.0 + 0.8 * k, 0.8] for k in range(4)]
     follow = {"teacher_following": {"teacher": "first"}}
@@ -98,7 +97,7 @@ def _together(first: float, speed: float) -> list[dict[str, Any]]:
     ]
 
 
-def _spreads(trial: Trial, people: list[dict[str, Any]], others: BaseGeometry) -> list[float]:
+def _spreads(trial: Trial, people: list[Row], others: BaseGeometry) -> list[float]:
     """Return the time between the first and the last of a group of five at a door of 1 m, a run each [s]."""
     plan = one_storey(box(0, 0, 30, 8), exits={"end": across(30, 3.5, 4.5)}, areas={"others": others})
     runs = trial.runs(plan, people, behaviours={"teacher_following": {}})

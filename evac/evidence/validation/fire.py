@@ -55,7 +55,6 @@ def corridor_in_smoke(trial: Trial) -> Iterator[Check]:
 
 
 def _between(run: Outcome) -> float:
-    """Return the time from x = 20 to 80 m [s]."""
     return float(run.passing_times(0, 80.0)[0] - run.passing_times(0, 20.0)[0])
 
 

@@ -3,19 +3,17 @@
 The tests are those of `evac verify`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from evac.contract.builtin import DEFAULT_MOVEMENT
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.validation.standard import FAILED, STANDARDS, TESTS, Result, StandardTest, carry_out
 from evac.evidence.validation.trial import Trial
 from evac.evidence.verdicts import all_of, reported
-
-Row = Mapping[str, Any]
 
 #: The model of new cases, and its name in reports of runs.
 DEFAULT = f"NSM2, {DEFAULT_MOVEMENT}"
@@ -66,27 +64,21 @@ def carry_out_job(job: Job) -> Result:
         return carry_out(test, Trial(Path(folder), settings=subject.settings, is_paper=subject.is_paper), job.seed)
 
 
-def check_rows(result: Result, **columns: Any) -> list[dict[str, Any]]:
+def check_rows(result: Result, **columns: Any) -> Iterator[Row]:
     """Return a row for each check of a test, and one for its error, if it ended with one."""
-    rows = []
     name = {"test": " ".join(result.test.names), **columns}
     if result.error:
         words = {"measured": result.error, "expected": "a run without errors", "by": "-"}
-        rows.append(
-            {**name, **words, "found": None, "from": None, "to": None, "runs": 0, "blocked": 0, "met": "NO: error"}
-        )
+        yield {**name, **words, "found": None, "from": None, "to": None, "runs": 0, "blocked": 0, "met": "NO: error"}
     for check in result.checks:
         low, high = check.interval or (None, None)
         asked = check.criterion
-        rows.append(
-            {
-                **name,
-                **{"measured": asked.quantity, "expected": asked.band, "by": asked.source},
-                **{"found": check.mean, "from": low, "to": high},
-                **{"runs": len(check.values), "blocked": check.blocked, "met": check.verdict},
-            }
-        )
-    return rows
+        yield {
+            **name,
+            **{"measured": asked.quantity, "expected": asked.band, "by": asked.source},
+            **{"found": check.mean, "from": low, "to": high},
+            **{"runs": len(check.values), "blocked": check.blocked, "met": check.verdict},
+        }
 
 
 def run(evidence: Evidence) -> None:
@@ -94,7 +86,7 @@ def run(evidence: Evidence) -> None:
     subjects = QUICK_SUBJECTS if evidence.quick else tuple(SUBJECTS)
     made = [replace(test, runs=1) if evidence.quick else test for test in TESTS if test.measure is not None]
 
-    def survey() -> list[dict[str, Any]]:
+    def survey() -> list[Row]:
         jobs = [Job(test, subject, evidence.seed) for test in made for subject in subjects]
         results = evidence.map(carry_out_job, jobs)
         return [row for job, found in zip(jobs, results, strict=True) for row in check_rows(found, model=job.subject)]
@@ -122,7 +114,6 @@ def failed_tests(rows: Sequence[Row]) -> dict[str, list[str]]:
 
 
 def _judge(evidence: Evidence, rows: Sequence[Row], tests: Sequence[StandardTest]) -> None:
-    """Add the verdicts: tests passed by each model, and those that the default fails, by design or not."""
     failed = failed_tests(rows)
     for subject, names in failed.items():
         evidence.verdict(all_of(f"Tests passed: {subject}", len(tests) - len(names), len(tests), RELY))
@@ -133,7 +124,7 @@ def _judge(evidence: Evidence, rows: Sequence[Row], tests: Sequence[StandardTest
     evidence.verdict(reported(f"{FAILED} by {DEFAULT}, besides", told or "none", "none", RELY))
 
 
-def verdict_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def verdict_rows(rows: Sequence[Row]) -> list[Row]:
     """Return a row for each criterion, with the verdict on each model."""
     found: dict[tuple[str, str], dict[str, Any]] = {}
     for row in rows:

@@ -7,6 +7,7 @@ from shapely import box, union_all
 from shapely.geometry.base import BaseGeometry
 
 from evac.building.plan.plan import Plan
+from evac.evidence.evidence import Row
 
 Shape = Sequence[tuple[float, float]]
 
@@ -35,7 +36,7 @@ def across(x: float, y1: float, y2: float) -> Shape:
     return [(x, y1), (x, y2)]
 
 
-def crowd(number: int, area: str = "start", **keys: Any) -> dict[str, Any]:
+def crowd(number: int, area: str = "start", **keys: Any) -> Row:
     """Return a group of people in an area."""
     return {"area": area, "number": number, "speed": CROWD_SPEED, **keys}
 

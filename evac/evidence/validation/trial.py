@@ -1,7 +1,7 @@
 """Parts of a standard test: who walks, the runs that it makes, and values compared with a criterion."""
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from evac.building.plan.plan import Plan
 from evac.case.case import Case
 from evac.case.loading import load_case
 from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.evidence.evidence import Row
 from evac.results.results import Results
 from evac.simulation.running import run
 from evac.study.statistics import estimate
@@ -194,7 +195,7 @@ class Trial:
     plugin_files: tuple[Path, ...] = ()
     is_paper: bool = False
 
-    def case(self, plan: Plan, people: Iterable[Mapping[str, Any]], title: str = "", **sections: Any) -> Case:
+    def case(self, plan: Plan, people: Iterable[Row], title: str = "", **sections: Any) -> Case:
         """Return the case of people in a building; groups without name are numbered; `sections` are others of it."""
         content = {
             "title": title,
@@ -213,9 +214,7 @@ class Trial:
         own: dict[str, Any] = {} if self.is_paper else {f"behaviours.{DEFAULT_MOVEMENT}": {}}
         return case.change({**own, "output.picture": False}).change(self.settings)
 
-    def runs(
-        self, plan: Plan, people: Iterable[Mapping[str, Any]], label: str = "run", **sections: Any
-    ) -> list[Outcome]:
+    def runs(self, plan: Plan, people: Iterable[Row], label: str = "run", **sections: Any) -> list[Outcome]:
         """Run people in a building with each seed, into the folders LABEL-SEED."""
         return self.run_case(self.case(plan, people, f"{self.folder.name}, {label}", **sections), label)
 

@@ -2,7 +2,7 @@
 
 import importlib.util
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from evac.base.errors import SimulationError
-from evac.evidence.evidence import Evidence
+from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk
@@ -130,14 +130,14 @@ def run(evidence: Evidence, step: float) -> None:
     if not peers:
         return
     sizes = QUICK_SIZES if evidence.quick else SIZES
-    rows = evidence.measured("peers", lambda: _rows(peers, sizes, evidence.seed, step))
+    rows = evidence.measured("peers", _rows, peers, sizes, evidence.seed, step)
     told = "; ".join(_told(peer, rows) for peer in peers)
     evidence.verdict(reported("Time of a person-step of other programs divided by that of evac", told, "-", SECTION))
     missing = ", ".join(peer.name for peer in PEERS if peer not in peers) or "none"
     evidence.show("comparison", __name__, step=step, peers=peers, missing=missing, rows=rows)
 
 
-def _told(peer: Peer, rows: list[dict[str, Any]]) -> str:
+def _told(peer: Peer, rows: list[Row]) -> str:
     """Return the range of the times of a program divided by those of evac, of the same model where evac has it."""
     times = {(row["people"], row["start"], row["program"]): row["times DEM"] for row in rows}
     ratios = []
@@ -149,9 +149,7 @@ def _told(peer: Peer, rows: list[dict[str, Any]]) -> str:
     return f"{peer.name} {told} ({'the same model' if peer.same else 'DEM'})"
 
 
-def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float) -> list[dict[str, Any]]:
-    """Return a row for each hall and program."""
-    rows = []
+def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float) -> Iterator[Row]:
     for people in sizes:
         makers = dict(OWN)
         for peer in peers:
@@ -159,12 +157,10 @@ def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float)
         for state, density in DENSITIES.items():
             hall = make_hall(people, density, seed)
             costs = compare({name: make(hall, step) for name, make in makers.items()}, step)
-            rows += [{"people": people, "start": state, **_row(name, costs)} for name in costs]
-    return rows
+            yield from [{"people": people, "start": state, **_row(name, costs)} for name in costs]
 
 
-def _row(name: str, costs: Mapping[str, list[float] | str]) -> dict[str, Any]:
-    """Return the columns of a program."""
+def _row(name: str, costs: Mapping[str, list[float] | str]) -> Row:
     row: dict[str, Any] = {"program": name, "ns per person-step": None, "times DEM": None, "times minimal": None}
     cost = costs[name]
     if isinstance(cost, str):
