@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from itertools import starmap
 from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.study.study import Study
 
-Item = TypeVar("Item")
 Result = TypeVar("Result")
 Row = dict[str, Any]
 
@@ -107,17 +107,17 @@ class Evidence:
         """Return a random generator determined by the seed and the names."""
         return generator_for(self.seed, "evidence", self.kind, *names)
 
-    def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-        """Return ``[function(item) for item in items]``, in processes unless the run is quick."""
-        return list(self.results(function, items))
+    def map(self, function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]]) -> list[Result]:
+        """Return ``[function(*task) for task in tasks]``, in processes unless the run is quick."""
+        return list(self.results(function, tasks))
 
-    def results(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    def results(self, function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Result]:
         """Yield what `map` returns, each result when it and those before it are there."""
         if self.quick:
-            yield from map(function, items)
+            yield from starmap(function, tasks)
             return
         remedy = "make the evidence again, or a part of it with --quick"
-        yield from in_processes(function, items, min(WORKERS, cores()), f"evidence of {self.kind}", remedy)
+        yield from in_processes(function, tasks, min(WORKERS, cores()), f"evidence of {self.kind}", remedy)
 
     def study(self, case: "Case", runs: int, **settings: Any) -> "Study":
         """Return a study of a case, as `evac.repeat`, with the seed of the case and the following ones."""
@@ -259,9 +259,9 @@ def in_fresh_process(function: Callable[..., Result], *arguments: Any) -> Result
 
 
 def in_processes(
-    function: Callable[[Item], Result], items: Iterable[Item], workers: int, what: str, remedy: str
+    function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], workers: int, what: str, remedy: str
 ) -> Iterator[Result]:
-    """Yield ``function(item)`` for each item in order, from so many processes; an error says what ended and a remedy.
+    """Yield ``function(*task)`` for each task in order, from so many processes; an error says what ended and a remedy.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def in_processes(
         A process died.
     """
     with Pool(workers, QUIET) as pool:
-        for future in [pool.submit(function, item) for item in items]:
+        for future in [pool.submit(function, *task) for task in tasks]:
             try:
                 result = future.result()
             except BrokenExecutor as error:
@@ -401,12 +401,7 @@ def new_figure(
 
 
 #: One colour per contact model, in all plots (Okabe-Ito, readable by colour-blind people).
-MODEL_COLOURS = {
-    "DEM": "#0072B2",
-    "NSM1 inertial": "#D55E00",
-    "NSM1 overdamped": "#E69F00",
-    "NSM2": "#009E73",
-}
+MODEL_COLOURS = {"DEM": "#0072B2", "NSM1 inertial": "#D55E00", "NSM1 overdamped": "#E69F00", "NSM2": "#009E73"}
 
 
 def write_whole(path: Path, text: str) -> Path:

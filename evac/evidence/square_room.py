@@ -5,10 +5,9 @@ are out when their centre crosses the door line). Positions and parameters have 
 with the greatest radius, and each of its runs redraws radius, mass, tau and speed.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from evac.case.loading import load_case
 from evac.evidence.models import MODELS, make_engine, make_model
 from evac.people.population import Population, build_population
 from evac.physics.contact.model import border_scene
-from evac.physics.state import Crowd, World
+from evac.physics.state import Crowd, World, copy_of
 from evac.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -37,18 +36,7 @@ RESAMPLES = 2000
 CONFIDENCE = 0.95
 
 
-@dataclass(frozen=True)
-class SetTask:
-    """The runs of one position set at one step: a task of one process."""
-
-    seed: int
-    position_set: int
-    runs: int
-    step: float  # [s]
-
-
-@dataclass(frozen=True)
-class FlowEstimate:
+class FlowEstimate(NamedTuple):
     """A value and its interval by bootstrap over position sets [people per minute]."""
 
     value: float
@@ -56,8 +44,7 @@ class FlowEstimate:
     high: float
 
 
-@dataclass(frozen=True)
-class Flow:
+class Flow(NamedTuple):
     """The flow in the runs of one model at one step, by two definitions.
 
     ``pooled`` is the slope of the linear regression of the number out on time over the pooled exits of all
@@ -71,17 +58,14 @@ class Flow:
     stopped: int
 
 
-def run_set(task: SetTask) -> dict[str, FloatArray]:
-    """Return the sorted exit times (runs, people) [s] of each model; NaN after the last exit of a stopped run."""
-    positions = start_positions(task.seed, task.position_set)
-    flows = {}
-    for name in MODELS:
-        times = [
-            exit_times(name, crowd_at(positions, task.seed, task.position_set, run), task.step)
-            for run in range(task.runs)
-        ]
-        flows[name] = np.sort(times, axis=1)
-    return flows
+def run_set(seed: int, position_set: int, runs: int, step: float) -> dict[str, FloatArray]:
+    """Return the sorted exit times (runs, people) [s] of each model in the runs of one position set at a step [s].
+
+    They are NaN after the last exit of a stopped run.
+    """
+    places = start_positions(seed, position_set)
+    crowds = [crowd_at(places, seed, position_set, run) for run in range(runs)]
+    return {name: np.sort([exit_times(name, copy_of(crowd), step) for crowd in crowds], axis=1) for name in MODELS}
 
 
 def start_positions(seed: int, position_set: int) -> FloatArray:
@@ -143,10 +127,7 @@ def flow(sets: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
 
     The generator draws the resamples of position sets.
     """
-    whole = [times[~stopped(times)] for times in sets]
-    pooled, mean = _estimates([[times] for times in whole], np.array([1.0]), generator)
-    count = sum(len(times) for times in sets)
-    return Flow(pooled, mean, count, count - sum(len(times) for times in whole))
+    return _flow([(times,) for times in sets], np.array([1.0]), generator)
 
 
 def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
@@ -155,48 +136,30 @@ def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: 
     Position sets and runs are those available at both steps, from the first on; a run that was stopped at either step
     is counted separately at both.
     """
-    shared = []
-    count = 0
-    for one, other in zip(coarse, fine, strict=False):
-        runs = min(len(one), len(other))
-        keep = ~(stopped(one[:runs]) | stopped(other[:runs]))
-        shared.append([one[:runs][keep], other[:runs][keep]])
-        count += runs
-    pooled, mean = _estimates(shared, np.array([-1.0, 1.0]), generator)
-    return Flow(pooled, mean, count, count - sum(len(one) for one, _ in shared))
+    shared = [(one[: len(other)], other[: len(one)]) for one, other in zip(coarse, fine, strict=False)]
+    return _flow(shared, np.array([-1.0, 1.0]), generator)
 
 
-def _estimates(
-    sets: Sequence[Sequence[FloatArray]], weight: FloatArray, generator: np.random.Generator
-) -> tuple[FlowEstimate, FlowEstimate]:
-    """Return the sum of the flows of groups of runs (runs, people), weighted by group, by both definitions."""
+def _flow(sets: Sequence[tuple[FloatArray, ...]], weight: FloatArray, generator: np.random.Generator) -> Flow:
+    """Return the sum of the flows of groups of the same runs (runs, people) of each position set, weighted by group."""
+    kept = [~np.any([stopped(times) for times in groups], axis=0) for groups in sets]
+    whole = [[times[keep] for times in groups] for groups, keep in zip(sets, kept, strict=True)]
     picks = generator.integers(len(sets), size=(RESAMPLES, len(sets)))
-    sums = np.array([[_sums(times) for times in groups] for groups in sets])
-    slopes = np.array([[_slopes_of(times) for times in groups] for groups in sets])
-    by_pool = _slope(sums[picks].sum(axis=1)) @ weight
-    by_run = _mean(slopes[picks].sum(axis=1)) @ weight
-    return (
-        _estimate(float(_slope(sums.sum(axis=0)) @ weight), by_pool),
-        _estimate(float(_mean(slopes.sum(axis=0)) @ weight), by_run),
+    sums = np.array([[_sums(times) for times in groups] for groups in whole])
+    # of each group: the sum of the slopes of single runs, and their number
+    slopes = np.array(
+        [[(sum(_slope(_sums(run[None])) for run in times), len(times)) for times in one] for one in whole]
     )
 
+    def estimate(of: Callable[[FloatArray], FloatArray], values: FloatArray) -> FlowEstimate:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            value, resampled = of(values.sum(axis=0)) @ weight, of(values[picks].sum(axis=1)) @ weight
+        tail = 50.0 * (1.0 - CONFIDENCE)
+        return FlowEstimate(*(60.0 * float(one) for one in (value, *np.nanpercentile(resampled, [tail, 100.0 - tail]))))
 
-def _estimate(value: float, resampled: FloatArray) -> FlowEstimate:
-    tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.nanpercentile(resampled, [tail, 100.0 - tail])
-    return FlowEstimate(60.0 * value, 60.0 * float(low), 60.0 * float(high))
-
-
-def _slopes_of(times: FloatArray) -> FloatArray:
-    """Return the sum of the slopes of single runs (runs, people), and their number."""
-    return np.array([sum(float(_slope(_sums(run[None]))) for run in times), float(len(times))])
-
-
-def _mean(sums: FloatArray) -> FloatArray:
-    """Return means (...,) from sums and numbers (..., 2)."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean: FloatArray = sums[..., 0] / sums[..., 1]
-    return mean
+    runs = sum(map(len, kept))
+    by_run = estimate(lambda values: values[..., 0] / values[..., 1], slopes)
+    return Flow(estimate(_slope, sums), by_run, runs, runs - int(sum(keep.sum() for keep in kept)))
 
 
 def stopped(times: FloatArray) -> NDArray[np.bool_]:
@@ -214,8 +177,7 @@ def _sums(times: FloatArray) -> FloatArray:
 def _slope(sums: FloatArray) -> FloatArray:
     """Return the slopes (...,) of the regression of N on t from sums (..., 5) [people per s]."""
     count, t, n, tt, tn = np.moveaxis(sums, -1, 0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        slope: FloatArray = (count * tn - t * n) / (count * tt - t * t)
+    slope: FloatArray = (count * tn - t * n) / (count * tt - t * t)
     return slope
 
 

@@ -212,7 +212,7 @@ def test_pages_say_what_came_of_runs_and_runs_do_not_warn(quick, tmp_path, monke
     """In this process as in others."""
 
     def compute(evidence):
-        filters = evidence.map(eval, ["__import__('warnings').filters[0][:3:2]"])
+        filters = evidence.map(eval, [("__import__('warnings').filters[0][:3:2]",)])
         assert filters == [("ignore", RunWarning)]
 
     monkeypatch.setattr("evac.evidence.lean.page.run", compute)
@@ -220,7 +220,7 @@ def test_pages_say_what_came_of_runs_and_runs_do_not_warn(quick, tmp_path, monke
 
 
 def test_a_process_that_dies_is_told_in_one_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("evac.evidence.lean.page.run", lambda evidence: evidence.map(os._exit, [0]))
+    monkeypatch.setattr("evac.evidence.lean.page.run", lambda evidence: evidence.map(os._exit, [(0,)]))
     assert main(["evidence", "lean", "--out", str(tmp_path)]) == 2
     assert re.fullmatch(r"computing.*\nevac: evidence of lean: .*\n", capsys.readouterr().err)
 
@@ -282,4 +282,4 @@ def test_machine_tells_cores_and_system():
 @pytest.mark.parametrize("quick", [True, False])
 def test_results_are_in_the_order_of_the_items(quick, tmp_path):
     # A function that a new process can import: `tests` is importable only where pytest runs.
-    assert Evidence("scaling", tmp_path, quick).map(math.factorial, [3, 1, 2]) == [6, 1, 2]
+    assert Evidence("scaling", tmp_path, quick).map(math.factorial, [(3,), (1,), (2,)]) == [6, 1, 2]

@@ -1,6 +1,7 @@
 """People as measured: measures on exact motions, blocked runs, rows that are kept, and the page."""
 
 import csv
+from itertools import starmap
 
 import numpy as np
 import pytest
@@ -237,7 +238,7 @@ def test_full_page_of_made_up_runs_judges_the_default_and_never_the_mean_of_runs
         told = dict(zip(runs.KEY, job.key, strict=True)) | {LEFT: 5 * blocks, runs.CODE: runs.code()}
         return told if blocks else told | dict.fromkeys(measures.MEASURES, 1.0 + 0.01 * job.seed)
 
-    monkeypatch.setattr(Evidence, "results", lambda self, function, items: map(make, items))
+    monkeypatch.setattr(Evidence, "results", lambda self, function, tasks: starmap(make, tasks))
     monkeypatch.setattr(runs, "RUNS", 2)
     page.run(Evidence("people", tmp_path))
     head, body = (tmp_path / "README.md").read_text().split("\n## ", maxsplit=1)

@@ -20,7 +20,7 @@ from evac.evidence.stability.theory import (
     uncut_speed,
     walk_lag,
 )
-from evac.evidence.stability.trial import (
+from evac.evidence.stability.trials import (
     BEYOND,
     DEGRADED,
     HANDLED,

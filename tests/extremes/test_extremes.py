@@ -5,7 +5,7 @@ import pytest
 
 from evac.evidence.scenes import Scene, one_direction, packed, room
 from evac.evidence.stability.extremes import ROOM, extremes, try_extreme, try_triangle
-from evac.evidence.stability.trial import (
+from evac.evidence.stability.trials import (
     BEYOND,
     DEGRADED,
     HANDLED,

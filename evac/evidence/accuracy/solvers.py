@@ -8,14 +8,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.evidence.accuracy.goals import (
-    REFERENCE,
-    STARTS,
-    factor_rows,
-    race_rows,
-    solvers_of,
-    win_rows,
-)
+from evac.evidence.accuracy.goals import REFERENCE, STARTS, factor_rows, race_rows, solvers_of, win_rows
 from evac.evidence.accuracy.problems import (
     KINDS,
     LAWS,

@@ -302,7 +302,7 @@ def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:
             "method": task.method,
             **counts,
         }
-        for task, counts in zip(tasks, evidence.map(covered, tasks), strict=True)
+        for task, counts in zip(tasks, evidence.map(covered, [(task,) for task in tasks]), strict=True)
     ]
 
 

@@ -49,11 +49,7 @@ LEAN = Part("nothing")
 FIELDS = Part("fields: all unused strategies", full=True, base=LEAN)
 
 #: Names in `evac explain` of the optional kernels of the step loop, by their attributes of `Parts`.
-LOOP = {
-    "seams": "contacts across portals",
-    "stronger": "for solves that fail",
-    "separation": "separation of overlaps",
-}
+LOOP = {"seams": "contacts across portals", "stronger": "for solves that fail", "separation": "separation of overlaps"}
 
 #: Parts that a case can name without needing them.
 NAMED = (

@@ -1,7 +1,6 @@
 """Speeds of people with reduced mobility on the flat and on ramps, and flows of wheelchair users through doors."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from shapely import box
@@ -54,24 +53,6 @@ SFPE_FLOW, SFPE_EDGES = 1.3, 0.3
 MOST = 10.0
 
 
-@dataclass(frozen=True)
-class WalkRun:
-    """People of a preset beside one another, on the flat or on a ramp."""
-
-    preset: str
-    place: str  # flat, up or down
-    seed: int
-
-
-@dataclass(frozen=True)
-class DoorRun:
-    """People before a door, a share of them in wheelchairs."""
-
-    width: float
-    share: float
-    seed: int
-
-
 def _simulation(plan: Plan, people: list[Row], seed: int) -> Simulation:
     table = {
         "building": plan,
@@ -84,43 +65,43 @@ def _simulation(plan: Plan, people: list[Row], seed: int) -> Simulation:
     return Simulation(load_case(table))
 
 
-def walking_speeds(walk: WalkRun) -> FloatArray:
-    """Return the speed of each person of a run along the slope, (people,) [m/s]."""
-    width, is_down = APART * PEOPLE, walk.place == "down"
-    if walk.place == "flat":
+def walking_speeds(preset: str, place: str, seed: int) -> FloatArray:
+    """Return the speeds (people,) along the slope [m/s] of people of a preset, beside one another: flat, up or down."""
+    width, is_down = APART * PEOPLE, place == "down"
+    if place == "flat":
         plan, rise = one_storey(box(-3, 0, RUN + 3, width), exits={"up": across(RUN + 3, 0, width)}), 0.0
     else:
         plan, rise = straight_stair(RUN, RISE, 3.0, width), RISE
     start = RUN + 2.0 if is_down else -2.0
     people = {
-        "preset": walk.preset,
+        "preset": preset,
         "positions": [[start, APART * (k + 0.5)] for k in range(PEOPLE)],
         "z": RISE if is_down else 0.0,
         "exits": ["down" if is_down else "up"],
     }
     lines = [Line(0, RUN - x, -1) if is_down else Line(0, x, 1) for x in LINES]
-    track, _ = follow(_simulation(plan, [people], walk.seed), lines[1])
+    track, _ = follow(_simulation(plan, [people], seed), lines[1])
     first, last = (passing_times(track, line) for line in lines)
     return (LINES[1] - LINES[0]) * math.hypot(1.0, rise / RUN) / (last - first)
 
 
-def flow_through(door: DoorRun) -> Row:
-    """Return what came of a run through a door."""
-    half = 0.5 * door.width
+def flow_through(width: float, share: float, seed: int) -> Row:
+    """Return what came of a run of people, a share of them in wheelchairs, through a door of a width [m]."""
+    half = 0.5 * width
     plan = one_storey(
         *(box(0, 0, 8, 8), box(8, 4 - half, 8.3, 4 + half), box(8.3, 0, 12, 8)),
         exits={"end": across(12, 0, 8)},
         areas={"start": box(0.5, 0.5, 7.5, 7.5)},
     )
-    number = round(door.share * QUEUE)
+    number = round(share * QUEUE)
     people = [{"area": "start", "number": QUEUE - number}] if number < QUEUE else []
     people += [{"area": "start", "number": number, "preset": "wheelchair", "mass": 95.0}] if number else []
-    track, left = follow(_simulation(plan, people, door.seed), Line(0, 8.3, 1))
+    track, left = follow(_simulation(plan, people, seed), Line(0, 8.3, 1))
     times = track.time[(track.position[:, :, 0] >= 8.3).argmax(axis=0)]
     return {
-        "door [m]": door.width,
-        "in wheelchairs [%]": round(100 * door.share),
-        "seed": door.seed,
+        "door [m]": width,
+        "in wheelchairs [%]": round(100 * share),
+        "seed": seed,
         "flow [1/s]": None if left else (QUEUE - 1) / float(np.ptp(times)),
         "left": left,
     }
@@ -129,14 +110,14 @@ def flow_through(door: DoorRun) -> Row:
 def run(evidence: Evidence) -> None:
     """Measure speeds and flows, and write the page."""
     seeds = range(evidence.seed, evidence.seed + (1 if evidence.quick else 5))
-    walks = [WalkRun(preset, "flat", seed) for preset in PUBLISHED for seed in seeds]
-    walks += [WalkRun(preset, way, seed) for preset in ON_RAMPS for way in ("up", "down") for seed in seeds]
-    doors = [DoorRun(width, share, seed) for width in DOORS for share in SHARES for seed in seeds]
+    walks = [(preset, "flat", seed) for preset in PUBLISHED for seed in seeds]
+    walks += [(preset, way, seed) for preset in ON_RAMPS for way in ("up", "down") for seed in seeds]
+    doors = [(width, share, seed) for width in DOORS for share in SHARES for seed in seeds]
 
     def speeds() -> list[Row]:
         found: dict[tuple[str, str], list[FloatArray]] = {}
-        for walk, each in zip(walks, evidence.map(walking_speeds, walks), strict=True):
-            found.setdefault((walk.preset, walk.place), []).append(each)
+        for (preset, place, _), each in zip(walks, evidence.map(walking_speeds, walks), strict=True):
+            found.setdefault((preset, place), []).append(each)
         return [_speed_row(*key, np.concatenate(each)) for key, each in found.items()]
 
     rows = evidence.measured("speeds", speeds)

@@ -6,12 +6,7 @@ from itertools import pairwise
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people import scenes
 from evac.evidence.people.runs import KEY, LEFT, NEVER_BLOCKED, TABLE, jobs, measure_runs
-from evac.evidence.people.values import (
-    SHARE_ON_AVERAGE,
-    VALUES,
-    Value,
-    found_row,
-)
+from evac.evidence.people.values import SHARE_ON_AVERAGE, VALUES, Value, found_row
 from evac.evidence.verdicts import MET, REPORTED, Finding, all_of, at_most, reported
 from evac.study.statistics import share_interval
 

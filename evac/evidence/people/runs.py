@@ -126,7 +126,7 @@ def measure_runs(evidence: Evidence) -> list[Row]:
         _writer(file).writeheader()
         _writer(file).writerows(found.values())
     with path.open("a", newline="", encoding="utf-8") as file:
-        for row in evidence.results(run_job, missing):
+        for row in evidence.results(run_job, [(job,) for job in missing]):
             _writer(file).writerow(row)
             file.flush()
             found[tuple(row[key] for key in KEY)] = row

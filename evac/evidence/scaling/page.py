@@ -19,15 +19,7 @@ from evac.evidence.scaling import headway, large, laws, phases, threads
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal
 from evac.evidence.scaling.peers import comparison
-from evac.evidence.scaling.walks import (
-    Cost,
-    Variant,
-    Walk,
-    bytes_of,
-    make_variant,
-    memory,
-    time_ticks,
-)
+from evac.evidence.scaling.walks import Cost, Variant, Walk, bytes_of, make_variant, memory, time_ticks
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.simulation.simulation import Simulation
 

@@ -12,20 +12,8 @@ from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row, new_figure
 from evac.evidence.models import plugins
 from evac.evidence.scenes import Scene
+from evac.evidence.stability import trials
 from evac.evidence.stability.maps import Cell, cell_rows
-from evac.evidence.stability.trial import (
-    REFUSED,
-    VARIANTS,
-    Trial,
-    Verdict,
-    attempt,
-    deepest_overlap,
-    greatest_overlap,
-    judge,
-    last_overlap,
-    last_speed,
-    make_model,
-)
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact.model import ContactModel
 
@@ -64,16 +52,16 @@ def _dissipation_rows(quick: bool) -> Iterator[Row]:
     wall = scenes.people_in(ROOM, [(5.7, 2.0)], [(1.5, 0.0)], tau=1e12, mass=80.0)
     for value in values:
         for solver in plugins().solvers:
-            model = make_model("NSM2 K_N = 1e5", normal_dissipation=value, solver=solver)
+            model = trials.make_model("NSM2 K_N = 1e5", normal_dissipation=value, solver=solver)
             row: dict[str, Any] = {"K_N [kg]": value, "solver": solver}
             for name, scene, rebound, mass in (
                 ("pair", pair, _pair_rebound, 60.0 * 100.0 / 160.0),
                 ("wall", wall, _wall_rebound, 80.0),
             ):
-                trial = attempt(model, scene, 0.01, 0.3, every=0.01)
+                trial = trials.attempt(model, scene, 0.01, 0.3, every=0.01)
                 expected = restitution(value, mass)
                 row |= {f"{name}: restitution": rebound(trial), f"{name}: theory": expected}
-                row[name] = judge(trial, partial(_off, rebound, expected), SMALL_SPEED, SMALL_SPEED, "").kind
+                row[name] = trials.judge(trial, partial(_off, rebound, expected), SMALL_SPEED, SMALL_SPEED, "").kind
             yield row | _try_squeeze(model)
 
 
@@ -93,12 +81,14 @@ def squeeze() -> Scene:
 
 def _try_squeeze(model: ContactModel) -> Row:
     scene = squeeze()
-    start = deepest_overlap(scene, scene.crowd.position)
+    start = trials.deepest_overlap(scene, scene.crowd.position)
     engine, crowd = scene.start()
     engine.advance(model, crowd, 0, 1, 0.01, False, False)
     percussion = float(engine.state.contacts.percussion[: engine.state.contacts.number].max())
-    trial = attempt(model, scene, 0.01, 2.0)
-    verdict = judge(trial, lambda _: max(0.0, greatest_overlap(trial) - start), 2e-3, 0.02, "m", is_reported=True)
+    trial = trials.attempt(model, scene, 0.01, 2.0)
+    verdict = trials.judge(
+        trial, lambda _: max(0.0, trials.greatest_overlap(trial) - start), 2e-3, 0.02, "m", is_reported=True
+    )
     return {
         "squeeze: percussion [N s]": percussion,
         "squeeze: fallbacks": int(trial.report["elastic_fallbacks"]),
@@ -108,18 +98,18 @@ def _try_squeeze(model: ContactModel) -> Row:
     }
 
 
-def _wall_rebound(trial: Trial) -> float:
+def _wall_rebound(trial: trials.Trial) -> float:
     """Return the ratio of the speeds after and before a wall hit."""
     return float(-trial.velocity[-1, 0, 0] / trial.velocity[0, 0, 0])
 
 
-def _pair_rebound(trial: Trial) -> float:
+def _pair_rebound(trial: trials.Trial) -> float:
     """Return the ratio of the two people's relative velocities at the end and at the start."""
     relative = trial.velocity[[0, -1], 0, 0] - trial.velocity[[0, -1], 1, 0]
     return float(-relative[1] / relative[0])
 
 
-def _off(rebound: Callable[[Trial], float], expected: float, trial: Trial) -> float:
+def _off(rebound: Callable[[trials.Trial], float], expected: float, trial: trials.Trial) -> float:
     return abs(rebound(trial) - expected)
 
 
@@ -157,7 +147,7 @@ def standing(evidence: Evidence) -> list[str]:
         row = rows.setdefault(cell["panel"], {"model": variant, "solver": solver or "-", "drive": drive})
         speed = cell["error"]
         row[f"h = {cell[STANDING_AXES[0]]:g} s"] = f"{speed:.2g}" if np.isfinite(speed) else cell["verdict"]
-        if cell["verdict"] != REFUSED:
+        if cell["verdict"] != trials.REFUSED:
             still.setdefault(variant, []).append(speed <= STANDS)
     for variant, stands in still.items():
         evidence.verdict(all_of(f"{variant}: runs in which a standing crowd stands", sum(stands), len(stands), section))
@@ -166,10 +156,10 @@ def standing(evidence: Evidence) -> list[str]:
 
 
 def _standing_cells(quick: bool) -> list[Cell]:
-    default = make_model("NSM1 inertial").values()["solver"]
+    default = trials.make_model("NSM1 inertial").values()["solver"]
     return [
         Cell(f"{variant}, {solver}, {drive}", step, STANDS, try_standing(variant, solver, drive == "explicit", step))
-        for variant in VARIANTS
+        for variant in trials.VARIANTS
         for solver in (("",) if variant == "DEM" else plugins().solvers)
         for drive in ("exponential", "explicit")
         if not quick or (drive == "exponential" and solver in ("", default))
@@ -177,15 +167,15 @@ def _standing_cells(quick: bool) -> list[Cell]:
     ]
 
 
-def try_standing(variant: str, solver: str, explicit: bool, step: float) -> Verdict:
+def try_standing(variant: str, solver: str, explicit: bool, step: float) -> trials.Verdict:
     """Return the verdict on the greatest speed of the standing crowd in the last second."""
-    model = make_model(variant, **({"solver": solver} if solver else {}))
+    model = trials.make_model(variant, **({"solver": solver} if solver else {}))
     scene, duration = standing_crowd(), 10.0
     if step < 5e-4:
-        before = attempt(model, scene, 1e-3, duration, explicit=explicit, every=duration)
+        before = trials.attempt(model, scene, 1e-3, duration, explicit=explicit, every=duration)
         scene, duration = scene.changed(position=before.position[-1], velocity=before.velocity[-1]), 2.0
-    trial = attempt(model, scene, step, duration, explicit=explicit)
-    return judge(trial, last_speed, STANDS, tolerable_jitter(variant, step), "m/s")
+    trial = trials.attempt(model, scene, step, duration, explicit=explicit)
+    return trials.judge(trial, trials.last_speed, STANDS, tolerable_jitter(variant, step), "m/s")
 
 
 def tolerable_jitter(variant: str, step: float) -> float:
@@ -197,7 +187,7 @@ def tolerable_jitter(variant: str, step: float) -> float:
     """
     if variant == "DEM":
         return STANDS
-    left = float(make_model(variant).values()["velocity_tolerance"]) * COLUMNS
+    left = float(trials.make_model(variant).values()["velocity_tolerance"]) * COLUMNS
     if not variant.startswith("NSM2"):
         return left
     return left + step * WALKING / 0.5 if variant == "NSM2 K_N = 0" else WALKING
@@ -223,7 +213,9 @@ def _static_rows() -> Iterator[Row]:
     cases += [(1.2e5, 2.0, 0.01, drive) for drive in ("explicit", "exponential")]
     for stiffness, speed, step, drive in cases:
         scene = scenes.people_in(ROOM, [(5.8, 2.0)], tau=tau, speed=speed)
-        trial = attempt(make_model("DEM", stiffness=stiffness), scene, step, 4.0, explicit=drive == "explicit")
+        trial = trials.attempt(
+            trials.make_model("DEM", stiffness=stiffness), scene, step, 4.0, explicit=drive == "explicit"
+        )
         load = 80.0 * speed / tau
         share = 1.0 if drive == "explicit" else -float(np.expm1(-step / tau)) * tau / step
         yield {
@@ -231,11 +223,11 @@ def _static_rows() -> Iterator[Row]:
             "load F = m v / tau [N]": load,
             "h [s]": step,
             "drive": drive,
-            "overlap [m]": last_overlap(trial),
+            "overlap [m]": trials.last_overlap(trial),
             "F / k [m]": load / stiffness,
-            "overlap over F / k": last_overlap(trial) * stiffness / load,
+            "overlap over F / k": trials.last_overlap(trial) * stiffness / load,
             "theory": share,
-            "error": abs(last_overlap(trial) * stiffness / (load * share) - 1.0),
+            "error": abs(trials.last_overlap(trial) * stiffness / (load * share) - 1.0),
         }
 
 
@@ -248,7 +240,7 @@ def reported_force(evidence: Evidence) -> list[str]:
 
 def _force_rows(quick: bool) -> Iterator[Row]:
     steps = [0.01] if quick else [0.1, 0.01, 1e-3, 1e-4]
-    for variant in VARIANTS:
+    for variant in trials.VARIANTS:
         if variant == "NSM1 overdamped":
             continue  # knows no forces
         for drive in ("explicit", "exponential"):
@@ -266,7 +258,7 @@ def pressed_forces(variant: str, step: float, explicit: bool) -> FloatArray | No
     bounds = (0.0, 0.0, 6.0, 1.0)
     places = [(5.8 - 0.4 * k, 0.5) for k in range(5)]
     scene = scenes.people_in(bounds, places, speed=WALKING)
-    model = make_model(variant)
+    model = trials.make_model(variant)
     engine, crowd = scene.start()
     try:
         model.check_scene(scene.border(step, explicit))

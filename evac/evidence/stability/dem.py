@@ -10,7 +10,7 @@ from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed
-from evac.evidence.stability.trial import STIFFNESS, Trial, Verdict, attempt, judge, last_overlap, make_model
+from evac.evidence.stability.trials import STIFFNESS, Trial, Verdict, attempt, judge, last_overlap, make_model
 from evac.evidence.verdicts import all_of, reported
 from evac.physics.state import make_crowd
 
@@ -112,11 +112,7 @@ def stiffness_cells(evidence: Evidence) -> Mapped:
 
 
 stiffness_map = partial(
-    show_map,
-    name="dem_stiffness",
-    compute=stiffness_cells,
-    axes=("stiffness k [kg/s²]", "step h [s]"),
-    columns=2,
+    show_map, name="dem_stiffness", compute=stiffness_cells, axes=("stiffness k [kg/s²]", "step h [s]"), columns=2
 )
 
 #: Heading of this section of the page.

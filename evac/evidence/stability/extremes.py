@@ -11,23 +11,7 @@ from evac.base.errors import EvacError
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scenes import Scene
-from evac.evidence.stability.trial import (
-    REFUSED,
-    RIGHT,
-    SMALL_OVERLAP,
-    VARIANTS,
-    WRONG,
-    Trial,
-    Verdict,
-    attempt,
-    deepest_overlap,
-    greatest_overlap,
-    judge,
-    judge_overlap,
-    last_overlap,
-    last_speed,
-    make_model,
-)
+from evac.evidence.stability import trials
 from evac.physics.state import make_crowd
 
 ROOM = (0.0, 0.0, 6.0, 4.0)
@@ -47,7 +31,7 @@ class Extreme:
 
     words: str
     make: Callable[[], Scene]
-    verdict: Callable[[str, Trial], Verdict]  # of a contact model's name and its trial
+    verdict: Callable[[str, trials.Trial], trials.Verdict]  # of a contact model's name and its trial
     duration: float = 5.0
     every: float = 0.1
     tolerance: float | None = None  # of the solvers [m/s], where it is not the default
@@ -119,7 +103,7 @@ def extremes(quick: bool) -> dict[str, Extreme]:
         f"{number} people at a closed door": Extreme(
             f"greatest overlap in {PRESSED:g} s, as on the map of speeds",
             lambda: closed_door(number),
-            lambda variant, trial: judge_overlap(variant, trial, STEP),
+            lambda variant, trial: trials.judge_overlap(variant, trial, STEP),
             PRESSED,
             1.0,
         ),
@@ -152,7 +136,7 @@ def extremes(quick: bool) -> dict[str, Extreme]:
         f"{hour:g} s against a wall": Extreme(
             "speed in the last second, right up to 0.005 m/s",
             lambda: scenes.people_in((0.0, 0.0, 6.0, 1.8), scenes.packed(20, 4, 0.2, 5.9, 0.0, 0.0), speed=1.5),
-            _bounded(last_speed, 0.005, 1.5, "m/s"),
+            _bounded(trials.last_speed, 0.005, 1.5, "m/s"),
             hour,
             1.0,
         ),
@@ -160,38 +144,38 @@ def extremes(quick: bool) -> dict[str, Extreme]:
 
 
 def _bounded(
-    measure: Callable[[Trial], float], right: float, tolerable: float, unit: str, is_reported: bool = False
-) -> Callable[[str, Trial], Verdict]:
+    measure: Callable[[trials.Trial], float], right: float, tolerable: float, unit: str, is_reported: bool = False
+) -> Callable[[str, trials.Trial], trials.Verdict]:
     """Return the verdict by one measure with the same bounds for every contact model."""
-    return lambda _, trial: judge(trial, measure, right, tolerable, unit, is_reported=is_reported)
+    return lambda _, trial: trials.judge(trial, measure, right, tolerable, unit, is_reported=is_reported)
 
 
 def _overlap_to_remove(make: Callable[[], Scene], duration: float) -> Extreme:
     """Return the extreme of a start with overlaps, which the theory of a model may allow to remain if reported."""
     scene = make()
-    start = deepest_overlap(scene, scene.crowd.position)
-    words = f"overlap left after {duration:g} s, right up to {SMALL_OVERLAP:g} m; {start:.3g} m at the start"
-    return Extreme(words, make, _bounded(_overlap_left, SMALL_OVERLAP, start, "m", is_reported=True), duration)
+    start = trials.deepest_overlap(scene, scene.crowd.position)
+    words = f"overlap left after {duration:g} s, right up to {trials.SMALL_OVERLAP:g} m; {start:.3g} m at the start"
+    return Extreme(words, make, _bounded(_overlap_left, trials.SMALL_OVERLAP, start, "m", is_reported=True), duration)
 
 
-def _overlap_left(trial: Trial) -> float:
+def _overlap_left(trial: trials.Trial) -> float:
     """Return the overlap at the end [m], infinite if the report conceals the start's."""
-    return last_overlap(trial) if np.isfinite(greatest_overlap(trial)) else np.inf
+    return trials.last_overlap(trial) if np.isfinite(trials.greatest_overlap(trial)) else np.inf
 
 
-def _far_and_near(trial: Trial, gap: float) -> tuple[float, float]:
+def _far_and_near(trial: trials.Trial, gap: float) -> tuple[float, float]:
     """Return the greatest distance to the same run at the origin, and the greatest overlap beyond that one's [m]."""
-    near = attempt(trial.model, far_from_origin(gap, 0.0, 0.0), STEP, float(trial.time[-1]))
+    near = trials.attempt(trial.model, far_from_origin(gap, 0.0, 0.0), STEP, float(trial.time[-1]))
     distance = np.abs(trial.position[-1] - trial.scene.room[:2] - near.position[-1]).max()
-    return float(distance), max(0.0, greatest_overlap(trial) - greatest_overlap(near))
+    return float(distance), max(0.0, trials.greatest_overlap(trial) - trials.greatest_overlap(near))
 
 
-def try_extreme(extreme: Extreme, variant: str) -> Verdict:
+def try_extreme(extreme: Extreme, variant: str) -> trials.Verdict:
     """Return the verdict on one extreme scene with one contact model."""
-    model = make_model(variant)
+    model = trials.make_model(variant)
     if extreme.tolerance is not None and "velocity_tolerance" in model.declared():
-        model = make_model(variant, velocity_tolerance=extreme.tolerance)
-    trial = attempt(model, extreme.make(), STEP, extreme.duration, every=extreme.every)
+        model = trials.make_model(variant, velocity_tolerance=extreme.tolerance)
+    trial = trials.attempt(model, extreme.make(), STEP, extreme.duration, every=extreme.every)
     return extreme.verdict(variant, trial)
 
 
@@ -221,7 +205,7 @@ duration = 30.0
 """
 
 
-def try_triangle(model: str) -> Verdict:
+def try_triangle(model: str) -> trials.Verdict:
     """Return the verdict on a building of one triangle with an exit on its side: all five are to get out."""
     from evac.case.loading import load_case
     from evac.simulation.simulation import Simulation
@@ -234,9 +218,11 @@ def try_triangle(model: str) -> Verdict:
             simulation = Simulation(load_case(folder / "case.toml"))
             simulation.run()
         except EvacError as error:
-            return Verdict(REFUSED, np.nan, str(error))
+            return trials.Verdict(trials.REFUSED, np.nan, str(error))
     inside = float(simulation.population.inside)
-    return Verdict(RIGHT if inside == 0.0 else WRONG, inside, f"{inside:.0f} of 5 still inside after 30 s")
+    return trials.Verdict(
+        trials.RIGHT if inside == 0.0 else trials.WRONG, inside, f"{inside:.0f} of 5 still inside after 30 s"
+    )
 
 
 def extreme_scenes(evidence: Evidence) -> list[str]:
@@ -249,7 +235,7 @@ def extreme_scenes(evidence: Evidence) -> list[str]:
 def _scene_rows(quick: bool) -> list[Row]:
     rows = []
     for name, extreme in extremes(quick).items():
-        variants = VARIANTS if extreme.make().crowd.radius.size < 1000 and extreme.duration < 1000.0 else LARGE
+        variants = trials.VARIANTS if extreme.make().crowd.radius.size < 1000 and extreme.duration < 1000.0 else LARGE
         rows += [(name, variant, extreme.words, try_extreme(extreme, variant)) for variant in variants]
     for model in ("dem", "nsm1", "nsm2"):
         rows.append(("building of one triangle", model, "people still inside after 30 s", try_triangle(model)))

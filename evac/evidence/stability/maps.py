@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from evac.base.arrays import FloatArray
 from evac.evidence.evidence import Evidence, Row, new_figure
-from evac.evidence.stability.trial import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
+from evac.evidence.stability.trials import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
 
 #: Colours of the verdicts (Okabe-Ito, with grey and black).
 COLOURS = {
@@ -59,11 +59,7 @@ Mapped = tuple[Sequence[Cell], Mapping[str, Sequence[Curve]]]
 
 
 def show_map(
-    evidence: Evidence,
-    name: str,
-    compute: Callable[[Evidence], Mapped],
-    axes: tuple[str, str],
-    columns: int = 3,
+    evidence: Evidence, name: str, compute: Callable[[Evidence], Mapped], axes: tuple[str, str], columns: int = 3
 ) -> list[str]:
     """Write NAME.csv with every cell, draw NAME.png, put the plot and the sums by panel on the page; return the kinds.
 

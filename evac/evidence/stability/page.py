@@ -7,7 +7,7 @@ from evac.evidence.stability.crowds import dissipation, reported_force, standing
 from evac.evidence.stability.dem import hardened_contacts, network_limits, stiffness_map
 from evac.evidence.stability.extremes import extreme_scenes
 from evac.evidence.stability.steps import mass_map, overlap_order, radius_map, speed_map, tau_map
-from evac.evidence.stability.trial import VERDICTS, WRONG
+from evac.evidence.stability.trials import VERDICTS, WRONG
 from evac.evidence.verdicts import all_of, reported
 
 SECTIONS = {

@@ -8,19 +8,9 @@ import numpy as np
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scenes import Scene
+from evac.evidence.stability import trials
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import lag_limit, step_limit, walk_lag
-from evac.evidence.stability.trial import (
-    SMALL_OVERLAP,
-    STIFFNESS,
-    VARIANTS,
-    Trial,
-    attempt,
-    greatest_overlap,
-    judge,
-    judge_overlap,
-    make_model,
-)
 from evac.evidence.verdicts import reported
 
 #: Steps over which the overlap is tabulated [s].
@@ -34,7 +24,7 @@ ROOM = (0.0, 0.0, 6.0, 4.0)
 
 def refusal(tau: float, explicit: bool = False) -> float:
     """Return the step [s] beyond which DEM refuses to start: that of a packing of equal bodies, omega^2 = 6 k / m."""
-    return step_limit(np.sqrt(6.0 * STIFFNESS / 80.0), tau, explicit)
+    return step_limit(np.sqrt(6.0 * trials.STIFFNESS / 80.0), tau, explicit)
 
 
 def walk_against_wall(speed: float) -> Scene:
@@ -57,14 +47,16 @@ def tau_cells(evidence: Evidence) -> Mapped:
             for tau in taus:
                 scene = scenes.people_in(bounds, [(1.0, 2.0)], speed=speed, tau=tau)
 
-                def lag(trial: Trial, tau: float = tau) -> float:
+                def lag(trial: trials.Trial, tau: float = tau) -> float:
                     exact = 1.0 + speed * (trial.time + tau * np.expm1(-trial.time / tau))
                     return float(np.abs(trial.position[:, 0, 0] - exact).max())
 
                 for step in steps:
-                    trial = attempt(make_model(variant), scene, step, duration, explicit=explicit, every=0.5)
+                    trial = trials.attempt(
+                        trials.make_model(variant), scene, step, duration, explicit=explicit, every=0.5
+                    )
                     allowed = 1.01 * speed * walk_lag(tau, step, duration, explicit, midpoint)
-                    cells.append(Cell(panel, tau, step, judge(trial, lag, SMALL_LAG, allowed, "m")))
+                    cells.append(Cell(panel, tau, step, trials.judge(trial, lag, SMALL_LAG, allowed, "m")))
             curves[panel] = [
                 Curve("explicit drive oscillates beyond h = tau", [1e-4, 1.0], [1e-4, 1.0]),
                 Curve("explicit drive grows beyond h = 2 tau", [5e-5, 0.5], [1e-4, 1.0]),
@@ -78,13 +70,7 @@ def tau_cells(evidence: Evidence) -> Mapped:
     return cells, curves
 
 
-tau_map = partial(
-    show_map,
-    name="tau",
-    compute=tau_cells,
-    axes=("relaxation time tau [s]", "step h [s]"),
-    columns=2,
-)
+tau_map = partial(show_map, name="tau", compute=tau_cells, axes=("relaxation time tau [s]", "step h [s]"), columns=2)
 
 
 def speed_cells(evidence: Evidence) -> Mapped:
@@ -92,22 +78,17 @@ def speed_cells(evidence: Evidence) -> Mapped:
     speeds = [0.0, 1.5, 10.0] if evidence.quick else [0.0, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0]
     steps = [0.01, 0.1, 0.5] if evidence.quick else [1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.5]
     cells = []
-    for variant in VARIANTS:
+    for variant in trials.VARIANTS:
         for speed in speeds:
             cells += _overlap_cells(variant, speed, walk_against_wall(speed), steps, 3.0 if speed >= 0.5 else 8.0)
     fast = np.array([0.1, 10.0])
-    curves = _of_nsm2(Curve("overlap h v / 2 of 2 mm", list(fast), list(2.0 * SMALL_OVERLAP / fast)))
-    impact = SMALL_OVERLAP / np.sqrt(80.0 / STIFFNESS)
+    curves = _of_nsm2(Curve("overlap h v / 2 of 2 mm", list(fast), list(2.0 * trials.SMALL_OVERLAP / fast)))
+    impact = trials.SMALL_OVERLAP / np.sqrt(80.0 / trials.STIFFNESS)
     curves["DEM"] = [Curve("impact v sqrt(m / k) of 2 mm", [impact, impact], [1e-4, 1.0]), _packing_limit([0.05, 20.0])]
     return cells, curves
 
 
-speed_map = partial(
-    show_map,
-    name="speed",
-    compute=speed_cells,
-    axes=("walking speed [m/s]", "step h [s]"),
-)
+speed_map = partial(show_map, name="speed", compute=speed_cells, axes=("walking speed [m/s]", "step h [s]"))
 
 
 def overlap_order(evidence: Evidence) -> list[str]:
@@ -120,9 +101,10 @@ def overlap_order(evidence: Evidence) -> list[str]:
 
 
 def _overlap_rows(steps: Sequence[float]) -> Iterator[Row]:
-    for variant in VARIANTS:
-        trials = [attempt(make_model(variant), walk_against_wall(1.5), step, 2.0, every=0.1) for step in steps]
-        overlap = [np.nan if trial.message else greatest_overlap(trial) for trial in trials]
+    for variant in trials.VARIANTS:
+        model = trials.make_model(variant)
+        runs = [trials.attempt(model, walk_against_wall(1.5), step, 2.0, every=0.1) for step in steps]
+        overlap = [np.nan if trial.message else trials.greatest_overlap(trial) for trial in runs]
         usable = np.isfinite(overlap) & (np.array(overlap) > 0.0)
         power = None
         if usable.sum() > 1:
@@ -135,15 +117,15 @@ def _ratio_cells(evidence: Evidence, ratios: Sequence[float], scene_of: Callable
     steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
     return [
         cell
-        for variant in VARIANTS
+        for variant in trials.VARIANTS
         for ratio in ratios
         for cell in _overlap_cells(variant, ratio, scene_of(ratio), steps, 2.0)
     ]
 
 
 def _overlap_cells(variant: str, x: float, scene: Scene, steps: Sequence[float], duration: float) -> list[Cell]:
-    trials = {step: attempt(make_model(variant), scene, step, duration) for step in steps}
-    return [Cell(variant, x, step, judge_overlap(variant, trial, step)) for step, trial in trials.items()]
+    runs = {step: trials.attempt(trials.make_model(variant), scene, step, duration) for step in steps}
+    return [Cell(variant, x, step, trials.judge_overlap(variant, trial, step)) for step, trial in runs.items()]
 
 
 def mass_cells(evidence: Evidence) -> Mapped:
@@ -154,17 +136,12 @@ def mass_cells(evidence: Evidence) -> Mapped:
         return scenes.people_in(ROOM, scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
 
     ratios = [1.0, 1e3, 1e6] if evidence.quick else [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6]
-    limits = [step_limit(np.sqrt(6.0 * STIFFNESS * np.sqrt(ratio) / 80.0), 0.5, False) for ratio in ratios]
+    limits = [step_limit(np.sqrt(6.0 * trials.STIFFNESS * np.sqrt(ratio) / 80.0), 0.5, False) for ratio in ratios]
     curves = {"DEM": [Curve("limit of a packing of the light ones", ratios, limits)]} | _half_paths(ratios)
     return _ratio_cells(evidence, ratios, pack), curves
 
 
-mass_map = partial(
-    show_map,
-    name="mass_ratio",
-    compute=mass_cells,
-    axes=("ratio of masses", "step h [s]"),
-)
+mass_map = partial(show_map, name="mass_ratio", compute=mass_cells, axes=("ratio of masses", "step h [s]"))
 
 
 def radius_cells(evidence: Evidence) -> Mapped:
@@ -180,12 +157,7 @@ def radius_cells(evidence: Evidence) -> Mapped:
     return _ratio_cells(evidence, ratios, mix), {"DEM": [_packing_limit(ratios)]} | _half_paths(ratios)
 
 
-radius_map = partial(
-    show_map,
-    name="radius_ratio",
-    compute=radius_cells,
-    axes=("ratio of radii", "step h [s]"),
-)
+radius_map = partial(show_map, name="radius_ratio", compute=radius_cells, axes=("ratio of radii", "step h [s]"))
 
 
 def _packing_limit(x: list[float]) -> Curve:
@@ -195,9 +167,9 @@ def _packing_limit(x: list[float]) -> Curve:
 
 def _half_paths(ratios: list[float]) -> dict[str, list[Curve]]:
     """Return the curves at which NSM2's overlap h v / 2 of people at 1.5 m/s is small."""
-    step = 2.0 * SMALL_OVERLAP / 1.5
+    step = 2.0 * trials.SMALL_OVERLAP / 1.5
     return _of_nsm2(Curve("overlap h v / 2 of 2 mm", ratios, [step] * len(ratios)))
 
 
 def _of_nsm2(curve: Curve) -> dict[str, list[Curve]]:
-    return {variant: [curve] for variant in VARIANTS if variant.startswith("NSM2")}
+    return {variant: [curve] for variant in trials.VARIANTS if variant.startswith("NSM2")}

@@ -7,7 +7,7 @@ from typing import Any
 from evac.case.schema import SimulationSettings
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
 from evac.evidence.models import MODELS
-from evac.evidence.square_room import Flow, SetTask, change, flow, run_set, stopped
+from evac.evidence.square_room import Flow, change, flow, run_set, stopped
 from evac.evidence.table3.classroom import report_classroom
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 from evac.evidence.table3.school import report_school
@@ -95,10 +95,10 @@ def _judge_flows(evidence: Evidence, rows: Sequence[Row], changes: Sequence[Row]
 
 def _flows(evidence: Evidence, plan: Mapping[float, tuple[int, int]]) -> tuple[FlowTable, FlowTable]:
     """Return the flow by model and step, and how it changes from the default step to the others."""
-    tasks = [SetTask(evidence.seed, k, runs, step) for step, (sets, runs) in plan.items() for k in range(sets)]
+    tasks = [(evidence.seed, k, runs, step) for step, (sets, runs) in plan.items() for k in range(sets)]
     parts = evidence.map(run_set, tasks)
     times = {
-        (name, step): [part[name] for task, part in zip(tasks, parts, strict=True) if task.step == step]
+        (name, step): [part[name] for task, part in zip(tasks, parts, strict=True) if task[-1] == step]
         for name in MODELS
         for step in plan
     }

@@ -10,15 +10,7 @@ from evac.analysis.flows import steady_flow
 from evac.base.arrays import FloatArray
 from evac.building.plan.plan import Plan
 from evac.evidence.people.scenes import COUNTERS, imo_8_scene
-from evac.evidence.validation.plans import (
-    CROWD_SPEED,
-    across,
-    crowd,
-    halls_and_stair,
-    one_storey,
-    room_corridor_stair,
-    rooms_and_bottlenecks,
-)
+from evac.evidence.validation import plans
 from evac.evidence.validation.trial import SELDOM, Check, Outcome, Trial, check
 
 #: Densities of the fundamental diagram [1/m2]; bodies of the greatest radius do not fit at RiMEA's 5 and 6.
@@ -60,7 +52,7 @@ def weidmann(density: float) -> float:
 def _in_filled_corridor(trial: Trial, density: float, **keys: object) -> tuple[FloatArray, FloatArray]:
     """Return mean density [1/m2] and speed [m/s] of each run far from the ends of a corridor of 2 m."""
     area = box(FILLED[0], 0, FILLED[1], 2)
-    plan = one_storey(box(0, 0, 100, 2), exits={"end": across(100, 0, 2)}, areas={"start": area})
+    plan = plans.one_storey(box(0, 0, 100, 2), exits={"end": plans.across(100, 0, 2)}, areas={"start": area})
     group = {"area": "start", "number": round(area.area * density), "speed": {"uniform": [1.2, 1.4]}, **keys}
     found = []
     for run in trial.runs(plan, [group], f"{density:g} per m2", simulation={"duration": SEEN_UNTIL}):
@@ -91,7 +83,7 @@ def flow_falls_at_high_density(trial: Trial) -> Iterator[Check]:
 def speeds_in_a_filled_corridor(trial: Trial) -> Iterator[Check]:
     """Time people over the middle 20 m of a corridor of 60 m that is filled more and more densely."""
     numbers, speeds = (60, 120, 240, 360, 480), []
-    plan = one_storey(box(0, 0, 60, 2), exits={"end": across(60, 0, 2)}, areas={"start": box(0, 0, 60, 2)})
+    plan = plans.one_storey(box(0, 0, 60, 2), exits={"end": plans.across(60, 0, 2)}, areas={"start": box(0, 0, 60, 2)})
     for number in numbers:
         group = {"area": "start", "number": number, "speed": 1.0, "radius": 0.2}
         own = []
@@ -110,7 +102,7 @@ def single_file(trial: Trial) -> Iterator[Check]:
     People walk in a straight corridor of 0.8 m, seen before its ends are felt, instead of round a closed loop.
     """
     length, seen, until = 60.0, (35.0, 41.0), 20.0
-    plan = one_storey(box(0, 0, length + 30, 0.8), exits={"end": across(length + 30, 0, 0.8)})
+    plan = plans.one_storey(box(0, 0, length + 30, 0.8), exits={"end": plans.across(length + 30, 0, 0.8)})
     inside: list[list[float]] = [[] for _ in trial.seeds]
     for density, (low, high) in SINGLE_FILE.items():
         places = np.arange(0.5, length, 1.0 / density)
@@ -129,9 +121,9 @@ def single_file(trial: Trial) -> Iterator[Check]:
 def door_of_1_m(trial: Trial) -> Iterator[Check]:
     """Let a hundred people out of a room of 8 x 5 m by a door of 1 m, with ground behind it."""
     parts = [box(0, 0, 8, 5), box(8, 2, 8.2, 3), box(8.2, 0, 10.7, 5)]
-    plan = one_storey(*parts, exits={"end": across(10.7, 0, 5)}, areas={"start": box(0, 0, 8, 5)})
+    plan = plans.one_storey(*parts, exits={"end": plans.across(10.7, 0, 5)}, areas={"start": box(0, 0, 8, 5)})
     flows = []
-    for run in trial.runs(plan, [crowd(100)]):
+    for run in trial.runs(plan, [plans.crowd(100)]):
         times = run.passing_times(0, 8.0)
         flows.append(99.0 / np.ptp(times) if not run.is_blocked else np.nan)
     yield check("flow through a door of 1 m, whole time [1/s]", "IMO", flows, high=IMO_FLOW)
@@ -143,8 +135,8 @@ def four_and_two_doors(trial: Trial) -> Iterator[Check]:
     above = {"c": [(4, 20), (5, 20)], "d": [(25, 20), (26, 20)]}
     times = []
     for label, exits in (("four doors", below | above), ("two doors", below)):
-        plan = one_storey(box(0, 0, 30, 20), exits=exits, areas={"start": box(2, 2, 28, 18)})
-        times.append([run.last_out() for run in trial.runs(plan, [crowd(1000)], label, output=SELDOM)])
+        plan = plans.one_storey(box(0, 0, 30, 20), exits=exits, areas={"start": box(2, 2, 28, 18)})
+        times.append([run.last_out() for run in trial.runs(plan, [plans.crowd(1000)], label, output=SELDOM)])
     ratios = np.array(times[1]) / np.array(times[0])
     yield check("last out by two doors over by four", "IMO: about 2; band of jpscore's test", ratios, 1.6, 2.4)
 
@@ -158,7 +150,7 @@ def bottlenecks(trial: Trial) -> Iterator[Check]:
     """Clear a room through bottlenecks: the goal farther away, longer, two in a row, wider."""
 
     def runs(label: str, widths: Sequence[float] = (1.0,), length: float = 0.2, behind: float = 10.0) -> list[Outcome]:
-        return trial.runs(rooms_and_bottlenecks(widths, length, behind), [crowd(150)], label)
+        return trial.runs(plans.rooms_and_bottlenecks(widths, length, behind), [plans.crowd(150)], label)
 
     goals = {depth: runs(f"goal {depth:g} m", behind=depth) for depth in (0.0, 1.0, 5.0, 10.0)}
     by_goal = np.array([[_cleared(run) for run in own] for own in goals.values()])
@@ -187,7 +179,7 @@ def congestion(trial: Trial) -> Iterator[Check]:
     """Lead 150 people through a corridor up a stair that cannot take what the corridor brings."""
     speeds = {"speed": {"uniform": [1.26, 1.34]}, "speed_up": {"uniform": [0.635, 0.715]}}
     gains, door, foot = [], [], []
-    for run in trial.runs(room_corridor_stair(), [crowd(150) | speeds]):
+    for run in trial.runs(plans.room_corridor_stair(), [plans.crowd(150) | speeds]):
         entered, climbed = (np.sort(run.passing_times(0, x)) for x in (5.0, 17.0))
         gains.append(np.nan if run.is_blocked else steady_flow(entered) / steady_flow(climbed))
         inside = run.densities(10.0, 3.0, 12.0, 5.0).max()
@@ -206,12 +198,12 @@ def speeds_on_a_stair(trial: Trial) -> Iterator[Check]:
     Those of cases without stair speeds would be the same up and down, so that people have the stair speeds of their
     class, too.
     """
-    people = [crowd(100, preset="imo_male_30_to_50")]
+    people = [plans.crowd(100, preset="imo_male_30_to_50")]
     run, width, means = 5.0, 2.0, {}  # mean speeds by the number of people on the stair, one row per run
     for way in ("up", "down"):
         fast, slow = (np.array(speeds) for speeds in STAIR_SPEEDS[way])
         shares, rows = [], []
-        for outcome in trial.runs(halls_and_stair(way, width, run, 3.0), people, way):
+        for outcome in trial.runs(plans.halls_and_stair(way, width, run, 3.0), people, way):
             x, speed = outcome.trajectory.position[::10, :, 0], outcome.trajectory.speed[::10]
             on_it = (x >= 0.0) & (x < run)
             number = on_it.sum(axis=1)
@@ -236,7 +228,7 @@ def wider_stairs(trial: Trial) -> Iterator[Check]:
     for way in ("down", "up"):
         flows = []
         for width in widths:
-            runs = trial.runs(halls_and_stair(way, width, 3.0, 3.0), [crowd(100)], f"{way} {width:g} m")
+            runs = trial.runs(plans.halls_and_stair(way, width, 3.0, 3.0), [plans.crowd(100)], f"{way} {width:g} m")
             flows.append([np.nan if run.is_blocked else steady_flow(_onto_the_flight(run)) for run in runs])
         found = np.array(flows)
         words = f"flow {way} a stair of {widths[-1]:g} m over that of {widths[0]:g} m"
@@ -260,7 +252,7 @@ def counterflow(trial: Trial) -> Iterator[Check]:
     times = []
     for number in COUNTERS:
         scene = imo_8_scene(number)
-        people = [{**group, "speed": CROWD_SPEED} for group in scene.people]
+        people = [{**group, "speed": plans.CROWD_SPEED} for group in scene.people]
         times.append([run.last_out(0) for run in trial.runs(scene.plan, people, f"against {number}")])
     last = np.array(times)
     for k, (fewer, more) in enumerate(pairwise(COUNTERS)):
@@ -270,13 +262,15 @@ def counterflow(trial: Trial) -> Iterator[Check]:
 
 def corner_of_a_crowd(trial: Trial) -> Iterator[Check]:
     """Lead 500 people 44 m, 75.4 m, and round a corner whose ways lie between these."""
-    group = crowd(500) | {"speed": 1.34, "strategy": "quickest"}
+    group = plans.crowd(500) | {"speed": 1.34, "strategy": "quickest"}
     start = {"start": box(0, 0, 6, 20)}
     straight = {
-        f"{length:g} m": one_storey(box(0, 0, length, 20), exits={"end": across(length, 0, 20)}, areas=start)
+        f"{length:g} m": plans.one_storey(
+            box(0, 0, length, 20), exits={"end": plans.across(length, 0, 20)}, areas=start
+        )
         for length in (44.0, 75.4)
     }
-    bend = one_storey(box(0, 0, 54, 20), box(34, 20, 54, 40), exits={"end": [(34, 40), (54, 40)]}, areas=start)
+    bend = plans.one_storey(box(0, 0, 54, 20), box(34, 20, 54, 40), exits={"end": [(34, 40), (54, 40)]}, areas=start)
     short, long, turned = (
         np.array([run.last_out() for run in trial.runs(plan, [group], label, output=SELDOM)])
         for label, plan in (straight | {"corner": bend}).items()
@@ -290,8 +284,8 @@ def slow_and_wide(trial: Trial) -> Iterator[Check]:
     plan = Plan()
     plan.storey("lower", box(0, 0, 5, 4), 0.0)
     plan.storey("upper", box(9, 0, 14, 4), 1.0)
-    plan.stair("ramp", "lower", across(5, 1.25, 2.75), "upper", across(9, 1.25, 2.75))
-    plan.exit("end", "upper", across(14, 1.5, 2.5))
+    plan.stair("ramp", "lower", plans.across(5, 1.25, 2.75), "upper", plans.across(9, 1.25, 2.75))
+    plan.exit("end", "upper", plans.across(14, 1.5, 2.5))
     plan.area("start", "lower", box(0, 0, 3.5, 4))
     able = {"speed": 1.25, "speed_up": 1.25, "radius": 0.2}
     times = []

@@ -5,6 +5,7 @@ The tests are those of `evac verify`.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -47,21 +48,14 @@ QUICK_SUBJECTS = tuple(SUBJECTS)[:3]
 RELY = "What to rely on"
 
 
-@dataclass(frozen=True)
-class Job:
-    """A test to carry out with a model."""
-
-    test: StandardTest
-    subject: str
-    seed: int
-
-
-def carry_out_job(job: Job) -> Result:
-    """Carry out a test; its result folders are removed."""
-    subject = SUBJECTS[job.subject]
-    test = replace(job.test, runs=1) if subject.is_brief else job.test
+def carry_out_with(name: str, test: StandardTest, seed: int) -> list[Row]:
+    """Carry out a test with a subject; return the rows of its checks. Its result folders are removed."""
+    subject = SUBJECTS[name]
+    if subject.is_brief:
+        test = replace(test, runs=1)
     with TemporaryDirectory() as folder:
-        return carry_out(test, Trial(Path(folder), settings=subject.settings, is_paper=subject.is_paper), job.seed)
+        trial = Trial(Path(folder), settings=subject.settings, is_paper=subject.is_paper)
+        return list(check_rows(carry_out(test, trial, seed), model=name))
 
 
 def check_rows(result: Result, **columns: Any) -> Iterator[Row]:
@@ -86,12 +80,8 @@ def run(evidence: Evidence) -> None:
     subjects = QUICK_SUBJECTS if evidence.quick else tuple(SUBJECTS)
     made = [replace(test, runs=1) if evidence.quick else test for test in TESTS if test.measure is not None]
 
-    def survey() -> list[Row]:
-        jobs = [Job(test, subject, evidence.seed) for test in made for subject in subjects]
-        results = evidence.map(carry_out_job, jobs)
-        return [row for job, found in zip(jobs, results, strict=True) for row in check_rows(found, model=job.subject)]
-
-    rows = evidence.measured("tests", survey)
+    tasks = [(subject, test, evidence.seed) for test in made for subject in subjects]
+    rows = evidence.measured("tests", lambda: chain(*evidence.map(carry_out_with, tasks)))
     _judge(evidence, rows, made)
     left = [{"test": " ".join(test.names), "subject": test.title, "why": test.why} for test in TESTS if test.why]
     sources = [{"name": name, "read": source} for name, source in STANDARDS.items()]

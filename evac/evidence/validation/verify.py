@@ -2,24 +2,14 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
 from evac.base.errors import ResultError, usable_path
 from evac.base.processes import cores
 from evac.evidence.evidence import commit, in_processes, write_rows
+from evac.evidence.validation import standard
 from evac.evidence.validation.page import check_rows
-from evac.evidence.validation.standard import (
-    FAILED,
-    NOT_APPLICABLE,
-    NOT_YET,
-    PASSED,
-    STANDARDS,
-    Result,
-    StandardTest,
-    carry_out,
-)
 from evac.evidence.validation.trial import Trial
 from evac.folder.files import writing
 from evac.folder.manifest import COMPLETE, mark, read_manifest
@@ -30,11 +20,13 @@ from evac.report.templates import Cell, rendered
 PAGE_NAME, TABLE_NAME = "verification.html", "verification.csv"
 
 #: Verdicts in the order of the page, and the columns of checks that it shows.
-VERDICTS = (PASSED, FAILED, NOT_YET, NOT_APPLICABLE)
+VERDICTS = (standard.PASSED, standard.FAILED, standard.NOT_YET, standard.NOT_APPLICABLE)
 SHOWN = ("test", "measured", "expected", "found", "runs", "blocked", "met", "by")
 
 
-def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callable[[Result], None]) -> list[Result]:
+def verify(
+    tests: Sequence[standard.StandardTest], trial: Trial, seed: int, tell: Callable[[standard.Result], None]
+) -> list[standard.Result]:
     """Carry out tests, in processes if there are several, tell each result in order, and write page and table.
 
     Raises
@@ -57,7 +49,7 @@ def verify(tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callabl
     return results
 
 
-def _check(folder: Path, tests: Sequence[StandardTest]) -> None:
+def _check(folder: Path, tests: Sequence[standard.StandardTest]) -> None:
     """Refuse files in the places of page and table that earlier verifications have not written, and links."""
     usable_path(folder, ResultError)
     with writing("the verification", folder):
@@ -73,16 +65,17 @@ def _check(folder: Path, tests: Sequence[StandardTest]) -> None:
                     )
 
 
-def _carried_out(tests: Sequence[StandardTest], trial: Trial, seed: int) -> Iterable[Result]:
-    call = partial(carry_out, trial=trial, seed=seed)
+def _carried_out(tests: Sequence[standard.StandardTest], trial: Trial, seed: int) -> Iterable[standard.Result]:
     if len(tests) == 1:
-        return [call(tests[0])]
-    return in_processes(call, tests, cores(), "evac verify", "run the tests one by one")
+        return [standard.carry_out(tests[0], trial, seed)]
+    return in_processes(
+        standard.carry_out, [(test, trial, seed) for test in tests], cores(), "evac verify", "run the tests one by one"
+    )
 
 
-def page_of(results: Sequence[Result], trial: Trial, seed: int) -> str:
+def page_of(results: Sequence[standard.Result], trial: Trial, seed: int) -> str:
     """Return the page on the results of tests: how many are passed, then each test, then each check."""
-    of_each = {standard: Counter[str]() for standard in STANDARDS}
+    of_each = {standard: Counter[str]() for standard in standard.STANDARDS}
     for result in results:
         for name in result.test.names:
             of_each[name.partition("-")[0]][result.verdict] += 1
@@ -91,8 +84,8 @@ def page_of(results: Sequence[Result], trial: Trial, seed: int) -> str:
         "standard_tests.html",
         title="Standard tests",
         kind="RiMEA 4.1.1, IMO MSC.1/Circ.1533, NIST TN 1822, ISO 20414",
-        passed=verdicts[PASSED],
-        failed=[result.test for result in results if result.verdict == FAILED],
+        passed=verdicts[standard.PASSED],
+        failed=[result.test for result in results if result.verdict == standard.FAILED],
         words=VERDICTS,
         standards=[(name, *(own[word] for word in VERDICTS)) for name, own in of_each.items() if own],
         facts_of_run={
@@ -108,16 +101,16 @@ def page_of(results: Sequence[Result], trial: Trial, seed: int) -> str:
     )
 
 
-def _reason(result: Result) -> str:
+def _reason(result: standard.Result) -> str:
     """Return why a test was not run, or by how much it failed, and why that was to be expected."""
-    if result.verdict != FAILED:
+    if result.verdict != standard.FAILED:
         return result.test.why.partition(": ")[2]
     missed = [f"{check.criterion.quantity}: {check.verdict}" for check in result.checks if not check.is_passed]
     return "; ".join(words for words in (*missed, result.error, result.test.by_design) if words)
 
 
-def _cell(result: Result) -> Cell:
-    return Cell(result.verdict, {PASSED: "good", FAILED: "bad"}.get(result.verdict, "open"))
+def _cell(result: standard.Result) -> Cell:
+    return Cell(result.verdict, {standard.PASSED: "good", standard.FAILED: "bad"}.get(result.verdict, "open"))
 
 
 def _check_cell(key: str, value: object) -> object:
