@@ -90,9 +90,9 @@ def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds):
 def test_the_contact_problem_is_the_one_that_the_model_solved(crowds):
     """The percussions that the model left in its contacts satisfy the problem's law to the model's tolerance."""
     problem = contact_problem(crowds["settled"], LAWS[0])
-    held = problem.contacts.percussion[: problem.size].copy()
+    held = problem.state.contacts.percussion[: problem.size].copy()
     problem.start(False)
-    problem.contacts.percussion[: problem.size] = held
+    problem.state.contacts.percussion[: problem.size] = held
     _, found = problem.solve("gauss_seidel", 1e300, 1)
     assert found <= 1.001 * LAWS[0].make().values()["velocity_tolerance"]
 
@@ -108,10 +108,10 @@ def test_opening_the_door_leaves_the_settled_crowd_as_it_was(crowds):
 def test_measured_solves_reach_their_tolerance_and_stop_where_they_do_not(crowds):
     problem = contact_problem(crowds["settled"], LAWS[1])
     truth = np.zeros_like(problem.free)
-    rows = measure(problem, truth, "accelerated_sweeps", False, 0.05)
+    rows = list(measure(problem, truth, "accelerated_sweeps", False, 0.05))
     assert all(row["residual"] <= row["tolerance"] for row in rows[:-1])
     assert [row["tolerance"] for row in rows] == list(TOLERANCES[: len(rows)])
-    slow = measure(problem, truth, "uzawa", False, 0.0)
+    slow = list(measure(problem, truth, "uzawa", False, 0.0))
     assert slow[-1]["residual"] > slow[-1]["tolerance"]
 
 

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from evac.evidence.accuracy.peer import INERTIAL, OVERDAMPED, compare
 from evac.evidence.accuracy.problems import contact_problem, snapshots
-from evac.evidence.accuracy.reference import solve_contact_qp
+from evac.evidence.accuracy.reference import ContactLaw, solve_contact_qp
 
 
 def projection(step, discs, contacts, desired):
@@ -21,7 +21,9 @@ def projection(step, discs, contacts, desired):
         if j >= 0:
             row[2 * int(j) : 2 * int(j) + 2] = ex, ey
     mass, slack = np.ones(rows.shape[1]), contacts[:, 2] / step
-    found = solve_contact_qp(sparse.csr_matrix(rows), mass, desired.ravel(), slack, np.zeros(len(slack)), 0.0)
+    found = solve_contact_qp(
+        ContactLaw(sparse.csr_matrix(rows), mass, desired.ravel(), slack, np.zeros(len(slack)), 0.0)
+    )
     return 1, None, found.reshape(-1, 2), None, None
 
 

@@ -18,7 +18,8 @@ def line_of_three(dissipation, mass=1.0):
     normal = np.array([[-1.0, 0.0], [-1.0, 0.0]])
     gradient = gradient_matrix(np.array([0, 1], np.int32), np.array([1, 2], np.int32), normal, 3)
     free = np.array([1.0, 0, 0, 0, 0, 0])
-    return solve_contact_qp(gradient, np.full(6, mass), free, np.zeros(2), gradient @ free, dissipation)[::2]
+    law = ContactLaw(gradient, np.full(6, mass), free, np.zeros(2), gradient @ free, dissipation)
+    return solve_contact_qp(law)[::2]
 
 
 def test_qp_gives_the_known_velocities_of_three_in_line():
@@ -30,7 +31,9 @@ def test_qp_gives_the_known_velocities_of_three_in_line():
 def test_qp_keeps_a_gap_open_no_more_than_needed():
     pytest.importorskip("clarabel")
     gradient = gradient_matrix(np.array([0], np.int32), np.array([-1], np.int32), np.array([[0.0, 1.0]]), 1)
-    found = solve_contact_qp(gradient, np.full(2, 80.0), np.array([1.0, -2.0]), np.array([0.5]), np.array([-2.0]), 0.0)
+    found = solve_contact_qp(
+        ContactLaw(gradient, np.full(2, 80.0), np.array([1.0, -2.0]), np.array([0.5]), np.array([-2.0]), 0.0)
+    )
     assert found == pytest.approx([1.0, -0.5], abs=1e-10)
 
 

@@ -23,7 +23,7 @@ from evac.physics.state import copy_of
 
 def walked(people, density, name, ticks):
     walk = Walk(make_hall(people, density, 1), STEP)
-    walk.freely(make_variant(name, STEP), ticks)
+    walk.advance(make_variant(name, STEP).model, ticks)
     return walk
 
 
@@ -114,14 +114,14 @@ def test_walking_is_the_same_walk_every_time():
 
 def test_a_tick_lasts_as_long_whatever_the_step():
     walk = Walk(make_hall(20, 2.0, 1), STEP / 4)
-    walk.freely(make_variant("DEM", STEP / 4), 2)
+    walk.advance(make_variant("DEM", STEP / 4).model, 2)
     assert (walk.made, walk.time) == (80, pytest.approx(2 * TICK))
 
 
 def test_a_jam_is_a_crowd_that_has_come_to_a_crawl():
     walk = Walk(make_hall(200, 5.0, 1), STEP)
     assert walk.pace == 0.0
-    walk.freely(make_variant("NSM1 inertial", STEP), 5)
+    walk.advance(make_variant("NSM1 inertial", STEP).model, 5)
     assert walk.pace > JAMMED
     jam = Walk(make_hall(200, 5.0, 1), STEP)
     variant = make_variant("NSM1 inertial", STEP)
@@ -167,7 +167,7 @@ def test_the_minimal_kernel_walks_as_dem_does_away_from_walls(density):
     minimal = make_minimal(walk.crowd, hall.fields.packed, STEP)
     people = nearest(walk.crowd.position, minimal.position)
     before = walk.crowd.position[people].copy()
-    walk.freely(make_variant("DEM", STEP, hardening=1.0), 8)
+    walk.advance(make_variant("DEM", STEP, hardening=1.0).model, 8)
     walk_minimal(minimal, 8 * walk.per_tick, STEP)
     assert np.linalg.norm(minimal.position - before, axis=1).mean() > 0.5
     np.testing.assert_allclose(minimal.position, walk.crowd.position[people], atol=1e-9)

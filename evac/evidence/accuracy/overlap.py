@@ -27,6 +27,8 @@ TICK = 0.1  # s
 
 FINISHED = "run to the end"
 
+SPAN = "time per simulated second [s]"
+
 #: Overlaps that users may tolerate [mm].
 ALLOWED = (100.0, 30.0, 10.0, 3.0, 1.0, 0.1, 0.01)
 
@@ -117,7 +119,7 @@ def measure(setting: Setting, start: DoorCrowd) -> Row:
         "value": setting.value,
         "h [s]": setting.step,
         "greatest overlap [mm]": 1e3 * max(report["greatest_overlap"], 0.0),
-        "time per simulated second [s]": span / walked,
+        SPAN: span / walked,
         "out": int(np.sum(crowd.crowd.level < 0)),
         "unconverged steps": int(report["unconverged_steps"]),
         "outcome": outcome,
@@ -130,8 +132,7 @@ def draw(rows: Sequence[Row], people: int) -> Any:
     for model in dict.fromkeys(row["model"] for row in rows):
         series = [row for row in rows if row["model"] == model]
         colour = colour_of(model)
-        line = [row for row in series if row["outcome"] == FINISHED]
-        stopped = [row for row in series if row["outcome"] != FINISHED]
+        line, stopped = ([row for row in series if (row["outcome"] == FINISHED) is ends] for ends in (True, False))
         fill, style = STYLES.get(model, (colour, "o-"))
         label = f"{model}: {series[0]['varied']}"
         axis.loglog(*_places(line), style, color=colour, markerfacecolor=fill, markersize=7, label=label)
@@ -144,35 +145,27 @@ def draw(rows: Sequence[Row], people: int) -> Any:
                 fontsize=7, color=colour,
             )  # fmt: skip
     axis.margins(x=0.12, y=0.08)
-    axis.set_xlabel("CPU time of one simulated second [s]")
-    axis.set_ylabel("greatest overlap [mm]")
+    axis.set(xlabel="CPU time of one simulated second [s]", ylabel="greatest overlap [mm]")
     axis.set_title(f"{people} people at a door, closed and then open", fontsize=10)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
     return figure
 
 
 def _places(rows: Sequence[Row]) -> tuple[list[float], list[float]]:
-    return [row["time per simulated second [s]"] for row in rows], [row["greatest overlap [mm]"] for row in rows]
+    return [row[SPAN] for row in rows], [row["greatest overlap [mm]"] for row in rows]
 
 
 def cheapest_rows(rows: Sequence[Row]) -> Iterator[Row]:
     """Return the cheapest setting for each tolerated overlap, and the ratio of each model's least time to its time."""
     models = list(dict.fromkeys(row["model"] for row in rows))
     for allowed in ALLOWED:
-        good = [r for r in rows if r["greatest overlap [mm]"] <= allowed and r["outcome"] == FINISHED]
-        least: dict[str, float] = {}
-        for row in good:
-            span = row["time per simulated second [s]"]
-            least[row["model"]] = min(span, least.get(row["model"], math.inf))
-        cheapest = min(good, key=lambda row: row["time per simulated second [s]"]) if good else None
-        found: dict[str, Any] = {
+        good = [row for row in rows if row["greatest overlap [mm]"] <= allowed and row["outcome"] == FINISHED]
+        good.sort(key=lambda row: row[SPAN])
+        least = {row["model"]: row[SPAN] / good[0][SPAN] for row in reversed(good)}
+        yield {
             "overlap allowed [mm]": f"{allowed:g}",
-            "cheapest here": cheapest["model"] if cheapest else None,
-            "setting": "{varied} = {value:.3g}".format(**cheapest) if cheapest else None,
-            "time per simulated second [s]": cheapest["time per simulated second [s]"] if cheapest else None,
+            "cheapest here": good[0]["model"] if good else None,
+            "setting": "{varied} = {value:.3g}".format(**good[0]) if good else None,
+            SPAN: good[0][SPAN] if good else None,
+            **{f"{model} / cheapest": least.get(model) for model in models},
         }
-        for model in models:
-            found[f"{model} / cheapest"] = (
-                least[model] / cheapest["time per simulated second [s]"] if cheapest and model in least else None
-            )
-        yield found

@@ -59,7 +59,7 @@ def compare(problem: ContactProblem) -> Row:
 
     truth = problem.reference(PRECISION)
     c = problem.size
-    contacts = problem.contacts
+    contacts = problem.state.contacts
     # Unit vectors of cromosim point to the other person, but away from a wall.
     towards = np.where(contacts.other[:c, None] >= 0, -contacts.normal[:c], contacts.normal[:c])
     table = np.column_stack([contacts.body[:c], contacts.other[:c], contacts.bias[:c] * STEP, towards])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
+from evac.evidence.accuracy.reference import PRECISION, ContactLaw, gradient_matrix, solve_contact_qp
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
 from evac.evidence.models import COARSE, plugins
 from evac.jit import kernel
@@ -84,31 +84,18 @@ class ContactProblem:
         return len(self.warm)
 
     @property
-    def contacts(self) -> Contacts:
-        """The contacts, in the first `size` rows."""
-        return self.state.contacts
-
-    @property
-    def inverse_mass(self) -> FloatArray:
-        """Inverse masses (n,) [1/kg]."""
-        return self._of_bodies(self.state.bodies.inverse_mass)
-
-    @property
     def free(self) -> FloatArray:
         """Velocities without contacts (n, 2) [m/s]."""
-        return self._of_bodies(self.state.bodies.free)
+        return self.state.bodies.free[: self.state.bodies.inside]
 
     @property
     def velocity(self) -> FloatArray:
         """Velocities (n, 2) found by the last solve [m/s]."""
-        return self._of_bodies(self.state.bodies.solved)
-
-    def _of_bodies(self, array: FloatArray) -> FloatArray:
-        return array[: self.state.bodies.inside]
+        return self.state.bodies.solved[: self.state.bodies.inside]
 
     def start(self, is_warm: bool) -> None:
         """Set the initial percussions of a solver: those of the last step, or zero."""
-        self.contacts.percussion[: self.size] = self.warm if is_warm else 0.0
+        self.state.contacts.percussion[: self.size] = self.warm if is_warm else 0.0
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
         """Solve to a residual [m/s] in at most `limit` iterations; return (iterations, residual)."""
@@ -118,19 +105,11 @@ class ContactProblem:
 
     def reference(self, precision: float = PRECISION) -> FloatArray:
         """Return the velocities (n, 2) from the library's interior-point solver, to a residual [m/s]."""
-        c = self.size
-        gradient = gradient_matrix(
-            self.contacts.body[:c], self.contacts.other[:c], self.contacts.normal[:c], len(self.free)
-        )
-        return solve_contact_qp(
-            gradient,
-            np.repeat(1.0 / self.inverse_mass, 2),
-            self.free.ravel(),
-            self.contacts.bias[:c],
-            self.contacts.velocity_before[:c],
-            self.law.dissipation,
-            precision,
-        ).reshape(-1, 2)
+        c, n, contacts = self.size, len(self.free), self.state.contacts
+        gradient = gradient_matrix(contacts.body[:c], contacts.other[:c], contacts.normal[:c], n)
+        mass, before = np.repeat(1.0 / self.state.bodies.inverse_mass[:n], 2), contacts.velocity_before[:c]
+        law = ContactLaw(gradient, mass, self.free.ravel(), contacts.bias[:c], before, self.law.dissipation)
+        return solve_contact_qp(law, precision).reshape(-1, 2)
 
 
 @kernel

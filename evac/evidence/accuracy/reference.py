@@ -106,15 +106,7 @@ class ContactLaw(NamedTuple):
         return solution[: len(mass)], polished
 
 
-def solve_contact_qp(
-    gradient: Any,
-    mass: FloatArray,
-    free: FloatArray,
-    bias: FloatArray,
-    before: FloatArray,
-    dissipation: float,
-    precision: float = PRECISION,
-) -> FloatArray:
+def solve_contact_qp(law: ContactLaw, precision: float = PRECISION) -> FloatArray:
     """Return the velocities that minimise the law's energy, by the interior-point solver Clarabel.
 
     min 1/2 |v - V|_M^2 + K_N |s|^2   subject to   G v + b >= 0,   s >= -(G v + w-)/2,   s >= 0
@@ -124,6 +116,7 @@ def solve_contact_qp(
     and the whole law is evaluated again, repeatedly. G is sparse (c, k), M (k,) [kg], V (k,) [m/s], b and w- (c,)
     [m/s], and K_N finite [kg]; the residual of an accepted solution is at most `precision` [m/s].
     """
+    gradient, mass, free, bias, before, dissipation = law
     c, k = gradient.shape
     unit = float(np.mean(mass))
     root = np.sqrt(unit / mass)
@@ -134,14 +127,8 @@ def solve_contact_qp(
         # The slack is scaled so that its quadratic term has the size of the others.
         slack = np.sqrt(unit / (2.0 * dissipation))
         quadratic = sparse.identity(k + c)
-        matrix = sparse.vstack(
-            [
-                sparse.hstack([-scaled, sparse.csc_matrix((c, c))]),
-                sparse.hstack([-0.5 * scaled, -slack * sparse.identity(c)]),
-            ]
-        )
+        matrix = sparse.bmat([[-scaled, None], [-0.5 * scaled, -slack * sparse.identity(c)]])
         bound = np.concatenate([start + bias, 0.5 * (start + before)])
-    law = ContactLaw(gradient, mass, free, bias, before, dissipation)
     best, gap = free, np.inf
     for refinements, tolerance in ATTEMPTS:
         solution = _solved_by_clarabel(quadratic, matrix, bound, refinements, tolerance)

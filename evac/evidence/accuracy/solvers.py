@@ -53,7 +53,7 @@ SECTION = "a. Contact solvers: error against run time"
 def run(evidence: Evidence) -> None:
     """Add part a to the page."""
     stages = QUICK if evidence.quick else FULL
-    rows = evidence.measured("solvers", _all_rows, stages, evidence.seed)
+    rows = evidence.measured("solvers", lambda: (row for stage in stages for row in _stage_rows(stage, evidence.seed)))
     default = default_solver()
     races = list(race_rows(rows, default))
     wins = list(win_rows(races, solvers_of(rows), default))
@@ -77,10 +77,6 @@ def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], defa
     evidence.verdict(reported("True error over residual, median of a problem", told, "-", SECTION))
 
 
-def _all_rows(stages: Sequence[Stage], seed: int) -> list[Row]:
-    return [row for stage in stages for row in _stage_rows(stage, seed)]
-
-
 def _stage_rows(stage: Stage, seed: int) -> Iterator[Row]:
     crowds = snapshots(stage.people, seed)
     for kind, law in PROBLEMS:
@@ -89,17 +85,8 @@ def _stage_rows(stage: Stage, seed: int) -> Iterator[Row]:
         truth = problem.reference()
         duration = time.process_time() - start
         head = {"people": stage.people, "crowd": kind, "law": law.label, "contacts": problem.size, "unit": law.unit}
-        yield {
-            **head,
-            "start": "cold",
-            "solver": REFERENCE,
-            "tolerance": None,
-            "time [s]": duration,
-            "iterations": None,
-            "residual": None,
-            "error": None,
-            "reference run [s]": reference_time(3),
-        }
+        row = {"tolerance": None, "time [s]": duration, "iterations": None, "residual": None, "error": None}
+        yield {**head, "start": "cold", "solver": REFERENCE, **row, "reference run [s]": reference_time(3)}
         for solver in plugins().solvers:
             for first in STARTS:
                 cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
@@ -116,24 +103,15 @@ def measure(
     is_warm: bool,
     cap: float,
     tolerances: Sequence[float] = TOLERANCES,
-) -> list[Row]:
+) -> Iterator[Row]:
     """Solve to ever smaller residuals until one is not reached within `cap` seconds; one row each."""
     limit = affordable(problem, solver, cap)
-    rows = []
     for tolerance in tolerances:
-        duration, iterations, residual = median_solve(problem, solver, is_warm, tolerance / problem.law.scale, limit)
-        rows.append(
-            {
-                "tolerance": tolerance,
-                "time [s]": duration,
-                "iterations": iterations,
-                "residual": residual * problem.law.scale,
-                "error": velocity_error(problem, truth),
-            }
-        )
-        if rows[-1]["residual"] > tolerance:
+        duration, iterations, left = median_solve(problem, solver, is_warm, tolerance / problem.law.scale, limit)
+        row = {"tolerance": tolerance, "time [s]": duration, "iterations": iterations}
+        yield row | {"residual": left * problem.law.scale, "error": velocity_error(problem, truth)}
+        if left * problem.law.scale > tolerance:
             break
-    return rows
 
 
 def affordable(problem: ContactProblem, solver: str, cap: float) -> int:
@@ -163,9 +141,8 @@ def median_solve(
 
 def draw(stage: Stage, rows: Sequence[Row]) -> Any:
     """Draw error over time: a row of panels per law, a column per kind of crowd."""
-    figure, axes = new_figure(
-        3.4 * len(KINDS) + 1.2, 2.3 * len(LAWS), len(LAWS), len(KINDS), sharex=True, squeeze=False
-    )
+    width, height = 3.4 * len(KINDS) + 1.2, 2.3 * len(LAWS)
+    figure, axes = new_figure(width, height, len(LAWS), len(KINDS), sharex=True, squeeze=False)
     for r, law in enumerate(LAWS):
         for c, kind in enumerate(KINDS):
             axis = axes[r, c]
@@ -173,16 +150,9 @@ def draw(stage: Stage, rows: Sequence[Row]) -> Any:
             for k, solver in enumerate(solvers_of(rows)):
                 for first, style in zip(STARTS, ("-", "--"), strict=True):
                     line = [row for row in here if row["solver"] == solver and row["start"] == first]
-                    axis.loglog(
-                        [1e3 * row["time [s]"] for row in line],
-                        [row["error"] for row in line],
-                        style,
-                        color=f"C{k}",
-                        marker=".",
-                        markersize=4,
-                        linewidth=1.1,
-                        label=f"{solver}, {first}",
-                    )
+                    spans, errors = [1e3 * row["time [s]"] for row in line], [row["error"] for row in line]
+                    look = {"color": f"C{k}", "marker": ".", "markersize": 4, "linewidth": 1.1}
+                    axis.loglog(spans, errors, style, label=f"{solver}, {first}", **look)
             for row in here:
                 if row["solver"] == REFERENCE:
                     axis.axvline(1e3 * row["time [s]"], color="black", linestyle=":", linewidth=1.1, label="Clarabel")

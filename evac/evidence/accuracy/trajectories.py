@@ -108,12 +108,10 @@ def measure(
 ) -> Iterator[Row]:
     """Return a row per drive and step: error over all shifts, CPU time."""
     model = plugins().get("contact_model", plugin)(**parameters)
-    truths = []
-    for shift in shifts:
-        if problem.exact is not None:
-            truths.append(problem.exact(plugin, parameters, shift))
-        else:
-            truths.append(walked(problem, model, shift, finest, "exponential")[0])
+    if problem.exact is not None:
+        truths = [problem.exact(plugin, parameters, shift) for shift in shifts]
+    else:
+        truths = [walked(problem, model, shift, finest, "exponential")[0] for shift in shifts]
     for drive in DRIVES:
         for step in steps:
             try:
@@ -121,7 +119,7 @@ def measure(
             except ScenarioError:
                 continue
             walks = [walked(problem, model, shift, step, drive) for shift in shifts]
-            errors = [_distance(place, truth) for (place, _), truth in zip(walks, truths, strict=True)]
+            errors = [np.hypot(*(place - truth).T).max() for (place, _), truth in zip(walks, truths, strict=True)]
             crowd = problem.scene(0.0).crowd
             path = float(max(crowd.speed.max(), np.hypot(*crowd.velocity.T).max())) * step
             error = math.sqrt(float(np.mean(np.square(errors))))
@@ -132,7 +130,7 @@ def measure(
                 "h [s]": step,
                 "error [m]": error,
                 "error / (v h)": error / path,
-                "worst start / (v h)": max(errors) / path,
+                "worst start / (v h)": float(max(errors)) / path,
                 "time [s]": float(np.median([span for _, span in walks])),
                 "theory": 2 if (label, drive) in problem.second_order else 1,
             }
@@ -147,10 +145,6 @@ def walked(problem: Motion, model: ContactModel, shift: float, step: float, driv
     # Long ticks, so that the order of bodies does not change and the warm start is kept.
     engine.advance(model, crowd, 0, steps, step, drive == "explicit", False)
     return crowd.position, time.process_time() - start
-
-
-def _distance(places: FloatArray, truth: FloatArray) -> float:
-    return float(np.max(np.hypot(*(places - truth).T)))
 
 
 def _scene(position: Any, velocity: Any = 0.0, extra: Any = None, walls: Any = (), **settings: Any) -> Scene:

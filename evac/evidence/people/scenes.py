@@ -16,7 +16,7 @@ from evac.building.plan.plan import Plan
 from evac.evidence.evidence import Row
 from evac.evidence.people import measures
 from evac.evidence.people.measures import Line, Track, Values
-from evac.evidence.validation.plans import one_storey
+from evac.evidence.validation.plans import across, one_storey
 
 #: Walking speeds of the participants: corridor, two-way corridor, all others [m/s].
 CORRIDOR_SPEED = {"normal": [1.40, 0.15], "minimum": 1.0, "maximum": 1.8}
@@ -60,9 +60,8 @@ class Experiment:
 def narrow_door_scene() -> Experiment:
     """Return the bottleneck 040_c_56_h-: a hall 5.6 m wide, and a neck of 0.5 m with a chamfered mouth."""
     neck = Polygon([(-0.25, -1.1), (0.25, -1.1), (0.25, -0.15), (0.4, 0), (-0.4, 0), (-0.25, -0.15)])
-    plan = one_storey(box(-2.8, 0, 2.8, 6.7), neck, box(-3.5, -4, 3.5, -1.1))
-    plan.exit("end", "floor", [(-3.5, -4), (3.5, -4)])
-    plan.area("start", "floor", box(-2.8, 0.6, 2.8, 5.6))
+    parts, end = (box(-2.8, 0, 2.8, 6.7), neck, box(-3.5, -4, 3.5, -1.1)), [(-3.5, -4), (3.5, -4)]
+    plan = one_storey(*parts, exits={"end": end}, areas={"start": box(-2.8, 0.6, 2.8, 5.6)})
     line = Line(1, 0.0, -1)
     return Experiment(plan, [{"area": "start", "number": 75}], SPEED, partial(measures.narrow_door, line=line), line)
 
@@ -70,9 +69,9 @@ def narrow_door_scene() -> Experiment:
 def door_scene(width: float) -> Experiment:
     """Return a hall with people at 3.3 per m2, and a door of 0.4 m depth with ground behind it."""
     number, half = (100, 2.5) if width < 1.8 else (180, 3.5)
-    plan = one_storey(box(-half, 0, half, 8), box(-0.5 * width, -0.4, 0.5 * width, 0), box(-half, -3, half, -0.4))
-    plan.exit("end", "floor", [(-half, -3), (half, -3)])
-    plan.area("start", "floor", box(-half, 0.5, half, 0.5 + number / 3.3 / (2.0 * half)))
+    parts = box(-half, 0, half, 8), box(-0.5 * width, -0.4, 0.5 * width, 0), box(-half, -3, half, -0.4)
+    start = box(-half, 0.5, half, 0.5 + number / 3.3 / (2.0 * half))
+    plan = one_storey(*parts, exits={"end": [(-half, -3), (half, -3)]}, areas={"start": start})
     line = Line(1, -0.2, -1)
     measure = partial(measures.door_flow, line=line, width=width)
     return Experiment(plan, [{"area": "start", "number": number}], SPEED, measure, line)
@@ -81,15 +80,10 @@ def door_scene(width: float) -> Experiment:
 def corridor_scene(entrance: float, way_out: float) -> Experiment:
     """Return the corridor of 1.8 m behind a hall, with an entrance and an exit of given widths."""
     mouth, end = 0.5 * entrance, 0.5 * way_out
-    plan = one_storey(
-        box(-3, 4, 3, 10),
-        box(-mouth, 3.8, mouth, 4),
-        box(-0.9, -4, 0.9, 3.8),
-        box(-end, -4.2, end, -4),
-        box(-3, -8, 3, -4.2),
-    )
-    plan.exit("end", "floor", [(-3, -8), (3, -8)])
-    plan.area("start", "floor", box(-3, 4.6, 3, 10))
+    halls = box(-3, 4, 3, 10), box(-0.9, -4, 0.9, 3.8), box(-3, -8, 3, -4.2)
+    doors = box(-mouth, 3.8, mouth, 4), box(-end, -4.2, end, -4)
+    exits, areas = {"end": [(-3, -8), (3, -8)]}, {"start": box(-3, 4.6, 3, 10)}
+    plan = one_storey(*halls, *doors, exits=exits, areas=areas)
     line = Line(1, -4.1, -1)
     shares = (0.3, 0.75) if way_out == 1.8 else (0.4, 0.75)  # the queue before a narrow exit has to form
     measure = partial(measures.corridor, area=(-2.0, 0.0), width=1.8, out=line, shares=shares)
@@ -112,9 +106,8 @@ def stair_scene(way: str) -> Experiment:
         plan.area("start", "lower", box(16, 1, 22, 9))
     line = Line(0, 0.5 * (foot + head), 1 if way == "down" else -1)
     flight = (head + 0.2, foot - 0.2)
-    measure = partial(
-        measures.stair, line=line, flight=flight, width=width, cosine=math.cos(math.atan2(3.0, foot - head))
-    )
+    cosine = math.cos(math.atan2(3.0, foot - head))
+    measure = partial(measures.stair, line=line, flight=flight, width=width, cosine=cosine)
     return Experiment(plan, [{"area": "start", "number": 100}], SPEED, measure, line)
 
 
@@ -136,11 +129,9 @@ def two_way_scene(width: float, each: float) -> Experiment:
 
 def imo_8_scene(counter: int) -> Experiment:
     """Return IMO 8: a hundred people cross from room to room through a corridor, and `counter` come towards them."""
-    plan = one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10))
-    plan.exit("right", "floor", [(30, 0), (30, 10)])
-    plan.exit("left", "floor", [(0, 0), (0, 10)])
-    plan.area("start left", "floor", box(0, 0, 4, 10))
-    plan.area("start right", "floor", box(26, 0, 30, 10))
+    exits = {"right": across(30, 0, 10), "left": across(0, 0, 10)}
+    areas = {"start left": box(0, 0, 4, 10), "start right": box(26, 0, 30, 10)}
+    plan = one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10), exits=exits, areas=areas)
     people = [{"area": "start left", "number": 100, "exits": ["right"]}]
     if counter:
         people.append({"area": "start right", "number": counter, "exits": ["left"]})
@@ -149,9 +140,8 @@ def imo_8_scene(counter: int) -> Experiment:
 
 def bend_scene() -> Experiment:
     """Return a bend to the left of a corridor of 4 m, with its inner corner at (0, 0), and 90 people before it."""
-    plan = one_storey(box(-15, -4, 4, 0), box(0, -4, 4, 18))
-    plan.exit("end", "floor", [(0, 18), (4, 18)])
-    plan.area("start", "floor", box(-14.5, -4, -3, 0))
+    exits, areas = {"end": [(0, 18), (4, 18)]}, {"start": box(-14.5, -4, -3, 0)}
+    plan = one_storey(box(-15, -4, 4, 0), box(0, -4, 4, 18), exits=exits, areas=areas)
     return Experiment(plan, [{"area": "start", "number": 90, "strategy": "quickest"}], SPEED, measures.bend)
 
 
@@ -159,12 +149,10 @@ def two_exits_scene() -> Experiment:
     """Return a hall with 200 people near a door of 1 m, and a door of 2 m that is 12 m farther from them."""
     halls = [box(-3, 0, -0.2, 10), box(0, 0, 22, 10), box(22.2, 0, 25, 10)]
     doors = [box(-0.2, 4.5, 0, 5.5), box(22, 4, 22.2, 6)]
-    plan = one_storey(*halls, *doors)
-    plan.door("near door", "floor", [(-0.1, 4.5), (-0.1, 5.5)])
-    plan.door("far door", "floor", [(22.1, 4), (22.1, 6)])
-    plan.exit("near", "floor", [(-3, 0), (-3, 10)])
-    plan.exit("far", "floor", [(25, 0), (25, 10)])
-    plan.area("start", "floor", box(0.5, 0, 9.5, 10))
+    exits = {"near": across(-3, 0, 10), "far": across(25, 0, 10)}
+    plan = one_storey(*halls, *doors, exits=exits, areas={"start": box(0.5, 0, 9.5, 10)})
+    plan.door("near door", "floor", across(-0.1, 4.5, 5.5))
+    plan.door("far door", "floor", across(22.1, 4, 6))
     people = [{"area": "start", "number": 200, "strategy": "quickest"}]
     return Experiment(plan, people, SPEED, partial(measures.last_out, people=200))
 
@@ -175,11 +163,8 @@ IMO_8 = "IMO 8"
 
 
 #: Names of doors by width [m], corridors by entrance and exit [m], and IMO 8 by the number of those who come towards.
-door_name, corridor_name, imo_8_name = (
-    "door {:g} m".format,
-    "corridor {:g} to {:g} m".format,
-    f"{IMO_8} against {{}}".format,
-)
+door_name, corridor_name = "door {:g} m".format, "corridor {:g} to {:g} m".format
+imo_8_name = f"{IMO_8} against {{}}".format
 
 #: All scenes by name.
 SCENES: Mapping[str, Callable[[], Experiment]] = {

@@ -81,7 +81,7 @@ def run(evidence: Evidence, step: float) -> None:
 
 def _rows(people: int, seed: int, step: float) -> Iterator[Row]:
     for start, density in DENSITIES.items():
-        yield from [{"start": start, **row} for row in compare(make_hall(people, density, seed), step)]
+        yield from ({"start": start, **row} for row in compare(make_hall(people, density, seed), step))
 
 
 def compare(hall: Hall, step: float) -> list[Row]:

@@ -162,7 +162,11 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> Row
     walk = Walk(hall, variant.step)
     cost, pace, walked = None, None, None
     try:
-        ended = walk.into_a_jam(variant) if state == "jammed" else walk.freely(variant, warm)
+        if state == "jammed":
+            ended = walk.into_a_jam(variant)
+        else:
+            walk.advance(variant.model, warm)
+            ended = "time"
         walked, pace = walk.time, walk.pace
         cost = time_ticks(walk, variant.model, timed)
     except SimulationError as refusal:
@@ -203,7 +207,7 @@ def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> R
     measured, ratios = [], []
     for _ in range(repeats + 1):
         walk, variant = Walk(hall, STEP), make_variant("DEM", STEP)
-        walk.freely(variant, warm)
+        walk.advance(variant.model, warm)
         cost = time_ticks(walk, variant.model, timed)
         measured.append(1e9 * cost.per_person)
         ratios.append(cost.ratio)

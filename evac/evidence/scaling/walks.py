@@ -86,11 +86,6 @@ class Walk:
             self.engine.advance(model, self.crowd, self.made, self.per_tick, self.step, False, False)
             self.made += self.per_tick
 
-    def freely(self, variant: Variant, ticks: int) -> str:
-        """Walk for a time; return why the walk ended."""
-        self.advance(variant.model, ticks)
-        return "time"
-
     def into_a_jam(self, variant: Variant) -> str:
         """Walk until the crowd is jammed and has settled; return why the walk ended."""
         people = len(self.crowd.level)

@@ -1,7 +1,6 @@
 """NSM2 over its whole range of dissipation, standing crowds, static overlaps and forces."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -61,7 +60,7 @@ def _dissipation_rows(quick: bool) -> Iterator[Row]:
                 trial = trials.attempt(model, scene, 0.01, 0.3, every=0.01)
                 expected = restitution(value, mass)
                 row |= {f"{name}: restitution": rebound(trial), f"{name}: theory": expected}
-                row[name] = trials.judge(trial, partial(_off, rebound, expected), SMALL_SPEED, SMALL_SPEED, "").kind
+                row[name] = _judged(trial, rebound, expected).kind
             yield row | _try_squeeze(model)
 
 
@@ -109,8 +108,8 @@ def _pair_rebound(trial: trials.Trial) -> float:
     return float(-relative[1] / relative[0])
 
 
-def _off(rebound: Callable[[trials.Trial], float], expected: float, trial: trials.Trial) -> float:
-    return abs(rebound(trial) - expected)
+def _judged(trial: trials.Trial, rebound: Callable[[trials.Trial], float], expected: float) -> trials.Verdict:
+    return trials.judge(trial, lambda one: abs(rebound(one) - expected), SMALL_SPEED, SMALL_SPEED, "")
 
 
 def _draw_restitution(rows: Sequence[Row]) -> Any:
@@ -121,9 +120,7 @@ def _draw_restitution(rows: Sequence[Row]) -> Any:
         axis.plot(smooth, [restitution(k, mass) for k in smooth], color=colour, label=f"{name}, {mass:g} kg: theory")
         values = [row[f"{name}: restitution"] for row in finite]
         axis.plot([row["K_N [kg]"] for row in finite], values, "o", color=colour, label=f"{name}: measured")
-    axis.set_xscale("log")
-    axis.set_xlabel("K_N [kg]")
-    axis.set_ylabel("coefficient of restitution")
+    axis.set(xscale="log", xlabel="K_N [kg]", ylabel="coefficient of restitution")
     axis.legend(fontsize=8)
     return figure
 

@@ -67,17 +67,9 @@ def nudged(scene: Scene, generator: np.random.Generator) -> Scene:
 def try_step(scene: Scene, stiffness: float, step: float, explicit: bool, checked: bool) -> Verdict:
     """Return the verdict on a nudged crowd after `STEPS` steps, beside the same crowd without the nudge."""
     plain = scene.changed(velocity=np.zeros_like(scene.crowd.velocity))
+    model, span = make_model("DEM", stiffness=stiffness), STEPS * step
     trials = [
-        attempt(
-            make_model("DEM", stiffness=stiffness),
-            start,
-            step,
-            STEPS * step,
-            explicit=explicit,
-            every=STEPS * step,
-            checked=checked,
-        )
-        for start in (scene, plain)
+        attempt(model, start, step, span, explicit=explicit, every=span, checked=checked) for start in (scene, plain)
     ]
 
     def growth(trial: Trial) -> float:

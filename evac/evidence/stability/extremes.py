@@ -37,16 +37,6 @@ class Extreme:
     tolerance: float | None = None  # of the solvers [m/s], where it is not the default
 
 
-def coincident() -> Scene:
-    """Return two people at the same place."""
-    return scenes.people_in(ROOM, [(2.0, 2.0), (2.0, 2.0)], speed=1.0)
-
-
-def half_overlapping() -> Scene:
-    """Return four people who overlap by half."""
-    return scenes.people_in(ROOM, [(2.0, 2.0), (2.2, 2.0), (2.1, 2.2), (2.0, 1.8)], speed=1.0)
-
-
 def denser_than_discs() -> Scene:
     """Return a start denser than discs can pack: 40 bodies of 7.9 m2 in all on 4 m2."""
     bounds = (0.0, 0.0, 2.0, 2.0)
@@ -62,28 +52,15 @@ def closed_door(people: int) -> Scene:
     middle = 0.5 * bounds[3]
     door = (bounds[2], middle - 0.5, bounds[2], middle + 0.5)
     places = scenes.packed(people, rows, 0.2, bounds[2] - 0.02, 0.02, 0.02)
-    return Scene(
-        bounds,
-        scenes.room(bounds, exits=(door,)),
-        scenes.towards(bounds, (bounds[2] + 0.1, middle)),
-        make_crowd(places, speed=1.5),
-        is_closed=True,
-    )
+    building, fields = scenes.room(bounds, exits=(door,)), scenes.towards(bounds, (bounds[2] + 0.1, middle))
+    return Scene(bounds, building, fields, make_crowd(places, speed=1.5), is_closed=True)
 
 
 def narrow_door() -> Scene:
     """Return twelve people at an open door of 0.3 m, narrower than their bodies of 0.4 m."""
-    return Scene(
-        ROOM,
-        scenes.room(ROOM, exits=((6.0, 1.85, 6.0, 2.15),)),
-        scenes.towards(ROOM, (6.2, 2.0)),
-        make_crowd(scenes.packed(12, 4, 0.2, 5.0, 1.0, 0.01), speed=1.5),
-    )
-
-
-def squeezed() -> Scene:
-    """Return three people of 0.4 m between two walls 0.3 m apart."""
-    return scenes.people_in((0.0, 0.0, 6.0, 0.3), [(1.0, 0.15), (2.0, 0.1), (3.0, 0.2)], speed=1.0)
+    building = scenes.room(ROOM, exits=((6.0, 1.85, 6.0, 2.15),))
+    crowd = make_crowd(scenes.packed(12, 4, 0.2, 5.0, 1.0, 0.01), speed=1.5)
+    return Scene(ROOM, building, scenes.towards(ROOM, (6.2, 2.0)), crowd)
 
 
 def far_from_origin(gap: float, east: float = 5e5, north: float = 5e6) -> Scene:
@@ -97,8 +74,10 @@ def extremes(quick: bool) -> dict[str, Extreme]:
     number, hour = (400, 60.0) if quick else (10_000, 3600.0)
     sideways = 0.1 * np.sqrt(2.0 * 1.2e5 / 80.0)  # DEM: the springs' energy of a start 0.1 m off the middle [m/s]
     return {
-        "coincident centres": _overlap_to_remove(coincident, 5.0),
-        "half-overlapping start": _overlap_to_remove(half_overlapping, 5.0),
+        "coincident centres": _overlap_to_remove(lambda: scenes.people_in(ROOM, 2 * [(2.0, 2.0)], speed=1.0), 5.0),
+        "half-overlapping start": _overlap_to_remove(
+            lambda: scenes.people_in(ROOM, [(2.0, 2.0), (2.2, 2.0), (2.1, 2.2), (2.0, 1.8)], speed=1.0), 5.0
+        ),
         "denser than discs can pack": _overlap_to_remove(denser_than_discs, 2.0),
         f"{number} people at a closed door": Extreme(
             f"greatest overlap in {PRESSED:g} s, as on the map of speeds",
@@ -115,7 +94,7 @@ def extremes(quick: bool) -> dict[str, Extreme]:
         ),
         "squeezed between two walls": Extreme(
             "speed beyond the desired one, right up to 0.02 m/s",
-            squeezed,
+            lambda: scenes.people_in((0.0, 0.0, 6.0, 0.3), [(1.0, 0.15), (2.0, 0.1), (3.0, 0.2)], speed=1.0),
             _bounded(
                 lambda trial: max(0.0, float(trial.speed().max() - trial.crowd.speed.max())), 0.02, sideways, "m/s"
             ),

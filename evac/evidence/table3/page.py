@@ -1,6 +1,6 @@
 """Table 3 of the paper and the figures around it: flow of the square room, figures 2 and 3, classroom, school."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -117,42 +117,21 @@ def _flows(evidence: Evidence, plan: Mapping[float, tuple[int, int]]) -> tuple[F
 
 def _row(name: str, step: float, sets: int, flow: Flow) -> Row:
     published = PUBLISHED[name].get(step)
+    (pooled, low, high), mean = flow.pooled, flow.mean
     return {
-        "model": name,
-        "h [s]": step,
-        "position sets": sets,
-        "runs": flow.runs,
-        "counted apart": flow.stopped,
-        "Q pooled": flow.pooled.value,
-        "from": flow.pooled.low,
-        "to": flow.pooled.high,
-        "per metre [1/s/m]": flow.pooled.value / (60.0 * WIDTH),
-        "Q of runs": flow.mean.value,
-        "of runs, from": flow.mean.low,
-        "of runs, to": flow.mean.high,
-        "published": published,
-        "Q pooled - published": flow.pooled.value - published if published else None,
-        "Q of runs - published": flow.mean.value - published if published else None,
+        **{"model": name, "h [s]": step, "position sets": sets, "runs": flow.runs, "counted apart": flow.stopped},
+        **{"Q pooled": pooled, "from": low, "to": high, "per metre [1/s/m]": pooled / (60.0 * WIDTH)},
+        **{"Q of runs": mean.value, "of runs, from": mean.low, "of runs, to": mean.high, "published": published},
+        "Q pooled - published": pooled - published if published else None,
+        "Q of runs - published": mean.value - published if published else None,
     }
 
 
-def _change_rows(changes: FlowTable) -> list[Row]:
-    return [
-        {
-            "model": name,
-            "from h [s]": DEFAULT,
-            "to h [s]": step,
-            "shared runs": change.runs,
-            "counted apart": change.stopped,
-            "change of Q pooled": change.pooled.value,
-            "from": change.pooled.low,
-            "to": change.pooled.high,
-            "change of Q of runs": change.mean.value,
-            "of runs, from": change.mean.low,
-            "of runs, to": change.mean.high,
-        }
-        for (name, step), change in changes.items()
-    ]
+def _change_rows(changes: FlowTable) -> Iterator[Row]:
+    for (name, step), own in changes.items():
+        head = {"model": name, "from h [s]": DEFAULT, "to h [s]": step}
+        head |= {"shared runs": own.runs, "counted apart": own.stopped}
+        yield head | dict(zip(CHANGES, (*own.pooled, *own.mean), strict=True))
 
 
 def _draw(flows: FlowTable, steps: list[float]) -> Any:
