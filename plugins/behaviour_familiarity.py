@@ -50,7 +50,7 @@ class Familiarity(Behaviour):
     Raises
     ------
     ScenarioError
-        `knows` is not a table of shares, or `main` not a list of strings.
+        `knows` is not a table of shares.
     ScenarioError
         From `prepare`: people may know no exit, or a sign shows an exit that is in neither list.
 
@@ -68,7 +68,7 @@ class Familiarity(Behaviour):
     group_keys = ("knows",)
     follows_signs = True
 
-    main: Any = Parameter([], "exits that everybody knows and prefers, such as the main entrance")
+    main: Any = Parameter((), "exits that everybody knows and prefers, such as the main entrance")
     knows: Any = Parameter({}, "share of people who know each other exit, such as { back = 0.3 }")
     preference: Any = Parameter(2.0, "factor of travel times to other known exits", minimum=1.0)
     trust: Any = Parameter(0.5, "factor of travel times to exits in sight or shown by signs", minimum=0.0, maximum=1.0)
@@ -79,8 +79,6 @@ class Familiarity(Behaviour):
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
-        if not isinstance(self.main, list | tuple) or not all(isinstance(name, str) for name in self.main):
-            raise ScenarioError(f"behaviours.familiarity.main: must be a list of exits, not {self.main!r:.100}")
         self._shares("behaviours.familiarity.knows", self.knows)
 
     @staticmethod
@@ -237,6 +235,3 @@ class Familiarity(Behaviour):
         self._seen = taken(state, "seen", np.uint8, self._seen.shape, 0, 1)
         self._next = float(taken(state, "next", np.float64, (1,), 0.0)[0])
         self._version = int(taken(state, "version", np.int64, (1,))[0])
-
-
-evac_interface = 3

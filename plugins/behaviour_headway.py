@@ -176,6 +176,3 @@ def brakes_for(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
     if crowd.route[i] == crowd.route[j] or is_outside:
         return sights.remaining[j] < sights.remaining[i]
     return (ex + fx) * dx + (ey + fy) * dy > 0.0
-
-
-evac_interface = 3

@@ -1,7 +1,6 @@
 """Helpers: people who fetch others who cannot leave alone, and bring them out or to an assembly area."""
 
 import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,7 +90,7 @@ class Helpers(Behaviour):
     Raises
     ------
     ScenarioError
-        `devices`, `areas` or `exits` are not what they must be.
+        `devices` are not what they must be.
     ScenarioError
         From `prepare`: an area, group or device does not exist; a group has too few helpers; somebody is in none of the
         areas, or goes to a refuge that is none of them, or has no speed that could be scaled.
@@ -109,19 +108,15 @@ class Helpers(Behaviour):
 
     device = Parameter("", "way in which people of the group are brought")
     fetches = Parameter("", "name of the group that people of this group fetch")
-    areas: Any = Parameter([], "areas in which people wait for helpers")
-    exits: Any = Parameter([], "exits to which people are brought; empty: any")
+    areas: Any = Parameter((), "areas in which people wait for helpers")
+    exits: Any = Parameter((), "exits to which people are brought; empty: any")
     to = Parameter("", "area of a place of kind assembly to which people are brought, instead of exits")
     preparation = Parameter(30.0, "time from the arrival of the helpers until they go", unit="s", minimum=0.0)
     devices: Any = Parameter({}, "further devices: flat, up, down and handlers of each")
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
-        for key in ("areas", "exits"):
-            names = getattr(self, key)
-            if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
-                raise ScenarioError(f"behaviours.helpers.{key}: must be a list of names, not {names!r:.100}")
-        self._devices = DEVICES | {name: _device(name, one) for name, one in _table(self.devices).items()}
+        self._devices: dict[str, Device] = DEVICES | {name: _device(name, one) for name, one in self.devices.items()}
 
     def routes(self) -> tuple[Route, ...]:
         """Return the routes to the areas and out, also without stairs."""
@@ -129,7 +124,7 @@ class Helpers(Behaviour):
 
     def _way(self, steepest: float | None) -> Route:
         """Return the route on which people are brought."""
-        return Route(() if self.to else tuple(self.exits), steepest=steepest, refuge=self.to)
+        return Route(() if self.to else self.exits, steepest=steepest, refuge=self.to)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Find the people, their devices and their helpers."""
@@ -396,12 +391,6 @@ class Helpers(Behaviour):
         self._by = taken(state, "by", np.uint8, self._by.shape, 0, 1)
 
 
-def _table(value: Any) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ScenarioError(f"behaviours.helpers.devices: must be a table of devices, not {value!r:.100}")
-    return value
-
-
 def _device(name: str, value: Any) -> Device:
     """Return a device that a case describes."""
     match value:
@@ -412,6 +401,3 @@ def _device(name: str, value: Any) -> Device:
     raise ScenarioError(
         f"behaviours.helpers.devices.{name}: must be a table of {speeds}, and handlers, not {value!r:.100}"
     )
-
-
-evac_interface = 3

@@ -174,6 +174,3 @@ class ResponseTime(Behaviour):
         comes = level < 0  # during the run
         place[comes] = len(areas) + len(scene.building.levels) + scene.crowd.group[rows[comes]]
         return place
-
-
-evac_interface = 3

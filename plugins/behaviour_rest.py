@@ -71,6 +71,3 @@ class Rest(Behaviour):
         self._climbed = taken(state, "climbed", np.float64, shape, 0.0)
         self._onwards = taken(state, "onwards", np.float64, shape, 0.0)
         self._until = taken(state, "until", np.float64, shape, -np.inf, np.inf)
-
-
-evac_interface = 3

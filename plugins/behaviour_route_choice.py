@@ -1,7 +1,6 @@
 """Route choice: each person takes the route of minimum cost for its own speeds, and may change it later."""
 
 import math
-import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -61,7 +60,7 @@ class RouteChoice(Behaviour):
     Raises
     ------
     PluginError
-        A strategy does not exist, or `exits` or `strategies` is not a list of strings.
+        No strategy is given, or `change_at` without `change_to`.
     ScenarioError
         From `prepare`: a group has an exit or a strategy that is not among those of this behaviour.
 
@@ -77,22 +76,15 @@ class RouteChoice(Behaviour):
     group_keys = ("exits", "strategies", "change_at")
 
     exits: Any = Parameter((), "exits to choose between; empty: any exit, by the strategy")
-    strategies: Any = Parameter(("fastest",), f"strategies to choose between, of {', '.join(STRATEGIES)}")
+    strategies: Any = Parameter(("fastest",), "strategies to choose between", choices=STRATEGIES)
     every: Any = Parameter(0.0, "period of choices; 0: only at the start", "s", minimum=0.0)
     change_at: Any = Parameter(math.inf, "time at which `change_to` replaces the strategies", "s", 0.0, infinite=True)
     change_to: Any = Parameter("", "strategy after `change_at`; empty: no change", choices=("", *STRATEGIES))
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
-        self.exits = _words("route_choice.exits", self.exits)
-        self.strategies = _words("route_choice.strategies", self.strategies)
         if not self.strategies:
             raise PluginError("route_choice.strategies: give at least one of " + ", ".join(STRATEGIES))
-        for strategy in self.strategies:
-            if strategy not in STRATEGIES:
-                raise PluginError(
-                    f"route_choice.strategies: unknown value {strategy!r}; {did_you_mean(strategy, STRATEGIES)}"
-                )
         if math.isfinite(self.change_at) and not self.change_to:
             raise PluginError("route_choice.change_at: requires change_to; set change_to to a strategy")
         self._groups: tuple[_Choosers, ...] = ()
@@ -182,7 +174,7 @@ class RouteChoice(Behaviour):
     @staticmethod
     def _among(key: str, settings: Mapping[str, Any], name: str, offered: tuple[str, ...]) -> tuple[str, ...]:
         """Return the list of a group, which must be a subset of the list of the behaviour."""
-        chosen = _words(key, settings.get(name, offered))
+        chosen: tuple[str, ...] = RouteChoice.declared()[name].check(key, settings.get(name, offered))
         for word in chosen:
             if word not in offered:
                 raise ScenarioError(
@@ -238,13 +230,3 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
             own = np.where(lengths[reached] > 0.0, lengths[reached] * weight[reached], 0.0)
         cost[reached, column] = own.sum(axis=1)
     return cost
-
-
-def _words(key: str, value: Any) -> tuple[str, ...]:
-    """Return a list of strings as a tuple."""
-    if not isinstance(value, (list, tuple)) or not all(isinstance(word, str) for word in value):
-        raise PluginError(f"{key}: must be a list of strings, not {reprlib.repr(value)}")
-    return tuple(dict.fromkeys(value))
-
-
-evac_interface = 3

@@ -249,6 +249,3 @@ def add_waiting_time(memory, g, seen, vain, remaining, spent):  # type: ignore[n
         memory[g, vain] = 0.0
     else:
         memory[g, vain] += spent
-
-
-evac_interface = 3

@@ -1,13 +1,12 @@
 """Together: families and groups that gather at a place first, and wait for each other on their way."""
 
-import reprlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import PluginError, ScenarioError, counted
+from evac.base.errors import ScenarioError, counted
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import taken
 from evac.directions.routes import Route
@@ -40,8 +39,6 @@ class Together(Behaviour):
 
     Raises
     ------
-    PluginError
-        `places` is not a list of strings.
     ScenarioError
         The building has no area of a name in `places`, or ``gather`` is not one of them.
     """
@@ -54,16 +51,10 @@ class Together(Behaviour):
     size = Parameter(0, "number of people of a unit; 0: all people of a group", minimum=0)
     unit = Parameter("", "name of the unit, common to several groups; empty: a group has its own units")
     gather = Parameter("", "area at which a unit gathers, one of `places`; empty: none")
-    places: Any = Parameter([], "areas at which units gather")
+    places: Any = Parameter((), "areas at which units gather")
     lag = Parameter(3.0, "lead over the last member at which the others stop", unit="s", above=0.0)
     count = Parameter(10.0, "time for which a unit stays when all have gathered", unit="s", minimum=0.0)
     patience = Parameter(30.0, "time without progress after which nobody waits", unit="s", minimum=0.0, infinite=True)
-
-    def __init__(self, **values: Any) -> None:
-        super().__init__(**values)
-        is_list = isinstance(self.places, list | tuple)
-        if not is_list or not all(isinstance(place, str) for place in self.places):
-            raise PluginError(f"together.places: must be a list of strings, not {reprlib.repr(self.places)}")
 
     def routes(self) -> tuple[Route, ...]:
         """Return a route to each place."""
@@ -111,7 +102,7 @@ class Together(Behaviour):
         """Return the place at which a group gathers; an empty text if it does not."""
         place: str = group.settings.get("gather", self.gather)
         if place and place not in self.places:
-            hint = did_you_mean(place, list(self.places)) if self.places else "it is empty"
+            hint = did_you_mean(place, self.places) if self.places else "it is empty"
             key = f"people.{group.name}.behaviours.together.gather"
             raise ScenarioError(f"{key}: {place!r} is not in behaviours.together.places; {hint}")
         return place
@@ -210,6 +201,3 @@ def _taking_part(scene: BehaviourScene) -> list[Any]:
     """Return the groups with one of the keys; at a rate, nobody of a group may come."""
     keys = set(Together.group_keys)
     return [group for group in scene.groups if len(group.rows) and group.settings.keys() & keys]
-
-
-evac_interface = 3

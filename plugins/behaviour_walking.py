@@ -539,6 +539,3 @@ def wall_step(world, crowd, sights, rule, i):  # type: ignore[no-untyped-def]
                 right = max(right, weight)
                 lowest = 0.0 if touches else lowest
     return right - left, lowest, highest
-
-
-evac_interface = 3

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from evac.contract.hooks import hookimpl
 
-evac_interface = 3
-
 
 @hookimpl
 def evac_building_cases() -> Sequence[Path]:

@@ -285,6 +285,3 @@ def _coverage(scene: SourceScene, levels: list[int], blocks: "Mapping[str, list[
             raise ScenarioError(f"{path}: the slices cover nothing of the building; {remedy}")
         lines.append(f"{path}: slices cover {100.0 * covered / total:.0f} % of the building; {remedy}")
     return lines
-
-
-evac_interface = 3

@@ -140,6 +140,3 @@ def _parts_in(path: Path, levels: list[int], scene: SourceScene) -> list[_Part]:
             own = [known[level]] if level else levels
             parts.append(_part_of(scene, own, time, dict(zip(names, columns, strict=True))))
     return parts
-
-
-evac_interface = 3

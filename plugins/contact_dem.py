@@ -275,6 +275,3 @@ class Dem(ContactModel):
             WALL_CROSSED: "increase contact.dem.stiffness, or use contact.model = 'nsm1'",
             TOO_STIFF: "reduce contact.dem.stiffness, or use a smaller simulation.step",
         }
-
-
-evac_interface = 3

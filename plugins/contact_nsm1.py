@@ -129,6 +129,3 @@ class Nsm1(SolvedContactModel):
     def promised_overlap(self, scene: BorderScene) -> float:
         """Return the gap tolerance [m]; initial overlaps exceed it until they are separated."""
         return float(self.gap_tolerance)
-
-
-evac_interface = 3

@@ -166,6 +166,3 @@ class Nsm2(SolvedContactModel):
                 " contact.model = 'nsm1'"
             )
         }
-
-
-evac_interface = 3

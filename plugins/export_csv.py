@@ -25,6 +25,3 @@ class CsvExporter(Exporter):
             rows = zip(*(column.tolist() for column in table.values()), strict=True)
             writer.writerows(map(cell_of, row) for row in rows)
         return [path]
-
-
-evac_interface = 3

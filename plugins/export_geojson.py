@@ -91,6 +91,3 @@ def _drawn(segments: FloatArray) -> BaseGeometry:
 def _feature(shape: BaseGeometry, kind: str, name: str, levels: list[str], **more: Any) -> dict[str, Any]:
     properties = {"kind": kind, "name": name, "levels": levels, **more}
     return {"type": "Feature", "properties": properties, "geometry": mapping(shape)}
-
-
-evac_interface = 3

@@ -96,6 +96,3 @@ def _write(path: Path, level: Level, rows: np.ndarray, frames: int, frame_rate: 
                 base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?)", typed)
     except sqlite3.Error as error:
         raise OSError(f"{path}: {error}") from error
-
-
-evac_interface = 3

@@ -31,6 +31,3 @@ class ParquetExporter(Exporter):
         ]
         parquet.write_table(pyarrow.table(arrays, schema=pyarrow.schema(fields)), path)
         return [path]
-
-
-evac_interface = 3

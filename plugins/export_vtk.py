@@ -21,6 +21,3 @@ class VtkExporter(Exporter):
     def place(self, trajectory: Trajectory) -> Path:
         """Return the result folder, to which a run with ``output.animation`` writes the same files."""
         return trajectory.path.parent
-
-
-evac_interface = 3

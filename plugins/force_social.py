@@ -56,6 +56,3 @@ class SocialForce(Force):
         """Return A, B, Lambda, whether isotropic, and the cut-off."""
         isotropic = 1.0 if self.reading == "isotropic" else 0.0
         return np.array([self.strength, self.range, self.anisotropy, isotropic, self.cutoff()])
-
-
-evac_interface = 3

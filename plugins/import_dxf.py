@@ -536,6 +536,3 @@ def _no_floor(document: Any) -> str:
         "the layers of the floor are empty; set floor to the layers with outlines, or walls to the layers with walls "
         f"as lines; the layers and their numbers of entities are: {layers}"
     )
-
-
-evac_interface = 3

@@ -234,6 +234,3 @@ def _solid(boxes: FloatArray, holes: list[Line], z: float) -> BaseGeometry:
     """Return the plan of boxes (n, 6) without the holes that reach a height [m]."""
     away = [one.plan for one in holes if one.box is not None and one.box[4] <= z <= one.box[5]]
     return shapely.union_all([*shapely.box(*boxes[:, [0, 2, 1, 3]].T)]).difference(shapely.union_all(away))
-
-
-evac_interface = 3

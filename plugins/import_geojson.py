@@ -338,6 +338,3 @@ def _metres_per_degree(latitude: float) -> np.ndarray[Any, np.dtype[np.float64]]
     flattened = 1.0 - square * math.sin(latitude) ** 2
     across, along = MAJOR / math.sqrt(flattened), MAJOR * (1.0 - square) / flattened**1.5
     return np.radians([across * math.cos(latitude), along])
-
-
-evac_interface = 3

@@ -199,6 +199,3 @@ def _attribute(element: Mapping[str, Any], name: str) -> str:
 
 def _text(value: Any) -> str:
     return "" if value is None else " ".join(str(value).split())
-
-
-evac_interface = 3

@@ -129,6 +129,3 @@ def _array_tags(mesh: Any) -> Tags:
                 raise ValueError(f"the cell array {name!r} has several numbers per cell; a tag needs exactly one")
             tags[name] = [np.nan_to_num(array[:, 0]) != 0 for array in values]
     return tags
-
-
-evac_interface = 3

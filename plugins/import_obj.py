@@ -110,6 +110,3 @@ def _tag(group: str, kinds: dict[str, str]) -> str:
             return kind if kind in ("", "ignore") else f"{KINDS[kind]}:{group}"
     found = next((word for word in WORDS if word in group.lower()), "")
     return f"{KINDS[found]}:{group}" if found else ""
-
-
-evac_interface = 3

@@ -46,6 +46,3 @@ class OffImporter(Importer):
             except ValueError as error:
                 raise ValueError(f"line {number}: {text[number - 1].strip()!r}: {error}") from error
         return SurfaceMesh(points, faces)
-
-
-evac_interface = 3

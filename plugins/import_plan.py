@@ -21,6 +21,3 @@ class PlanImporter(Importer):
     def read(self, path: Path) -> Plan:
         """Read a plan; raise ValueError if the file is not TOML."""
         return plan_of(read_table(path), path, path.parent)
-
-
-evac_interface = 3

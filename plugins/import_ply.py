@@ -130,6 +130,3 @@ class _Body:
             [self.take(kind * (1 if length is None else int(self.take(length)[0]))) for kind, length in counts]
             for _ in range(element.count)
         ]
-
-
-evac_interface = 3

@@ -52,6 +52,3 @@ def _geometries(text: str) -> list[shapely.Geometry]:
             except ValueError as error:
                 raise ValueError(f"line {number}: {error}" if len(lines) > 1 else str(first)) from error
     return geometries
-
-
-evac_interface = 3

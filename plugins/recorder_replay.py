@@ -75,9 +75,6 @@ class ReplayRecorder(Recorder):
             self.motion.restore(state)
 
 
-evac_interface = 3
-
-
 @hookimpl
 def evac_finish(simulation: "Simulation", results: "Results | None", error: BaseException | None) -> None:
     """Write the page, also of a failed run, unless the user chose not to wait for results."""

@@ -114,6 +114,3 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
         "contrast": simulation.case.smoke.contrast,
         "building": building_to_json(simulation.scene.ground.building),
     }
-
-
-evac_interface = 3

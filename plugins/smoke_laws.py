@@ -88,6 +88,3 @@ class Unaffected(SmokeLaw):
     def speed(self, desired: FloatArray, extinction: FloatArray) -> FloatArray:
         """Return the desired speeds."""
         return desired
-
-
-evac_interface = 3

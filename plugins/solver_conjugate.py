@@ -327,6 +327,3 @@ class ConjugateFaces(Solver):
     name = "conjugate_faces"
     solve = conjugate_faces
     stronger = "conjugate_sweeps"
-
-
-evac_interface = 3

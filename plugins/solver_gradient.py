@@ -175,6 +175,3 @@ class AcceleratedGradient(Solver):
 
     name = "accelerated_gradient"
     solve = accelerated_gradient
-
-
-evac_interface = 3

@@ -247,6 +247,3 @@ class AcceleratedSweeps(Solver):
     name = "accelerated_sweeps"
     solve = accelerated_sweeps
     make_phase = make_phase
-
-
-evac_interface = 3

@@ -28,7 +28,9 @@ class Parameter:
     Parameters
     ----------
     default : object
-        Value used if the case does not set it. Its type is the required type; an int is accepted for a float.
+        Value used if the case does not set it. Its type is the required type; an int is accepted for a float. That of
+        a tuple is a list of words, each of `choices` if there are any, which becomes a tuple without repetitions; that
+        of a dictionary is a table.
     doc : str
         One sentence, shown by ``evac plugins`` and in the reference.
     unit : str
@@ -37,7 +39,7 @@ class Parameter:
         Closed bounds of a number; ``above`` is an open lower bound. Without bounds, numbers must lie within
         `GREATEST` of zero: state bounds beyond which memory or time run out, or the model overflows.
     choices : tuple of str
-        The allowed words.
+        The allowed words, or those of a list.
     infinite : bool
         Whether infinity is allowed.
     distribution : bool
@@ -87,12 +89,21 @@ class Parameter:
                 return str(value)  # as the name of a layer
             if not isinstance(value, str):
                 raise PluginError(f"{key}: expected a word, got {reprlib.repr(value)}")
-            if self.choices and value not in self.choices:
-                raise PluginError(f"{key}: unknown value {reprlib.repr(value)}; {did_you_mean(value, self.choices)}")
-            return value
+            return self._check_word(key, value)
+        if isinstance(self.default, tuple):
+            if not isinstance(value, list | tuple) or not all(isinstance(word, str) for word in value):
+                raise PluginError(f"{key}: must be a list of words, got {reprlib.repr(value)}")
+            return tuple(dict.fromkeys(self._check_word(key, word) for word in value))
+        if isinstance(self.default, Mapping) and not isinstance(value, Mapping):
+            raise PluginError(f"{key}: must be a table, got {reprlib.repr(value)}")
         if isinstance(self.default, (int, float)):
             return self._check_number(key, value)
         return value
+
+    def _check_word(self, key: str, word: str) -> str:
+        if self.choices and word not in self.choices:
+            raise PluginError(f"{key}: unknown value {reprlib.repr(word)}; {did_you_mean(word, self.choices)}")
+        return word
 
     def _check_number(self, key: str, value: Any) -> float | int:
         whole = isinstance(self.default, int)

@@ -2,6 +2,7 @@
 
 import inspect
 import reprlib
+import sys
 from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
@@ -68,14 +69,15 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
 
 
 def check_interface(module: ModuleType, plugin: str) -> None:
-    """Check that a module states the version of the plugin interface, and that it is this one.
+    """Check that a module, or its package, states the version of the plugin interface, and that it is this one.
 
     Raises
     ------
     PluginError
         The version is missing, invalid or another one; names the plugin, both versions, and what to change.
     """
-    stated, own = getattr(module, "evac_interface", None), hooks.INTERFACE
+    package, own = sys.modules.get(module.__package__ or ""), hooks.INTERFACE
+    stated = getattr(module, "evac_interface", getattr(package, "evac_interface", None))
     if stated == own and isinstance(stated, int):
         return
     adapt = (

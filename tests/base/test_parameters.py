@@ -14,6 +14,9 @@ class Spring(Configurable):
     warm = Parameter(True, "warm start")
     limit = Parameter(1.0, "limit", infinite=True)
     time = Parameter({"uniform": [0.0, 10.0]}, "time", unit="s", minimum=0, distribution=True)
+    ways = Parameter((), "ways", choices=("north", "south"))
+    names = Parameter((), "names")
+    table = Parameter({}, "table")
 
 
 class Damped(Spring):
@@ -28,6 +31,7 @@ def test_defaults_and_given_values_are_typed():
     assert spring.sweeps == 7
     assert spring.reading == "isotropic"
     assert spring.time.support() == (0.0, 10.0)
+    assert (spring.ways, Spring(ways=["south", "north", "south"]).ways) == ((), ("south", "north"))
 
 
 def test_a_subclass_declares_what_its_base_declares_first():
@@ -51,6 +55,10 @@ def test_a_subclass_declares_what_its_base_declares_first():
         ("warm", 1, "true or false.* 1"),
         ("time", -1, "0.* -1"),
         ("stifness", 1, "'stiffness'"),
+        ("ways", ["north", "suth"], "'suth'.*'south'"),
+        ("names", "north", "list.*'north'"),
+        ("names", [1], r"list.*\[1\]"),
+        ("table", [1], r"table.*\[1\]"),
     ],
 )
 def test_a_wrong_value_is_refused_with_key_and_range(key, value, words):

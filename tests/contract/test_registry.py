@@ -118,6 +118,21 @@ def test_a_package_has_the_classes_of_its_own_modules(tmp_path, monkeypatch):
     assert (list(registry.forces), list(registry.recorders)) == (["far"], ["idle"])
 
 
+@pytest.mark.parametrize("stated", [INTERFACE, 1])
+def test_a_package_states_the_interface_of_its_modules(stated, tmp_path, monkeypatch):
+    place = tmp_path / f"shared{stated}"
+    place.mkdir()
+    written(place, "__init__.py", f"evac_interface = {stated}\n")
+    written(place, "models.py", CLASSES.replace("    evac_interface = 3\n", ""))
+    monkeypatch.syspath_prepend(tmp_path)
+    module = f"shared{stated}.models"
+    if stated == INTERFACE:
+        assert "far" in Registry(builtins=(module,)).forces
+        return
+    with pytest.raises(PluginError, match=rf"{module}.* version 1 .* {INTERFACE}"):
+        Registry(builtins=(module,))
+
+
 def test_a_file_named_twice_is_registered_once(tmp_path):
     path = written(tmp_path, "spring.py", SPRING)
     registry = bare(path, path)

@@ -235,8 +235,8 @@ def test_a_run_goes_on_to_the_same_bits():
         ({"gather": "hal"}, ["hall"], r"'hal' is not in behaviours\.together\.places; .*'hall'"),
         ({"size": -1}, [], r"together\.size: .*0"),
         ({"gather": "hal"}, ["hal"], r"behaviours\.together\.places: no area is named 'hal'; .*'hall'"),
-        ({"gather": "hall"}, "hall", r"together\.places: must be a list of strings, not 'hall'"),
-        ({"size": 4}, [["hall"]], r"together\.places: must be a list of strings"),
+        ({"gather": "hall"}, "hall", r"together\.places: must be a list of words, got .hall."),
+        ({"size": 4}, [["hall"]], r"together\.places: must be a list of words"),
     ],
 )
 def test_mistakes_are_named(settings, places, line):
