@@ -1,7 +1,6 @@
 """Checks of plugins in a running case: reproducibility, recorders, behaviours, and sources of conditions."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -45,7 +44,8 @@ def check_same_bits(plugin: Configurable, case: Case, ticks: int) -> None:
         while resumed.step < simulation.step:
             resumed.advance_tick()
         _require_same(whole, resumed.state(), told)
-        _require_state(resumed)
+        for line in without_state(resumed):
+            raise PluginError(line)
     with scene(f"{title}, with all optional parts"):
         full = _advance(Simulation(case, full=True), ticks)
         people = {key for key in whole if key.startswith("population.") and key != "population.route"}
@@ -59,42 +59,46 @@ def check_recorder(recorder: Recorder, case: Case, ticks: int) -> None:
     It can finish without a start. Its files are identical if a run is stopped and resumed.
     """
 
-    def recorded(*recorders: Recorder) -> Simulation:
+    def started(*recorders: Recorder) -> tuple[Simulation, list[Recorder]]:
         simulation = Simulation(case, folder)
         simulation.recording.recorders = [type(one)(**one.values()) for one in recorders]
-        return simulation
+        return simulation, simulation.recording.recorders
 
     title, half, folder = f"{counted(ticks, 'tick')} of {case.title}", ticks // 2, None
-    state = _advance(recorded(), ticks)
-    with TemporaryDirectory() as place:
-        whole, halved = Path(place, "whole"), Path(place, "halved")
-        for what, folder in (("without a result folder", None), ("with a result folder", whole), (RESUMED, halved)):
-            if folder is not None:
-                folder.mkdir()
+    state, files = _advance(started()[0], ticks), dict[str, dict[str, bytes]]()
+    for what in ("without a result folder", "with a result folder", RESUMED):
+        with TemporaryDirectory() as place:
+            folder = None if what.startswith("without") else Path(place)
             with scene(f"{title}, {what}, finished before its start"):
-                simulation = recorded(recorder)
-                simulation.recording.recorders[0].finish(simulation, None)
-            with scene(f"{title}, {what}"), _files_exist():
-                simulation = recorded(recorder)
-                middle = _advance(simulation, half)
-                if folder == halved:
-                    kept, files = simulation.recording.state(), simulation.recording.files()
-                    _require_state(simulation)
-                    _advance(simulation, half)  # data written after the checkpoint must be truncated on resume
-                    simulation.recording.recorders[0].finish(simulation, None)
-                    simulation = recorded(recorder)
-                    simulation.restore(middle)
-                    simulation.recording.restore(simulation, kept, files)
-                told = "changes {}; only read the simulation, and copy arrays"
-                _require_same(state, _advance(simulation, ticks - half), told)
-                with reading(simulation, "finish()", recorder):
-                    simulation.recording.recorders[0].finish(simulation, simulation.results())
-        with scene(f"{title}, {RESUMED}"):
-            remedy = "state() must return all that it keeps, and files() the lengths of files that it appends to"
-            for path in sorted(path for path in whole.rglob("*") if path.is_file()):
-                other = halved / path.relative_to(whole)
-                is_same = other.is_file() and path.read_bytes() == other.read_bytes()
-                require(is_same, f"{path.name} differs in a run resumed from a checkpoint; {remedy}")
+                simulation, (made,) = started(recorder)
+                made.finish(simulation, None)
+            with scene(f"{title}, {what}"):
+                simulation, (made,) = started(recorder)
+                try:
+                    middle = _advance(simulation, half)
+                    if what == RESUMED:
+                        kept, lengths = simulation.recording.state(), simulation.recording.files()
+                        for line in without_state(simulation):
+                            raise PluginError(line)
+                        _advance(simulation, half)  # data written after the checkpoint must be truncated on resume
+                        made.finish(simulation, None)
+                        simulation, (made,) = started(recorder)
+                        simulation.restore(middle)
+                        simulation.recording.restore(simulation, kept, lengths)
+                    told = "changes {}; only read the simulation, and copy arrays"
+                    _require_same(state, _advance(simulation, ticks - half), told)
+                    with reading(simulation, "finish()", recorder):
+                        made.finish(simulation, simulation.results())
+                except ResultError as error:
+                    remedy = (
+                        "files() must return existing files of the folder, with the numbers of bytes written so far"
+                    )
+                    raise with_remedy(error, remedy) from error
+                files[what] = {path.name: path.read_bytes() for path in Path(place).rglob("*") if path.is_file()}
+                remedy = "state() must return all that it keeps, and files() the lengths of files that it appends to"
+                for name, content in files["with a result folder"].items() if what == RESUMED else ():
+                    told = f"{name} differs in a run resumed from a checkpoint; {remedy}"
+                    require(files[what].get(name) == content, told)
 
 
 def check_source(source: ConditionSource, case: Case, ticks: int) -> None:
@@ -194,21 +198,6 @@ def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourSc
         if found is None:
             raise CheckError(f"the case does not use behaviour {name!r}; give a case that does")
         return simulation, *found
-
-
-@contextmanager
-def _files_exist() -> Iterator[None]:
-    """Name the remedy if the files that the recorder names do not exist."""
-    try:
-        yield
-    except ResultError as error:
-        remedy = "files() must return existing files of the folder, with the numbers of bytes written so far"
-        raise with_remedy(error, remedy) from error
-
-
-def _require_state(simulation: Simulation) -> None:
-    for line in without_state(simulation):
-        raise PluginError(line)
 
 
 def _advance(simulation: Simulation, ticks: int) -> State:

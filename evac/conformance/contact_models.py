@@ -11,13 +11,12 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
 from evac.conformance.failures import CheckError, examining, require, require_close, scene
 from evac.evidence import scenes
-from evac.evidence.models import make_engine
+from evac.evidence.stability.trial import deepest_overlap
 from evac.physics.contact.model import ContactModel, border_scene
 from evac.physics.contact.packing import packed_row
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, copy_of, make_crowd
-from evac.physics.world import make_world
 
 #: Step [s], of which a tick has ten; half the side of the square room, and the ends of the level around it [m].
 STEP, ROOM, LEVEL = 0.01, 2.5, (-20.0, -20.0, 20.0, 20.0)
@@ -83,9 +82,9 @@ def walk(
     Returns copies of the crowd after each tick, with the velocities of the plain pace, and the engine with its report.
     The engine goes on from the snapshot of another one, if it is given.
     """
-    engine = make_engine(make_world(scenes.room(LEVEL, walls), scenes.one_direction(LEVEL, ahead)), len(crowd.level))
     slowed = {"velocity": crowd.velocity / pace.slow, "speed": crowd.speed / pace.slow, "tau": crowd.tau * pace.slow}
-    crowd = copy_of(crowd.replace(**slowed))
+    given = scenes.Scene(LEVEL, scenes.room(LEVEL, walls), scenes.one_direction(LEVEL, ahead), crowd.replace(**slowed))
+    engine, crowd = given.start()
     model.check_scene(border_scene(crowd, pace.step, True))
     if saved is not None:
         engine.load(model)
@@ -197,7 +196,8 @@ def check_crowd(model: ContactModel, pace: Pace) -> None:
         remedy = "let the step loop of evac.physics.driver make the steps"
         wrong = "reports {:.0f} steps, {:.0f} sub-steps and {:.0f} contacts".format(*counts)
         require(counts[0] == steps <= counts[1] and counts[2] > 0, f"{wrong} after {steps} steps; {remedy}")
-        told, seen = report["greatest_overlap"], max(_greatest_overlap(crowd) for crowd in crowds[:-1])
+        whole_room = scenes.Scene(LEVEL, scenes.room(LEVEL, WALLS), scenes.one_direction(LEVEL), NINE_PEOPLE)
+        told, seen = report["greatest_overlap"], max(deepest_overlap(whole_room, one.position) for one in crowds[:-1])
         wrong = f"reports a largest overlap of {told:.2g} m, but one of {seen:.2g} m occurred"
         require(told >= seen - 1e-9, f"{wrong}; {remedy}")
     half, whole, shift = crowds[5], crowds[11].position, 3.25  # after 60 and 120 steps
@@ -231,14 +231,6 @@ def _turned(places: FloatArray) -> FloatArray:
 
 def _turned_people(crowd: Crowd) -> Crowd:
     return crowd.replace(position=_turned(crowd.position), velocity=_turned(crowd.velocity))
-
-
-def _greatest_overlap(crowd: Crowd) -> float:
-    """Return the largest overlap of people with each other and with the walls of the room [m], at least 0."""
-    apart = np.hypot(*(crowd.position[:, None] - crowd.position).T) - crowd.radius[:, None] - crowd.radius
-    np.fill_diagonal(apart, 0.0)
-    beyond = np.abs(crowd.position).max(axis=1) + crowd.radius - ROOM
-    return float(max(-apart.min(), beyond.max()))
 
 
 CHECKS = (check_free_walk, check_collision, check_room, check_crowd)

@@ -6,14 +6,12 @@ plugin raises become failures too.
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from evac.base.errors import EvacError, PluginError, in_one_line, place_of, text_of
-
-Found = TypeVar("Found")
 
 
 class CheckError(PluginError):
@@ -55,7 +53,7 @@ def scene(title: str) -> AbstractContextManager[None]:
     return examining(f"scene '{title}'")
 
 
-def run_check(plugin: Any, check: Callable[..., Found], *arguments: Any) -> Found:
+def run_check(plugin: Any, check: Callable[..., Any], *arguments: Any) -> Any:
     """Run a check of a plugin class and return its result.
 
     The `PluginError` of a failed check names plugin, check, what was examined, file, line, and the remedy. Its cause is
