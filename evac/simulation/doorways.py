@@ -13,6 +13,7 @@ from evac.base.change import Change
 from evac.base.errors import counted
 from evac.building.model.building import Building
 from evac.directions.fields import Fields
+from evac.physics.extent import extent
 from evac.physics.state import Crowd
 
 #: Distance from a door of one direction at which people before it are let through [m]: more than they walk in a tick.
@@ -43,7 +44,7 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
         _release(crowd, link)
         there = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1))
         nearest, distance, outward = _nearest_points(segments, crowd.position[there])
-        is_on = distance < crowd.contact_radius[there]
+        is_on = distance < extent(crowd, there, *outward.T)
         rows, nearest, outward = there[is_on].astype(np.int32), nearest[is_on], outward[is_on]
         here, on_line = (
             fields.travel_time_at(crowd.level[rows], place, crowd.route[rows], crowd.contact_radius[rows])
@@ -77,7 +78,7 @@ def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> No
         nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
         is_door = link >= building.n_links
         where = _side_of(crowd.position[rows], nearest, outward) if is_door else crowd.level[rows]
-        is_on = (distance < crowd.contact_radius[rows]) & (where != origin)
+        is_on = (distance < extent(crowd, rows, *outward.T)) & (where != origin)
         crowd.passing[rows[is_on]] = link
         crowd.ahead[rows[is_on]] = outward[is_on] * (1.0 if origin == (0 if is_door else levels[0]) else -1.0)
         _aim(crowd, rows[is_on], segments)
@@ -91,7 +92,7 @@ def let_pass(building: Building, crowd: Crowd) -> None:
             rows = np.flatnonzero((crowd.level == levels[0]) & (crowd.passing < 0)).astype(np.int32)
             nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
             is_before = _side_of(crowd.position[rows], nearest, outward) == side
-            crowd.passing[rows[is_before & (distance < crowd.contact_radius[rows] + REACH)]] = link
+            crowd.passing[rows[is_before & (distance < extent(crowd, rows, *outward.T) + REACH)]] = link
 
 
 def go_on(building: Building, crowd: Crowd) -> set[int]:
@@ -100,9 +101,9 @@ def go_on(building: Building, crowd: Crowd) -> set[int]:
     for link in np.unique(crowd.passing[crowd.passing >= 0]).tolist():
         _, segments = line_of(building, link)
         rows = np.flatnonzero(crowd.passing == link).astype(np.int32)
-        nearest, distance, _ = _nearest_points(segments, crowd.position[rows])
+        nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
         is_before = np.einsum("ij,ij->i", crowd.ahead[rows], nearest - crowd.position[rows]) > 0.0
-        goes_on = (crowd.level[rows] >= 0) & (is_before | (distance < crowd.contact_radius[rows]))
+        goes_on = (crowd.level[rows] >= 0) & (is_before | (distance < extent(crowd, rows, *outward.T)))
         crowd.passing[rows[~goes_on]], crowd.ahead[rows[~goes_on]] = -1, 0.0
         if goes_on.any():
             used.add(link)
