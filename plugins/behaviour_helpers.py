@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import taken
+from evac.base.saved import FINITE, take
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -385,10 +385,8 @@ class Helpers(Behaviour):
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
-        self._state = taken(state, "state", np.int32, self._state.shape, WAITS, IS_THERE)
-        self._task = taken(state, "task", np.int32, self._task.shape, -1, len(self._people) - 1)
-        self._until = taken(state, "until", np.float64, self._until.shape, 0.0, nan=True)
-        self._by = taken(state, "by", np.uint8, self._by.shape, 0, 1)
+        bounds = {"state": (WAITS, IS_THERE), "task": (-1, len(self._people) - 1), "by": (0, 1)}
+        take(state, self.state(), bounds | {"until": (0.0, FINITE, True)})
 
 
 def _device(name: str, value: Any) -> Device:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
-from evac.base.saved import taken
+from evac.base.saved import take
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
@@ -66,8 +66,5 @@ class Rest(Behaviour):
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
-        shape = self._rows.shape
-        self._walked = taken(state, "walked", np.float64, shape, 0.0)
-        self._climbed = taken(state, "climbed", np.float64, shape, 0.0)
-        self._onwards = taken(state, "onwards", np.float64, shape, 0.0)
-        self._until = taken(state, "until", np.float64, shape, -np.inf, np.inf)
+        lengths = dict.fromkeys(("walked", "climbed", "onwards"), (0.0,))
+        take(state, self.state(), lengths | {"until": (-np.inf, np.inf)})

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import taken
+from evac.base.saved import take
 from evac.building.model.building import FLAT
 from evac.directions.fields import PackedFields
 from evac.directions.sampling import column_of, sample_travel_time
@@ -120,13 +120,11 @@ class TeacherFollowing(Behaviour):
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the memory of the classes, and which members walk independently."""
-        return {"memory": self._classes.memory.copy(), "goes_alone": self._classes.goes_alone.copy()}
+        return {"memory": self._classes.memory, "goes_alone": self._classes.goes_alone}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
-        memory, alone = self._classes.memory, self._classes.goes_alone
-        memory[:] = taken(state, "memory", np.float64, memory.shape, -np.inf, np.inf)
-        alone[:] = taken(state, "goes_alone", np.uint8, alone.shape, 0, 1)
+        take(state, self.state(), {"memory": (-np.inf, np.inf), "goes_alone": (0, 1)})
 
 
 def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, counted
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import taken
+from evac.base.saved import take
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.places import have_stopped
@@ -190,11 +190,8 @@ class Together(Behaviour):
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
-        self._stage = taken(state, "stage", np.int32, self._stage.shape, GATHERS, LEAVES)
-        self._arrived = taken(state, "arrived", np.uint8, self._arrived.shape, 0, 1)
-        self._since = taken(state, "since", np.float64, self._since.shape, 0.0)
-        self._least = taken(state, "least", np.float64, self._least.shape, 0.0, np.inf)
-        self._counted = taken(state, "counted", np.float64, self._counted.shape, 0.0, np.inf)
+        times = {"since": (0.0,), "least": (0.0, np.inf), "counted": (0.0, np.inf)}
+        take(state, self.state(), {"stage": (GATHERS, LEAVES), "arrived": (0, 1), **times})
 
 
 def _taking_part(scene: BehaviourScene) -> list[Any]:

@@ -151,17 +151,7 @@ class Walking(Behaviour):
 
     name = "walking"
     group_keys = ("chest_depth",)
-    reads = (
-        "position",
-        "level",
-        "contact_radius",
-        "speed",
-        "tau",
-        "start_time",
-        "route",
-        "speed_factor",
-        "extra_direction",
-    )
+    reads = ("position", "level", "contact_radius", "speed", "tau", "start_time", "route")
     writes = ("speed_factor", "extra_direction")
     acts_last = True
     keeps_distance = True
