@@ -8,7 +8,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.building.geometry.segments import sides
 from evac.building.plan.outlines import ALONG, along, covered, nearest, normal, written
-from evac.building.plan.planparts import SNAP, Item
+from evac.building.plan.plan import SNAP
 
 #: Cosine of the angle to its wall above which a door runs across the wall (60 degrees).
 ACROSS = 0.5
@@ -16,13 +16,6 @@ ACROSS = 0.5
 ALIKE = 0.999
 #: Length of a door that may lie on the floor beside its wall without a finding [m].
 ON_FLOOR = 0.01
-
-
-def expanse(door: Item) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and the highest corner (2,) of all that a door may reach [m]."""
-    assert door.segment is not None
-    beyond = door.reach + float(np.hypot(*(door.segment[1] - door.segment[0]))) + SNAP
-    return door.segment.min(axis=0) - beyond, door.segment.max(axis=0) + beyond
 
 
 def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatArray, str]:

@@ -1,6 +1,9 @@
 """Conversion of a plan to a surface mesh: doors join rooms, obstacles and stairs are cut out, exits are opened."""
 
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,10 +16,10 @@ from evac.base.errors import BuildingError, counted
 from evac.base.parameters import did_you_mean
 from evac.building.geometry.conforming import Height
 from evac.building.geometry.overlays import LEAST_AREA, common, cut, place_of, united
-from evac.building.geometry.segments import between_floors
+from evac.building.geometry.segments import between_floors, segment_lengths
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
-from evac.building.plan.doors import expanse, placed
+from evac.building.plan.doors import placed
 from evac.building.plan.outlines import (
     Strip,
     along,
@@ -32,8 +35,7 @@ from evac.building.plan.outlines import (
     with_walls,
     written,
 )
-from evac.building.plan.plancheck import beside_floor, both_sides, low_storeys, with_cause
-from evac.building.plan.planparts import SNAP, Item, Stair
+from evac.building.plan.plan import SNAP, Item, Stair, Storey
 from evac.building.plan.shapes import naming_part
 from evac.building.surface.surfacemesh import SurfaceMesh
 
@@ -49,6 +51,10 @@ BESIDE = 0.05
 DEEP = 0.3
 #: Length of an exit or a stair edge that may lack a floor beside it without a warning [m].
 UNCOVERED = 0.01
+#: Smallest overlap of two floors, and smallest part of an area beside its floor, that is reported [m2].
+LEAST_REPORTED = 0.05
+#: Share of an area beside its floor above which it is a warning.
+MOST_BESIDE = 0.05
 
 
 def draw(plan: "Plan") -> SurfaceMesh:
@@ -56,7 +62,7 @@ def draw(plan: "Plan") -> SurfaceMesh:
     try:
         return _Drawing(plan).mesh()
     except BuildingError as error:
-        raise BuildingError(with_cause(str(error), plan.source, plan.findings)) from error
+        raise BuildingError(_with_cause(str(error), plan.source, plan.findings)) from error
 
 
 class _Drawing:
@@ -93,7 +99,10 @@ class _Drawing:
                 self._open_exit(item)
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
-        self.findings += [*low_storeys(plan.storeys, self.floors, plan.headroom), *beside_floor(plan.areas, self.rooms)]
+        self.findings += [
+            *_low_storeys(plan.storeys, self.floors, plan.headroom),
+            *_beside_floor(plan.areas, self.rooms),
+        ]
         surfaces: list[Drawn] = [*self._ground(), *(drawn for drawn in obstacles if drawn is not None)]
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
@@ -140,7 +149,9 @@ class _Drawing:
         count = {name: len(own) for name, own in parts.items()}
         for door in self.plan.doors:
             own, known = parts[door.storey], len(self.findings)
-            low, high = expanse(door)
+            assert door.segment is not None
+            beyond = door.reach + float(np.hypot(*(door.segment[1] - door.segment[0]))) + SNAP
+            low, high = door.segment.min(axis=0) - beyond, door.segment.max(axis=0) + beyond
             bounds = shapely.bounds(own)
             is_near = (bounds[:, :2] <= high).all(axis=1) & (bounds[:, 2:] >= low).all(axis=1)
             with naming_part(self.plan.source, f"door {door.name!r}"):
@@ -326,7 +337,7 @@ class _Drawing:
             pieces = [piece for side in ends for piece in self._outline(item, side)]
             if not pieces:
                 raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
-            self.findings += both_sides(item, self.floors[item.storey], np.unique(pieces, axis=0))
+            self.findings += _both_sides(item, self.floors[item.storey], np.unique(pieces, axis=0))
             self.edges.append((tag, item.storey, np.unique(pieces, axis=0)))
             return
         floor, segment = self.floors[item.storey], item.segment
@@ -413,3 +424,59 @@ def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
             f"direction [{direction[0]:g}, {direction[1]:g}] is parallel to its edge {written(edge)}; change it"
         )
     return across if side > 0.0 else -across
+
+
+def _low_storeys(
+    storeys: Mapping[str, Storey], floors: Mapping[str, BaseGeometry], headroom: float
+) -> Iterable[Finding]:
+    """Warn of floors that overlap in plan with less than `headroom` [m] between them."""
+    for lower, upper in itertools.combinations(sorted(storeys.values(), key=lambda storey: storey.z), 2):
+        height = upper.z - lower.z
+        if 0.0 < height < headroom:
+            both = common(floors[lower.name], floors[upper.name])
+            if both.area > LEAST_REPORTED:
+                yield Finding(
+                    "warning",
+                    f"storey {upper.name!r} is only {height:.2f} m above storey {lower.name!r}, less than the headroom "
+                    f"of {headroom:g} m, where {both.area:.2f} m2 of their floors overlap; check z of both",
+                    upper.name,
+                    place_of(both),
+                )
+
+
+def _beside_floor(areas: Sequence[Item], rooms: Mapping[str, BaseGeometry]) -> Iterable[Finding]:
+    """Report the parts of areas that are not on the floor of their storey, which do not belong to the areas."""
+    for item in areas:
+        outline = united(item.polygons)
+        rest = cut(outline, rooms[item.storey])
+        if rest.area > LEAST_REPORTED:
+            yield Finding(
+                "warning" if rest.area > MOST_BESIDE * outline.area else "left out",
+                f"{rest.area:.2f} of the {outline.area:.2f} m2 of area {item.name!r} are not on the floor",
+                item.storey,
+                place_of(rest),
+            )
+
+
+def _both_sides(item: Item, floor: BaseGeometry, pieces: FloatArray) -> Iterable[Finding]:
+    """Warn of an exit given as a polygon that has floor on both its sides, whose width counts both."""
+    length = segment_lengths(pieces)
+    if length[between_floors(floor, pieces, DOOR_REACH)].sum() > 0.5 * length.sum():
+        yield Finding(
+            "warning",
+            f"exit {item.name!r} has floor on both its sides, which both count for its width of {length.sum():.2f} m; "
+            "if it lies between two rooms, make it a door",
+            item.storey,
+            place_of(united(item.polygons)),
+        )
+
+
+def _with_cause(message: str, source: Path, findings: Iterable[Finding]) -> str:
+    """Put the repairs of outlines of the storeys that an error names before its message: it may follow from them."""
+    told = [str(finding) for finding in findings if finding.kind == "repaired" and repr(finding.level) in message]
+    if not told:
+        return message
+    return (
+        f"{source}: {'; '.join(told)}; correct its corners first, since this error may follow: "
+        + message.removeprefix(f"{source}: ")
+    )

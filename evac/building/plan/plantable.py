@@ -13,8 +13,7 @@ import shapely
 from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError, escaped, quoted_line
 from evac.base.parameters import did_you_mean
-from evac.building.plan.plan import Plan
-from evac.building.plan.planparts import Item, Stair
+from evac.building.plan.plan import Item, Plan, Stair
 
 #: Name of each list of tables, and the method of `Plan` that takes the keys of one table as arguments.
 SECTIONS = {

@@ -13,7 +13,7 @@ from evac.building.model.findings import Finding
 from evac.building.model.names import numbered
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, snapped
-from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, ground_of, middle_of, passages_of
+from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, passages_of
 from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
 from evac.building.recover.bodies.floors import Floor, Rules, floors_of
 
@@ -58,7 +58,7 @@ def plan_of_bodies(
             f"{', '.join(kinds) or 'nothing'}{lost}"
         )
     ways = doorways_of(passages, floors, [body for body in bodies if body.kind == "wall"], findings)
-    passable = [ground_of(way) for way in ways]
+    passable = [way.ground for way in ways]
     for floor in floors:
         own = [ground for way, ground in zip(ways, passable, strict=True) if way.floor is floor]
         floor.ground = snapped(united([floor.ground, *own]))
@@ -107,10 +107,11 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:
         else:
             plan.opening(way.floor.name, way.segment, name)
         width = float(np.hypot(*(way.segment[1] - way.segment[0])))
+        x, y = way.segment.mean(axis=0).tolist()
         kind = "door" if way.is_filled else "opening"
         to = "the outside" if way.leads_out else "a void inside of the building"
         what = "exit" if is_exit else kind if way.sides == 2 else f"{kind} to {to} (not an exit)"
-        plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, middle_of(way))
+        plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, (x, y))
 
 
 def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]) -> None:

@@ -48,6 +48,13 @@ class Doorway:
     leads_out: bool  # whether one side is outside of the storey
     is_filled: bool  # whether there is a door, not only an opening
 
+    @property
+    def ground(self) -> BaseGeometry:
+        """The ground between the door and the rooms beside it."""
+        ways = (normal(self.segment), -normal(self.segment))
+        sides = [strip(self.floor.ground, self.segment, way, self.reach) for way in ways]
+        return united([side.polygon for side in sides if side is not None and not side.polygon.is_empty])
+
 
 def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
     """Return the bodies that people pass through, and the openings that must be filled in the walls.
@@ -176,17 +183,3 @@ def _beside(ground: BaseGeometry, ends: FloatArray, reach: float) -> list[tuple[
         near = [(shapely.get_coordinates(part) - ends[0]) @ along for part in shapely.get_parts(common(ground, band))]
         spans.append([(float(own.min()), float(own.max())) for own in near])
     return [(max(a, c), min(b, d)) for a, b in spans[0] for c, d in spans[1]]
-
-
-def middle_of(way: Doorway) -> tuple[float, float]:
-    """Return the midpoint (x, y) of a door, for findings [m]."""
-    x, y = way.segment.mean(axis=0).tolist()
-    return x, y
-
-
-def ground_of(way: Doorway) -> BaseGeometry:
-    """Return the ground between a door and the rooms beside it."""
-    sides = [
-        strip(way.floor.ground, way.segment, side, way.reach) for side in (normal(way.segment), -normal(way.segment))
-    ]
-    return united([side.polygon for side in sides if side is not None and not side.polygon.is_empty])

@@ -18,9 +18,8 @@ from evac.building.plan import stairs
 from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import NOTCH, Body, closed, snapped
-from evac.building.recover.bodies.edges import LEAST_GOING
 from evac.building.recover.bodies.floors import Floor
-from evac.building.recover.bodies.treads import SHORT, Landing, Run, treads_of
+from evac.building.recover.bodies.treads import LEAST_GOING, SHORT, Landing, Run, treads_of
 from evac.building.surface.checks import LEAST_DEPTH
 
 #: Largest gap in plan between the end of a flight and a floor [m].

@@ -1,7 +1,8 @@
-"""Convert the faces of stairs and ramps to runs of treads and landings."""
+"""Convert the faces of stairs and ramps to runs of treads, with the edges of their flights, and landings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -9,8 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.geometry.overlays import cut, united
-from evac.building.recover.bodies.body import Body, closed
-from evac.building.recover.bodies.edges import inclined_faces, straight_edges, winding_edges
+from evac.building.plan.outlines import normal
+from evac.building.recover.bodies.body import LEVEL, Body, closed, in_plan
 
 #: Range of the riser, the difference in height of consecutive treads [m].
 LEAST_RISER, MOST_RISER = 0.05, 0.25
@@ -26,6 +27,18 @@ LANDING = 2.2
 SHORT = 1.0
 #: A run winds if the directions between its consecutive treads differ from their mean by more than this [degrees].
 MOST_TURN = 25.0
+#: A tread of a winding flight is walked on where its depth is at least this and its riser, so at most 45 degrees [m].
+LEAST_GOING = 0.15
+#: Distances tried in turn within which consecutive treads meet [m].
+MEET = (0.002, 0.03, 0.11)
+#: Least length of the edge along which they meet [m].
+LEAST_EDGE = 0.1
+#: Steps by which edges are shortened at their inner ends [m].
+TRIM = 0.01
+#: Cosine of the slope of the steepest inclined face that is walked on.
+STEEPEST = float(np.cos(np.radians(50.0)))
+#: Least width and length of an inclined face [m].
+LEAST_SIDE = 0.5
 
 
 @dataclass(frozen=True)
@@ -85,7 +98,7 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
         if not made:
             made = [
                 Run((body.name,), [(plan, z) for z in heights], edges, 0.0)
-                for plan, edges, heights in inclined_faces(body)
+                for plan, edges, heights in _inclined_faces(body)
             ]
             treads.landings += [Landing(*face) for face in faces if made and face not in landings]
         treads.runs += made
@@ -140,5 +153,118 @@ def _run(name: str, chain: list[tuple[BaseGeometry, float]]) -> Run:
     direction = steps.sum(axis=0)
     turn = np.degrees(np.arccos(np.clip(steps @ direction / max(np.hypot(*direction), 1e-9), -1.0, 1.0))).max()
     if turn > MOST_TURN:
-        return Run((name,), chain, winding_edges(treads, riser), riser, winds=True)
-    return Run((name,), chain, straight_edges(treads, direction / np.hypot(*direction)), riser)
+        return Run((name,), chain, _winding_edges(treads, riser), riser, winds=True)
+    return Run((name,), chain, _straight_edges(treads, direction / np.hypot(*direction)), riser)
+
+
+def _straight_edges(treads: Sequence[BaseGeometry], direction: FloatArray) -> FloatArray:
+    """Return the edges (t + 1, 2, 2) of treads in one direction, a unit vector (2,) uphill."""
+    direction = _squared(direction, treads)
+    across = np.array([-direction[1], direction[0]])
+    corners = [shapely.get_coordinates(plan) for plan in treads]
+    ends_beside = [float(np.median([find(own @ across) for own in corners])) for find in (np.min, np.max)]
+    levels = [(corners[0] @ direction).min(), *((own @ direction).max() for own in corners)]
+    edges: FloatArray = np.array([[level * direction + s * across for s in ends_beside] for level in levels])
+    return edges
+
+
+def _winding_edges(treads: Sequence[BaseGeometry], riser: float) -> FloatArray:
+    """Return the edges (t + 1, 2, 2) of treads that turn, shortened at their narrow ends."""
+    between = [_shared(lower, upper) for lower, upper in pairwise(treads)]
+    edges = np.array([_far_side(treads[0], between[0])[::-1], *between, _far_side(treads[-1], between[-1])])
+    lengths = np.hypot(*(edges[:, 1] - edges[:, 0]).T)
+    ways = (edges[:, 1] - edges[:, 0]) / lengths[:, None]
+    less = np.zeros((len(edges), 2))
+    for k in range(len(treads)):
+        gaps = np.hypot(*(edges[k + 1] - edges[k]).T)
+        side = int(gaps.argmin())
+        sign = 1.0 if side == 0 else -1.0
+        for by in np.arange(0.0, lengths[k : k + 2].min() - LEAST_EDGE, TRIM):
+            less[k : k + 2, side] = np.maximum(less[k : k + 2, side], by)
+            ends = edges[k : k + 2, side] + sign * by * ways[k : k + 2]
+            if np.hypot(*(ends[1] - ends[0])) >= max(LEAST_GOING, riser) or gaps[side] > 0.8 * gaps[1 - side]:
+                break
+    edges[:, 0] += less[:, :1] * ways
+    edges[:, 1] -= less[:, 1:] * ways
+    return edges
+
+
+def _shared(lower: BaseGeometry, upper: BaseGeometry) -> FloatArray:
+    """Return the edge (2, 2) between consecutive treads, the right end first on the way up."""
+    for reach in MEET:
+        line = shapely.intersection(upper.boundary, shapely.buffer(lower, reach, join_style="mitre"))
+        if line.length > LEAST_EDGE:
+            break
+    return _ordered(_farthest(shapely.get_coordinates(line)), _middle(upper) - _middle(lower))
+
+
+def _far_side(tread: BaseGeometry, edge: FloatArray) -> FloatArray:
+    """Return the side (2, 2) of a tread opposite to one of its edges (2, 2), the right end first on the way there."""
+    way = normal(edge)
+    way = way if way @ (_middle(tread) - edge.mean(axis=0)) > 0.0 else -way
+    corners = shapely.get_coordinates(tread.exterior.normalize())[::-1]  # anticlockwise
+    sides = np.diff(corners, axis=0)
+    length = np.hypot(*sides.T)
+    ahead = (sides[:, 1] * way[0] - sides[:, 0] * way[1]) / np.maximum(length, 1e-9)
+    rows = np.flatnonzero(ahead > 0.7) if (ahead > 0.7).any() else [int((ahead * length).argmax())]
+    return _ordered(_farthest(np.concatenate([corners[k : k + 2] for k in rows])), way)
+
+
+def _ordered(edge: FloatArray, way: FloatArray) -> FloatArray:
+    """Return an edge (2, 2) with its right end first, seen in a direction (2,)."""
+    along = edge[1] - edge[0]
+    return edge if way[0] * along[1] - way[1] * along[0] >= 0.0 else edge[::-1]
+
+
+def _farthest(points: FloatArray) -> FloatArray:
+    """Return the two points (2, 2) of some that are farthest from each other."""
+    away = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
+    pair: FloatArray = points[[*np.unravel_index(away.argmax(), away.shape)]]
+    return pair
+
+
+def _middle(plan: BaseGeometry) -> FloatArray:
+    return np.array(plan.centroid.coords[0])
+
+
+def _inclined_faces(body: Body) -> list[tuple[BaseGeometry, FloatArray, tuple[float, float]]]:
+    """Return the plan, the lower and upper edge (2, 2, 2) and their heights [m] of each inclined top of a body."""
+    rows = np.flatnonzero((body.normals[:, 2] < LEVEL) & (body.normals[:, 2] > STEEPEST))
+    planes: dict[tuple[float, ...], list[int]] = {}
+    for row in rows:
+        offset = float(body.normals[row] @ body.corners[row, 0])
+        planes.setdefault((*np.round(body.normals[row], 2).tolist(), round(offset, 1)), []).append(int(row))
+    faces: list[tuple[BaseGeometry, FloatArray, tuple[float, float]]] = []
+    for own in sorted(planes.values(), key=lambda rows: -float(body.corners[rows, :, 2].max())):
+        upwards = body.normals[own[0]]
+        uphill = -upwards[:2] / np.hypot(*upwards[:2])
+        left = np.array([-uphill[1], uphill[0]])
+        rest = cut(in_plan(body.corners[own, :, :2]), united([plan for plan, _, _ in faces]))
+        for plan in shapely.get_parts(rest):
+            corners = shapely.get_coordinates(plan)
+            along, across = corners @ uphill, corners @ left
+            ends = (float(along.min()), float(along.max()))
+            sides = [across[np.abs(along - end) < LEAST_EDGE] for end in ends]
+            if ends[1] - ends[0] < LEAST_SIDE or min(map(np.ptp, sides)) < LEAST_SIDE:
+                continue
+            edges = [
+                [end * uphill + s * left for s in (own.min(), own.max())] for end, own in zip(ends, sides, strict=True)
+            ]
+            heights = [(body.corners[own[0], 0] @ upwards - upwards[:2] @ edge[0]) / upwards[2] for edge in edges]
+            faces.append((plan, np.array(edges), (float(heights[0]), float(heights[1]))))
+    return faces
+
+
+def _squared(direction: FloatArray, treads: Sequence[BaseGeometry]) -> FloatArray:
+    """Return the direction perpendicular to the longest tread side that is roughly perpendicular to it."""
+    best, found = 0.0, direction
+    for plan in treads:
+        corners = shapely.get_coordinates(plan.exterior)
+        sides = np.diff(corners, axis=0)
+        length = np.hypot(*sides.T)
+        across = np.stack([-sides[:, 1], sides[:, 0]], axis=1) / np.maximum(length, 1e-9)[:, None]
+        is_across = np.abs(across @ direction) > 0.9
+        if is_across.any() and length[is_across].max() > best + 1e-6:
+            row = int(np.flatnonzero(is_across)[length[is_across].argmax()])
+            best, found = float(length[row]), across[row] * np.sign(across[row] @ direction)
+    return found
