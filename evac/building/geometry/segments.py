@@ -4,9 +4,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import BoolArray, FloatArray
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.defaults import LEAST_LENGTH
 
+#: Segments lie along each other if their directions differ by less than this (25 degrees).
+ALONG = 0.9
 #: Places along a piece of an outline at which the floor beyond a wall is looked for.
 SAMPLES = 8
 
@@ -32,6 +34,33 @@ def sides(polygon: BaseGeometry) -> FloatArray:
     if not rings:
         return np.empty((0, 4))
     return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:
+    """Return the pieces (p, 4) of segments (s, 4) along a line (2, 2), at most `reach` from it [m], and their rows.
+
+    Pieces shorter than 1 mm are left out, and those that end less than 1 mm before an end of their segment end there.
+    """
+    length = segment_lengths(segments)
+    start, step = segments[:, :2], (segments[:, 2:] - segments[:, :2]) / length[:, None]
+    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    share = np.stack([((point - start) * step).sum(axis=1) for point in ends], axis=1)
+    low, high = np.maximum(share.min(axis=1), 0.0), np.minimum(share.max(axis=1), length)
+    low, high = np.where(low < LEAST_LENGTH, 0.0, low), np.where(length - high < LEAST_LENGTH, length, high)
+    pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)
+    off = shapely.distance(shapely.points(pieces.reshape(-1, 2, 2)), shapely.LineString(ends)).max(axis=1, initial=0.0)
+    rows = np.flatnonzero((high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG) & (off <= reach))
+    return pieces[rows], rows
+
+
+def gaps_along(pieces: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the lengths (p + 1,) that pieces (p, 4) leave free of a line (2, 2) before, between and after them [m]."""
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    spans = np.sort(((pieces.reshape(-1, 2, 2) - ends[0]) @ (ends[1] - ends[0]) / length).clip(0.0, length), axis=1)
+    spans = spans[np.argsort(spans[:, 0])]
+    reached = np.maximum.accumulate(np.append(0.0, spans[:, 1]))
+    gaps: FloatArray = np.maximum(np.append(spans[:, 0], length) - reached, 0.0)
+    return gaps
 
 
 def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:

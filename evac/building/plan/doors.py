@@ -6,8 +6,8 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
-from evac.building.geometry.segments import sides
-from evac.building.plan.outlines import ALONG, along, covered, nearest, normal, written
+from evac.building.geometry.segments import ALONG, sides
+from evac.building.plan.outlines import along, covered, nearest, normal, written
 from evac.building.plan.plan import SNAP
 
 #: Cosine of the angle to its wall above which a door runs across the wall (60 degrees).

@@ -14,7 +14,6 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
 from evac.base.parameters import did_you_mean
-from evac.building.geometry.conforming import Height
 from evac.building.geometry.overlays import LEAST_AREA, common, cut, place_of, united
 from evac.building.geometry.segments import between_floors, segment_lengths
 from evac.building.model.findings import Finding
@@ -37,7 +36,7 @@ from evac.building.plan.outlines import (
 )
 from evac.building.plan.plan import SNAP, Item, Stair, Storey
 from evac.building.plan.shapes import naming_part
-from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:
     from evac.building.plan.plan import Plan

@@ -10,12 +10,10 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.building.geometry.overlays import GRID, common, cut, flat_parts, united
-from evac.building.geometry.segments import between_floors, segment_lengths, sides
+from evac.building.geometry.segments import between_floors, gaps_along, pieces_along, segment_lengths, sides
 from evac.building.model.findings import away
 from evac.building.surface.resolution import FACTORS
 
-#: Pieces of an outline lie along a segment if their directions differ by less than this (25 degrees).
-ALONG = 0.9
 #: Units of the segment for which it has to be multiplied by a factor.
 UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet"}
 #: Distance from a floor, as a share of its extent, at which a segment in another unit would lie at the floor.
@@ -38,34 +36,14 @@ def along(polygon: BaseGeometry, ends: FloatArray, reach: float) -> FloatArray:
     Pieces shorter than 1 mm are left out. Where the outline is on the segment, pieces end exactly at its ends.
     """
     own = sides(polygon)
-    length = segment_lengths(own)
-    own, length = own[length > 0.0], length[length > 0.0]
-    start, step = own[:, :2], (own[:, 2:] - own[:, :2]) / length[:, None]
-    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    share = np.stack([((point - start) * step).sum(axis=1) for point in ends], axis=1)
-    low = np.maximum(share.min(axis=1), 0.0)
-    high = np.minimum(share.max(axis=1), length)
-    low, high = np.where(low < LEAST_LENGTH, 0.0, low), np.where(length - high < LEAST_LENGTH, length, high)
-    is_along = (high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG)
-    pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)[is_along]
-    line = shapely.LineString(ends)
-    middle = shapely.points((pieces[:, :2] + pieces[:, 2:]) / 2)
-    off = [shapely.distance(shapely.points(pieces[:, k : k + 2]), line) for k in (0, 2)]
-    is_near = (np.maximum(*off) <= reach) & (shapely.distance(middle, line) <= reach)
-    rounded: FloatArray = np.round(pieces[is_near], 6) + 0.0
+    pieces, _ = pieces_along(own[segment_lengths(own) > 0.0], ends, reach)
+    rounded: FloatArray = np.round(pieces, 6) + 0.0
     return rounded
 
 
 def covered(pieces: FloatArray, ends: FloatArray) -> float:
     """Return the length of a segment that has a piece beside it [m]."""
-    length = float(np.hypot(*(ends[1] - ends[0])))
-    direction = (ends[1] - ends[0]) / length
-    spans = np.sort(((pieces.reshape(-1, 2, 2) - ends[0]) @ direction).clip(0.0, length), axis=1)
-    total, reached = 0.0, 0.0
-    for low, high in spans[np.argsort(spans[:, 0])].tolist():
-        total += max(high - max(low, reached), 0.0)
-        reached = max(reached, high)
-    return total
+    return float(np.hypot(*(ends[1] - ends[0])) - gaps_along(pieces, ends).sum())
 
 
 def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float) -> Strip | None:

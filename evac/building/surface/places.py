@@ -13,7 +13,7 @@ from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry.overlays import flat_parts
 from evac.building.geometry.polygons import union
-from evac.building.geometry.segments import between_floors, segment_lengths, sides
+from evac.building.geometry.segments import between_floors, gaps_along, pieces_along, segment_lengths, sides
 from evac.building.model.building import Area, Building, Exit, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
@@ -43,22 +43,24 @@ def add_exit(building: Building, item: ExitLine) -> Building:
         raise BuildingError(f"{building.source}: there are two exits named {name!r}; rename one")
     ends = np.array(item.segment)
     level = find_level(building, item, what, shapely.LineString(ends))
-    kept, opened = [], []
-    for row in np.flatnonzero(building.wall_level == level.index):
-        rest, piece = _cut(building.walls[row], ends)
-        kept += rest
-        opened += piece
-    free, longest = _uncovered(ends, opened)
-    if longest > EXIT_REACH:
-        own = building.wall_level == level.index
-        near = nearest_wall(building.walls[own], building.wall_level[own], building.levels, ends)
+    own = building.walls[building.wall_level == level.index]
+    segments, rows = pieces_along(own, ends, EXIT_REACH)
+    rest = np.concatenate(
+        [np.column_stack([own[rows, :2], segments[:, :2]]), np.column_stack([segments[:, 2:], own[rows, 2:]])]
+    )
+    gaps = gaps_along(segments, ends)
+    if gaps.max() > EXIT_REACH:
+        near = nearest_wall(own, np.full(len(own), level.index), building.levels, ends)
         (x1, y1), (x2, y2) = ends
         raise BuildingError(
             f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does "
             f"not lie on a free edge (within {EXIT_REACH} m all along); "
-            + (f"{free:.2f} m of it are off: shorten it, or check for an exit or a portal there" if opened else near)
+            + (
+                f"{gaps.sum():.2f} m of it are off: shorten it, or check for an exit or a portal there"
+                if len(rows)
+                else near
+            )
         )
-    segments = np.array(opened)
     if between_floors(level.polygon, segments, DOOR_REACH).any():
         x, y = ends.mean(axis=0)
         raise BuildingError(
@@ -67,7 +69,8 @@ def add_exit(building: Building, item: ExitLine) -> Building:
         )
     width = float(segment_lengths(segments).sum())
     new = Exit(len(building.exits), name, level.index, segments, width)
-    return replace(_with_walls(building, level, np.array(kept).reshape(-1, 4)), exits=(*building.exits, new))
+    kept = np.concatenate([np.delete(own, rows, axis=0), rest[segment_lengths(rest) > LEAST_LENGTH]])
+    return replace(_with_walls(building, level, kept), exits=(*building.exits, new))
 
 
 def add_area(building: Building, item: Outline) -> Building:
@@ -169,8 +172,8 @@ def _overlap(building: Building, level: Level, geometry: BaseGeometry) -> float:
     if geometry.geom_type != "LineString":
         return float(geometry.intersection(level.polygon).area)
     ends = shapely.get_coordinates(geometry)
-    pieces = [piece for wall in building.walls[building.wall_level == level.index] for piece in _cut(wall, ends)[1]]
-    return float(segment_lengths(np.array(pieces).reshape(-1, 4)).sum())
+    pieces, _ = pieces_along(building.walls[building.wall_level == level.index], ends, EXIT_REACH)
+    return float(segment_lengths(pieces).sum())
 
 
 def _polygon(building: Building, item: Outline, what: str) -> BaseGeometry:
@@ -182,41 +185,6 @@ def _polygon(building: Building, item: Outline, what: str) -> BaseGeometry:
             f"{building.source}: {what}: polygon is not a valid outline: {cause}; draw it without crossings"
         )
     return polygon
-
-
-def _cut(wall: FloatArray, ends: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Divide a wall into the remaining pieces and the piece (at most one) that lies along the segment `ends`."""
-    start, end = wall[:2], wall[2:]
-    length = float(np.hypot(*(end - start)))
-    along = (end - start) / length
-    reach = np.sort((ends - start) @ along)
-    low, high = max(reach[0], 0.0), min(reach[1], length)
-    if low < LEAST_LENGTH:
-        low = 0.0
-    if length - high < LEAST_LENGTH:
-        high = length
-    segment = shapely.LineString(ends)
-    piece = np.array([start + low * along, start + high * along])
-    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    is_beside = abs(float(direction @ along)) > 0.9 and high - low > LEAST_LENGTH
-    if not is_beside or shapely.distance(shapely.points(piece), segment).max() > EXIT_REACH:
-        return [wall], []
-    rest = [np.concatenate([start, piece[0]])] if low > 0.0 else []
-    rest += [np.concatenate([piece[1], end])] if high < length else []
-    return rest, [piece.ravel()]
-
-
-def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> tuple[float, float]:
-    """Return the total and the longest length of the segment `ends` that is not covered by pieces [m]."""
-    length = float(np.hypot(*(ends[1] - ends[0])))
-    along = (ends[1] - ends[0]) / length
-    spans = sorted(sorted(((piece.reshape(2, 2) - ends[0]) @ along).tolist()) for piece in pieces)
-    covered, free, longest = 0.0, 0.0, 0.0
-    for low, high in [*spans, [length, length]]:
-        gap = max(low - covered, 0.0)
-        free, longest = free + gap, max(longest, gap)
-        covered = max(covered, high)
-    return free, longest
 
 
 def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: str) -> None:

@@ -1,17 +1,18 @@
-"""Surface meshes of buildings as importers return them, and their triangulation."""
+"""Surface meshes of buildings as importers return them or as polygons give them, and their triangulation."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.errors import BuildingError, PluginError
-from evac.building.geometry.conforming import Height, Point, conform
 from evac.building.geometry.polygons import triangulate
 from evac.building.model.findings import Finding, as_findings
 from evac.building.model.names import repaired, with_repaired_names
@@ -21,6 +22,13 @@ SURFACE_TAGS = ("floor", "stair", "area", "obstacle")
 EDGE_TAGS = ("exit",)
 #: Largest coordinate of a vertex, in units of the file; larger than UTM coordinates in millimetres.
 FARTHEST = 1e11
+#: Height of a surface [m]: a number, or a function of the plan position (x, y) for a slope.
+Height = float | Callable[[float, float], float]
+#: A point (x, y, z).
+Point = tuple[float, float, float]
+
+#: Decimals to which coordinates are rounded, and the corresponding distance below which points coincide.
+DECIMALS, TOLERANCE = 6, 1e-6
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,9 @@ class SurfaceMesh:
     ) -> Self:
         """Return the conforming mesh of polygons in plan; coordinates are rounded to 6 decimals.
 
+        Wherever a corner of one surface, or an end of an edge, lies on the side of another surface at the same height,
+        both get a vertex there, so that there are no hanging nodes.
+
         Parameters
         ----------
         surfaces : iterable of (tag or tags, polygon or multipolygon, height)
@@ -83,17 +94,35 @@ class SurfaceMesh:
         ValueError
             A surface is not a valid polygon, or an edge is not on any surface; names the tag and the place.
         """
-        surfaces, edges = list(surfaces), list(edges)
-        tags = [(tag,) if isinstance(tag, str) else tuple(tag) for tag, _, _ in surfaces]
-        mesh = conform([(own[0], *rest) for own, (_, *rest) in zip(tags, surfaces, strict=True)], edges)
+        drawn = [((tag,) if isinstance(tag, str) else tuple(tag), *rest) for tag, *rest in surfaces]
+        edges = list(edges)
+        for (name, *_), plan, _ in drawn:
+            fault = "" if plan.is_valid else shapely.is_valid_reason(plan)
+            if plan.is_empty or plan.geom_type not in ("Polygon", "MultiPolygon"):
+                fault = f"it is {'empty' if plan.is_empty else f'a {plan.geom_type}'}"
+            if fault:
+                raise ValueError(f"the surface {name!r} must be a polygon whose sides do not cross: {fault}")
+        corners = _Corners(
+            [point for _, start, end in edges for point in (start, end)]
+            + [_lifted(x, y, height) for _, plan, height in drawn for x, y in shapely.get_coordinates(plan)]
+        )
+        pieces = [_triangles(plan, height, corners) for _, plan, height in drawn]
+        points: dict[Point, int] = {}
+        triangles = [[points.setdefault(point, len(points)) for point in piece] for own in pieces for piece in own]
         edge_tags: dict[str, list[list[int]]] = {}
-        for (tag, _, _), chain in zip(edges, mesh.chains, strict=True):
-            edge_tags.setdefault(tag, []).extend(chain)
-        known = dict.fromkeys(tag for own in tags for tag in own)
-        surface = np.array(mesh.surface, dtype=np.int64)
-        rows = {tag: [row for row, own in enumerate(tags) if tag in own] for tag in known}
-        cell_tags = {tag: np.isin(surface, of_tag) for tag, of_tag in rows.items()}
-        return cls(mesh.points, mesh.triangles, cell_tags, edge_tags, findings, openings, doors)
+        for tag, start, end in edges:
+            chain = [_rounded(point) for point in corners.split([(start, end)])[0]] + [_rounded(end)]
+            for x, y, z in chain:
+                if (x, y, z) not in points:
+                    raise ValueError(
+                        f"the edge {tag!r}: its point ({x:z.2f}, {y:z.2f}, {z:z.2f}) is not on any surface; move it to "
+                        "one"
+                    )
+            edge_tags.setdefault(tag, []).extend([points[one], points[other]] for one, other in pairwise(chain))
+        count = [len(own) for own in pieces]
+        known = dict.fromkeys(tag for own, *_ in drawn for tag in own)
+        cell_tags = {tag: np.repeat([tag in own for own, *_ in drawn], count) for tag in known}
+        return cls(list(points), triangles, cell_tags, edge_tags, findings, openings, doors)
 
 
 @dataclass(frozen=True)
@@ -229,3 +258,58 @@ def _check_vertices(source: Path, points: FloatArray, blocks: list[IndexArray]) 
             f"{source}: vertex {far[0] + 1} lies at {points[far[0]].tolist()}, farther than {FARTHEST:g} from the "
             "origin; repair its coordinates or draw the building in metres"
         )
+
+
+class _Corners:
+    """The distinct corners of a drawing, searchable by the sides that they lie on."""
+
+    def __init__(self, points: Iterable[Point]) -> None:
+        self._points: FloatArray = np.unique(np.round(list(points), DECIMALS).reshape(-1, 3), axis=0) + 0.0
+        self._tree = shapely.STRtree(shapely.points(self._points[:, :2]))
+
+    def split(self, sides: Sequence[tuple[Point, Point]]) -> list[list[Point]]:
+        """Return, for each side, its start and the corners between its ends, in order."""
+        ends = np.array(sides, dtype=np.float64)
+        rows, corners = self._tree.query(shapely.linestrings(ends[:, :, :2]), "dwithin", distance=10.0 * TOLERANCE)
+        origin, along = ends[rows, 0], ends[rows, 1] - ends[rows, 0]
+        step = self._points[corners] - origin
+        square = (along * along).sum(axis=1)
+        share = np.divide((step * along).sum(axis=1), square, out=np.zeros(len(rows)), where=square > 0.0)
+        off = np.linalg.norm(step - share[:, None] * along, axis=1)
+        on = (off < TOLERANCE) & (share > TOLERANCE) & (share < 1.0 - TOLERANCE)
+        split = [[side[0]] for side in sides]
+        for k in np.flatnonzero(on)[np.lexsort((share[on], rows[on]))]:
+            x, y, z = self._points[corners[k]].tolist()
+            split[rows[k]].append((x, y, z))
+        return split
+
+
+def _triangles(plan: BaseGeometry, height: Height, corners: _Corners) -> list[list[Point]]:
+    """Triangulate a surface; every corner of the drawing on its sides becomes a vertex."""
+    triangles = []
+    for polygon in shapely.get_parts(shapely.normalize(plan)):
+        rings = []
+        for ring in (polygon.exterior, *polygon.interiors):
+            lifted = [_lifted(x, y, height) for x, y in shapely.get_coordinates(ring)]
+            sides = corners.split(list(pairwise(lifted)))
+            rings.append([(x, y) for side in sides for x, y, _ in side])
+        try:
+            pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:]))
+        except shapely.GEOSException as error:
+            x, y = rings[-1][0]
+            raise ValueError(
+                f"the ground at ({x:z.2f}, {y:z.2f}) cannot be triangulated ({error}): parts of its outline are too "
+                "close to each other there; repair the outline"
+            ) from error
+        for triangle in shapely.get_parts(pieces):
+            triangles.append([_lifted(x, y, height) for x, y in triangle.exterior.coords[:3]])
+    return triangles
+
+
+def _rounded(point: Point) -> Point:
+    x, y, z = (round(float(value), DECIMALS) + 0.0 for value in point)
+    return x, y, z
+
+
+def _lifted(x: float, y: float, height: Height) -> Point:
+    return _rounded((x, y, height(x, y) if callable(height) else height))
