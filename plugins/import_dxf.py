@@ -16,7 +16,7 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError, text_of
 from evac.base.parameters import Parameter
 from evac.building.geometry.overlays import place_of
-from evac.building.geometry.segments import segment_lengths
+from evac.building.geometry.segments import lines_of, segment_lengths
 from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
 from evac.building.recover.drawings import APART, doors_of, plans_of, swing_of, unit_of, use_of, walls_by_spacing
@@ -374,8 +374,7 @@ class Drawn:
     @property
     def sides(self) -> list[BaseGeometry]:
         """Its lines of two points."""
-        corners = shapely.get_coordinates(self.line)
-        return [*shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))]
+        return lines_of(self.line)
 
 
 def _with_walls(plan: Plan, drawn: list[Drawn]) -> list[Drawn]:

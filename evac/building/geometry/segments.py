@@ -9,6 +9,10 @@ from evac.base.defaults import LEAST_LENGTH
 
 #: Segments lie along each other if their directions differ by less than this (25 degrees).
 ALONG = 0.9
+#: Rounding errors of distances in plan [m].
+ROUNDING = 1e-5
+#: Share of a segment at each end in which points are at the end.
+END = 1e-6
 #: Places along a piece of an outline at which the floor beyond a wall is looked for.
 SAMPLES = 8
 
@@ -34,6 +38,29 @@ def sides(polygon: BaseGeometry) -> FloatArray:
     if not rings:
         return np.empty((0, 4))
     return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def lines_of(line: BaseGeometry) -> list[BaseGeometry]:
+    """Return the sides of a line, as lines of two points."""
+    corners = shapely.get_coordinates(line)
+    return [*shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))]
+
+
+def points_on(
+    points: FloatArray, tree: shapely.STRtree, ends: FloatArray, distance: float
+) -> tuple[IndexArray, IndexArray]:
+    """Return rows of segments (s, 2, 3) with rows of points (v, 3) between their ends, at most `distance` off them [m].
+
+    The tree has the points in plan. Both are sorted by the segments, and along each of them.
+    """
+    rows, found = tree.query(shapely.linestrings(ends[:, :, :2]), predicate="dwithin", distance=distance + ROUNDING)
+    along, reach = ends[rows, 1] - ends[rows, 0], points[found] - ends[rows, 0]
+    square = (along * along).sum(axis=1)
+    share = np.divide((along * reach).sum(axis=1), square, out=np.zeros(len(rows)), where=square > 0.0)
+    off = np.linalg.norm(reach - share[:, None] * along, axis=1)
+    on = np.flatnonzero((share > END) & (share < 1.0 - END) & (off <= distance))
+    on = on[np.lexsort((share[on], rows[on]))]
+    return rows[on], found[on]
 
 
 def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:

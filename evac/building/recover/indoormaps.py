@@ -12,6 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.building.geometry.segments import lines_of
 
 #: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap.
 CLOSED = frozenset(("opentobelow", "structure", "column", "elevator", "shaft", "vegetation", "wall", "void", "parking"))
@@ -193,7 +194,7 @@ def door_at(place: BaseGeometry, width: float, walls: BaseGeometry) -> FloatArra
         ends = shapely.get_coordinates(place)[[0, -1]]
         return ends if np.hypot(*(ends[1] - ends[0])) > 0.3 else None
     middle = place.centroid
-    lines = [side for part in shapely.get_parts(walls) for side in _sides(part)]
+    lines = [side for part in shapely.get_parts(walls) for side in lines_of(part)]
     tree = shapely.STRtree(lines)
     near = tree.query_nearest(middle, max_distance=NEAR)
     if not len(near):
@@ -215,11 +216,6 @@ def at_outline(ends: FloatArray, floor: BaseGeometry) -> FloatArray:
     out = across if inside[0] < inside[1] else -across
     moved: FloatArray = ends + min(inside) * out
     return moved
-
-
-def _sides(line: BaseGeometry) -> list[BaseGeometry]:
-    corners = shapely.get_coordinates(line)
-    return [*shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))]
 
 
 def _levels(own: Mapping[str, Any], names: Mapping[str, Any]) -> list[str]:

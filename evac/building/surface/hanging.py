@@ -9,6 +9,7 @@ import shapely
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.errors import BuildingError
 from evac.building.geometry.polygons import least_height
+from evac.building.geometry.segments import points_on
 
 #: The vertices on each edge (a, b), a < b, in their order from a to b.
 Hanging = dict[tuple[int, int], list[int]]
@@ -90,25 +91,11 @@ def _hanging_vertices(
     sides, uses = np.unique(sides, axis=0, return_counts=True)
     tagged = [np.sort(pairs, axis=1) for pairs in edges.values()]
     used = np.unique(np.concatenate([triangles.ravel(), *(pairs.ravel() for pairs in tagged)]))
-    return _vertices_on_edges(vertices, np.concatenate([sides[uses == 1], *tagged]), used, distance)
-
-
-def _vertices_on_edges(vertices: FloatArray, edges: IndexArray, candidates: IndexArray, distance: float) -> Hanging:
-    """Find the vertices that lie on edges."""
-    tree = shapely.STRtree(shapely.points(vertices[candidates, :2]))
-    lines = shapely.linestrings(vertices[edges][:, :, :2])
-    edge, point = tree.query(lines, predicate="dwithin", distance=distance)
-    a, b, p = edges[edge, 0], edges[edge, 1], candidates[point]
-    along = vertices[b] - vertices[a]
-    reach = vertices[p] - vertices[a]
-    share = (along * reach).sum(axis=1) / np.square(along).sum(axis=1)
-    off = np.linalg.norm(reach - share[:, None] * along, axis=1)
-    on = (p != a) & (p != b) & (share > 0) & (share < 1) & (off <= distance)
+    lines = np.unique(np.concatenate([sides[uses == 1], *tagged]), axis=0)
     hanging: Hanging = {}
-    for row in np.flatnonzero(on)[np.argsort(share[on], kind="stable")]:
-        places = hanging.setdefault((int(a[row]), int(b[row])), [])
-        if int(p[row]) not in places:
-            places.append(int(p[row]))
+    tree = shapely.STRtree(shapely.points(vertices[used, :2]))
+    for row, point in zip(*points_on(vertices[used], tree, vertices[lines], distance), strict=True):
+        hanging.setdefault(tuple(lines[row].tolist()), []).append(int(used[point]))
     return hanging
 
 

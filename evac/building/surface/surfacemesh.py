@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.errors import BuildingError, PluginError
 from evac.building.geometry.polygons import triangulate
+from evac.building.geometry.segments import points_on
 from evac.building.model.findings import Finding, as_findings
 from evac.building.model.names import repaired, with_repaired_names
 
@@ -102,16 +103,17 @@ class SurfaceMesh:
                 fault = f"it is {'empty' if plan.is_empty else f'a {plan.geom_type}'}"
             if fault:
                 raise ValueError(f"the surface {name!r} must be a polygon whose sides do not cross: {fault}")
-        corners = _Corners(
-            [point for _, start, end in edges for point in (start, end)]
-            + [_lifted(x, y, height) for _, plan, height in drawn for x, y in shapely.get_coordinates(plan)]
-        )
-        pieces = [_triangles(plan, height, corners) for _, plan, height in drawn]
+        ends = [_rounded(point) for _, start, end in edges for point in (start, end)]
+        ends += [_lifted(x, y, height) for _, plan, height in drawn for x, y in shapely.get_coordinates(plan)]
+        corners = np.unique(np.reshape(ends, (-1, 3)), axis=0)
+        tree = shapely.STRtree(shapely.points(corners[:, :2]))
+        pieces = [_triangles(plan, height, corners, tree) for _, plan, height in drawn]
         points: dict[Point, int] = {}
         triangles = [[points.setdefault(point, len(points)) for point in piece] for own in pieces for piece in own]
         edge_tags: dict[str, list[list[int]]] = {}
-        for tag, start, end in edges:
-            chain = [_rounded(point) for point in corners.split([(start, end)])[0]] + [_rounded(end)]
+        for tag, *ends_ in edges:
+            start, end = map(_rounded, ends_)
+            chain = [*_split(corners, tree, [(start, end)])[0], end]
             for x, y, z in chain:
                 if (x, y, z) not in points:
                     raise ValueError(
@@ -260,38 +262,23 @@ def _check_vertices(source: Path, points: FloatArray, blocks: list[IndexArray]) 
         )
 
 
-class _Corners:
-    """The distinct corners of a drawing, searchable by the sides that they lie on."""
-
-    def __init__(self, points: Iterable[Point]) -> None:
-        self._points: FloatArray = np.unique(np.round(list(points), DECIMALS).reshape(-1, 3), axis=0) + 0.0
-        self._tree = shapely.STRtree(shapely.points(self._points[:, :2]))
-
-    def split(self, sides: Sequence[tuple[Point, Point]]) -> list[list[Point]]:
-        """Return, for each side, its start and the corners between its ends, in order."""
-        ends = np.array(sides, dtype=np.float64)
-        rows, corners = self._tree.query(shapely.linestrings(ends[:, :, :2]), "dwithin", distance=10.0 * TOLERANCE)
-        origin, along = ends[rows, 0], ends[rows, 1] - ends[rows, 0]
-        step = self._points[corners] - origin
-        square = (along * along).sum(axis=1)
-        share = np.divide((step * along).sum(axis=1), square, out=np.zeros(len(rows)), where=square > 0.0)
-        off = np.linalg.norm(step - share[:, None] * along, axis=1)
-        on = (off < TOLERANCE) & (share > TOLERANCE) & (share < 1.0 - TOLERANCE)
-        split = [[side[0]] for side in sides]
-        for k in np.flatnonzero(on)[np.lexsort((share[on], rows[on]))]:
-            x, y, z = self._points[corners[k]].tolist()
-            split[rows[k]].append((x, y, z))
-        return split
+def _split(corners: FloatArray, tree: shapely.STRtree, sides: Sequence[tuple[Point, Point]]) -> list[list[Point]]:
+    """Return, for each side, its start and the corners (c, 3) between its ends, in order."""
+    split = [[side[0]] for side in sides]
+    for row, corner in zip(*points_on(corners, tree, np.array(sides, dtype=np.float64), TOLERANCE), strict=True):
+        x, y, z = corners[corner].tolist()
+        split[row].append((x, y, z))
+    return split
 
 
-def _triangles(plan: BaseGeometry, height: Height, corners: _Corners) -> list[list[Point]]:
+def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: shapely.STRtree) -> list[list[Point]]:
     """Triangulate a surface; every corner of the drawing on its sides becomes a vertex."""
     triangles = []
     for polygon in shapely.get_parts(shapely.normalize(plan)):
         rings = []
         for ring in (polygon.exterior, *polygon.interiors):
             lifted = [_lifted(x, y, height) for x, y in shapely.get_coordinates(ring)]
-            sides = corners.split(list(pairwise(lifted)))
+            sides = _split(corners, tree, list(pairwise(lifted)))
             rings.append([(x, y) for side in sides for x, y, _ in side])
         try:
             pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:]))
