@@ -7,7 +7,8 @@ import pytest
 import shapely
 
 import evac
-from evac.building.model.links import with_direction
+from evac.base.change import Change
+from evac.building.model.links import changed
 from evac.building.model.marks import marks_of
 
 
@@ -36,7 +37,7 @@ def building():
     ],
 )
 def test_arrows_point_in_the_direction_of_links(building, name, value, points):
-    marks = marks_of(with_direction(building, name, value))
+    marks = marks_of(changed(building, Change(0.0, "one_way", name, {"value": value})))
     assert {mark.kind for mark in marks} == {"one_way"}
     assert {building.levels[mark.level].kind for mark in marks} == {"floor"}
     found = []

@@ -44,47 +44,14 @@ def ways_onto(building: Building, level: int) -> dict[str, list[Portal]]:
     return ways
 
 
-def with_links(building: Building, name: str, is_open: bool) -> Building:
-    """Return the building after an exit, a portal or a stair has been opened or closed; itself if it already is so.
+def _origin(building: Building, link: int, towards: str) -> int:
+    """Return where a link is passed from in a direction, as in `Building.one_way`.
 
-    Raises
-    ------
-    BuildingError
-        As `links_named`.
+    Of portals and stairs, the direction is ``"up"`` or ``"down"``, or the name of the level to which the portal leads;
+    of exits, ``"in"`` or ``"out"``; of doors, the name of an area on the side to which they lead.
     """
-    links = links_named(building, name)
-    closed = building.closed - links if is_open else building.closed | links
-    return building if closed == building.closed else replace(building, closed=closed)
-
-
-def with_direction(building: Building, name: str, towards: str | bool) -> Building:
-    """Return the building after a link can be passed in one direction only, or in both again.
-
-    Parameters
-    ----------
-    building : Building
-    name : str
-        Name of an exit, portal, stair or door.
-    towards : str or bool
-        Of portals and stairs, ``"up"`` or ``"down"``, or the name of the level to which the portal leads; of exits,
-        ``"in"`` or ``"out"``; of doors, the name of an area on the side to which they lead. False for both directions.
-
-    Raises
-    ------
-    BuildingError
-        No link has this name, or the direction is none of it.
-    """
-    links = links_named(building, name)
-    others = {one for one in building.one_way if one[0] not in links}
-    if towards is False:
-        return replace(building, one_way=frozenset(others))
-    return replace(building, one_way=frozenset(others | {(link, _origin(building, link, towards)) for link in links}))
-
-
-def _origin(building: Building, link: int, towards: str | bool) -> int:
-    """Return where a link is passed from in a direction, as in `Building.one_way`."""
     if link >= building.n_links:
-        return _side_from(building, building.doors[link - building.n_links], str(towards))
+        return _side_from(building, building.doors[link - building.n_links], towards)
     if link >= len(building.portals):
         way = building.exits[link - len(building.portals)]
         if towards not in ("in", "out"):
@@ -100,7 +67,7 @@ def _origin(building: Building, link: int, towards: str | bool) -> int:
         raise BuildingError(
             f"{building.source}: portal {portal.name!r} does not lead to {towards!r}; use one of {known}"
         )
-    return ends[str(towards)]
+    return ends[towards]
 
 
 def _side_from(building: Building, door: Door, towards: str) -> int:
@@ -131,13 +98,18 @@ def changed(building: Building, change: Change) -> Building:
     value = change.values.get("value")
     match change.kind:
         case "open" | "close":
-            return with_links(building, change.what, change.kind == "open")
+            links = links_named(building, change.what)
+            is_open = change.kind == "open"
+            after = replace(building, closed=building.closed - links if is_open else building.closed | links)
         case "one_way":
-            after = with_direction(building, change.what, value if isinstance(value, str) else False)
+            links = links_named(building, change.what)
+            others = {one for one in building.one_way if one[0] not in links}
+            ways = {(link, _origin(building, link, value)) for link in links if isinstance(value, str)}
+            after = replace(building, one_way=frozenset(others | ways))
         case "slow":
             name, share = _area(building, change.what), float(1.0 if value is None else value)
-            others = {one for one in building.slowed if one[0] != name}
-            after = replace(building, slowed=frozenset(others | ({(name, share)} if share < 1.0 else set())))
+            slowed = {one for one in building.slowed if one[0] != name}
+            after = replace(building, slowed=frozenset(slowed | ({(name, share)} if share < 1.0 else set())))
         case "bar":
             name = _area(building, change.what)
             free = building.barred - {name}

@@ -230,7 +230,8 @@ class _Drawing:
                 elif kind == "slope":
                     made = [stairs.slope(outline) for outline in values[0]]
                 else:
-                    made = [stairs.landing(united(values[0]), values[1])]
+                    polygons, z = values
+                    made = [stairs.Piece(united(polygons), z, z, z)]
             self.pieces.setdefault(name, []).extend(made)
         if plan.headroom > 0.0:
             for name, pieces in self.pieces.items():

@@ -4,13 +4,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.building.geometry.overlays import united
 from evac.building.model.building import Building, Level
 from evac.building.plan.plan import Plan
 from evac.building.plan.stairs import LEVEL
-
-#: Digits to which the planes of cells agree, in slope and in height at the origin of the flight.
-DIGITS = 5
+from evac.building.surface.patches import patches_of
 
 
 def plan_of_building(building: Building) -> Plan:
@@ -45,22 +42,13 @@ def plan_of_building(building: Building) -> Plan:
 
 def slopes_of(building: Building, level: Level) -> list[BaseGeometry]:
     """Return the planes of a flight: polygons whose corners have heights [m]."""
-    corners = building.vertices[level.triangles]
-    origin = corners[0, 0, :2]
-    sides = corners[:, 1:] - corners[:, :1]
-    gradient = np.linalg.solve(sides[:, :, :2], sides[:, :, 2:])[:, :, 0]
-    offset = corners[:, 0, 2] - ((corners[:, 0, :2] - origin) * gradient).sum(axis=1)
-    planes = np.column_stack([gradient, offset])
-    _, plane_of = np.unique(planes.round(DIGITS), axis=0, return_inverse=True)
-    polygons = []
-    for index in range(plane_of.max() + 1):
-        own = plane_of.ravel() == index
-        plane = planes[own].mean(axis=0)
-        for part in shapely.get_parts(united(shapely.polygons(corners[own][:, :, :2]))):
-            flat = shapely.get_coordinates(part)
-            heights = (flat - origin) @ plane[:2] + plane[2]
-            rings = np.split(
-                np.column_stack([flat, heights]), np.cumsum(shapely.get_num_coordinates(shapely.get_rings(part)))[:-1]
-            )
-            polygons.append(shapely.Polygon(rings[0], rings[1:]))
-    return polygons
+    cells = level.triangles.astype(np.int64)
+    patches = patches_of(building.vertices, cells, np.zeros(len(cells), dtype=np.int64), {})
+    return [
+        shapely.transform(
+            shapely.force_3d(patch.plan),
+            lambda at, patch=patch: np.column_stack([at[:, :2], patch.height(at[:, :2])]),
+            include_z=True,
+        )
+        for patch in patches
+    ]

@@ -94,11 +94,6 @@ def slope(outline: BaseGeometry) -> Piece:
     return Piece(shapely.force_2d(outline), height, float(corners[:, 2].min()), float(corners[:, 2].max()))
 
 
-def landing(plan: BaseGeometry, z: float) -> Piece:
-    """Return a landing."""
-    return Piece(plan, z, z, z)
-
-
 def straight(
     lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float, depth: float, landings: int
 ) -> list[Piece]:
@@ -126,7 +121,7 @@ def straight(
         pieces += flight(_rounded(ends[0]), z[0], _rounded(ends[1]), z[1])
         if k < landings:
             beyond = _rounded(lower + (start + flight_share + share) * (upper - lower))
-            pieces.append(landing(shapely.Polygon([*_rounded(ends[1]), *beyond[::-1]]), z[1]))
+            pieces.append(Piece(shapely.Polygon([*_rounded(ends[1]), *beyond[::-1]]), z[1], z[1], z[1]))
     return pieces
 
 
@@ -169,7 +164,8 @@ def switchback(
     level = float((turn_lower @ way).mean())
     corners = [level * way + s * across for s in (side.min(), side.max())]
     corners += [(level + depth) * way + s * across for s in (side.max(), side.min())]
-    return [*first, landing(shapely.Polygon(_rounded(np.array(corners))), z_middle), *second]
+    middle = Piece(shapely.Polygon(_rounded(np.array(corners))), z_middle, z_middle, z_middle)
+    return [*first, middle, *second]
 
 
 def too_low(piece: Piece, z: float, headroom: float) -> BaseGeometry:

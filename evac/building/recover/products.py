@@ -7,9 +7,8 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -94,15 +93,13 @@ class _Reader:
         self._first = (_load, (content, library))
         self._pool: Pool | None = None
 
-    def ask(
-        self, function: Callable[..., tuple[Any, list[str]]], arguments: tuple[Any, ...], limit: float, said: list[str]
-    ) -> Any:
+    def ask(self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float, said: list[str]) -> Any:
         """Return the result of a call, or why there is none; add what the library writes to `said`."""
         try:
             if self._pool is None:
                 self._pool = Pool(1, self._first, is_quiet=True)
                 self._pool.submit(_ready).result(timeout=START)  # is not counted
-            result, lines = self._pool.submit(function, *arguments).result(timeout=limit)
+            result, lines = self._pool.submit(_answer, function, arguments).result(timeout=limit)
         except TimeoutError:
             self.close()
             return f"it takes more than {limit:.0f} s"
@@ -138,19 +135,29 @@ def _ready() -> None:
     """Answer as soon as the process has the content."""
 
 
-def _entities(library: str) -> tuple[dict[int, dict[str, Any]] | str, list[str]]:
-    """Return the entities of the file, and what the library wrote."""
-    with _written() as said:
+def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, list[str]]:
+    """Return the result of a function, or the text of its error, and the lines that compiled code writes."""
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
         try:
-            if library == "ifcopenshell":
-                return {one.id(): _entity(one) for one in _loaded.by_type("IfcObject")}, said
-            read = import_module("ifclite_geom").entity_data(
-                _loaded, placements=True, type_properties=False, attributes=True
-            )
-            keys = ("ifc_type", "name", "object_type", "has_geometry", "placement", "attributes")
-            return {number: {key: one[key] for key in keys} for number, one in read["entities"].items()}, said
+            result = function(*arguments)
         except BaseException as error:  # a panic of the library is not a subclass of Exception
-            return str(error), said
+            result = str(error)
+        os.dup2(kept, 2)
+        os.close(kept)
+        file.seek(0)
+        lines = file.read().decode("utf-8", "replace").splitlines()
+    return result, [line.strip() for line in lines if line.strip()]
+
+
+def _entities(library: str) -> dict[int, dict[str, Any]]:
+    """Return the entities of the file."""
+    if library == "ifcopenshell":
+        return {one.id(): _entity(one) for one in _loaded.by_type("IfcObject")}
+    read = import_module("ifclite_geom").entity_data(_loaded, placements=True, type_properties=False, attributes=True)
+    keys = ("ifc_type", "name", "object_type", "has_geometry", "placement", "attributes")
+    return {number: {key: one[key] for key in keys} for number, one in read["entities"].items()}
 
 
 def _entity(one: Any) -> dict[str, Any]:
@@ -171,24 +178,18 @@ def _entity(one: Any) -> dict[str, Any]:
     }
 
 
-def _shapes(library: str, numbers: Sequence[int]) -> tuple[dict[int, Shape] | str, list[str]]:
-    """Return the shapes of some products, and what the library wrote."""
-    with _written() as said:
-        try:
-            if library == "ifcopenshell":
-                return {number: shape for number in numbers if (shape := _opened(number)) is not None}, said
-            made: Mapping[int, Any] = import_module(library).geometry_data_buffers(_loaded, ids=set(numbers))[
-                "elements"
-            ]
-            return {
-                number: (
-                    np.frombuffer(one["vertices"], np.float64).reshape(-1, 3),
-                    np.frombuffer(one["faces"], np.uint32).reshape(-1, 3).astype(np.int64),
-                )
-                for number, one in made.items()
-            }, said
-        except BaseException as error:
-            return str(error), said
+def _shapes(library: str, numbers: Sequence[int]) -> dict[int, Shape]:
+    """Return the shapes of some products."""
+    if library == "ifcopenshell":
+        return {number: shape for number in numbers if (shape := _opened(number)) is not None}
+    made: Mapping[int, Any] = import_module(library).geometry_data_buffers(_loaded, ids=set(numbers))["elements"]
+    return {
+        number: (
+            np.frombuffer(one["vertices"], np.float64).reshape(-1, 3),
+            np.frombuffer(one["faces"], np.uint32).reshape(-1, 3).astype(np.int64),
+        )
+        for number, one in made.items()
+    }
 
 
 def _opened(number: int) -> Shape | None:
@@ -201,19 +202,3 @@ def _opened(number: int) -> Shape | None:
     except RuntimeError:
         return None
     return np.reshape(geometry.verts, (-1, 3)), np.reshape(geometry.faces, (-1, 3)).astype(np.int64)
-
-
-@contextmanager
-def _written() -> Iterator[list[str]]:
-    """Collect the lines that compiled code writes to the standard error of the process."""
-    said: list[str] = []
-    kept = os.dup(2)
-    with tempfile.TemporaryFile() as file:
-        os.dup2(file.fileno(), 2)
-        try:
-            yield said
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            file.seek(0)
-            said += [line.strip() for line in file.read().decode("utf-8", "replace").splitlines() if line.strip()]

@@ -1,5 +1,6 @@
 """Division of cells into levels: the cells, the name and the stair of each level."""
 
+import itertools
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -228,15 +229,12 @@ def _name_stairs(levels: list[Level], neighbours: IndexArray) -> list[Level]:
     is_untagged = np.array([level.kind != "floor" and level.stair is None for level in levels])
     chain = connected_components(len(levels), neighbours[is_untagged[neighbours].all(axis=1)])
     taken = {level.stair for level in levels}
-    named = list(levels)
-    number = 0
-    for members in (np.flatnonzero(chain == index) for index in np.unique(chain[is_untagged])):
-        number += 1
-        while f"stair {number}" in taken:
-            number += 1
-        for index in members:
-            named[index] = replace(levels[index], stair=f"stair {number}")
-    return named
+    free = (name for number in itertools.count(1) if (name := f"stair {number}") not in taken)
+    stair_of = dict(zip(np.unique(chain[is_untagged]).tolist(), free, strict=False))
+    return [
+        replace(level, stair=stair_of[part]) if is_new else level
+        for level, part, is_new in zip(levels, chain.tolist(), is_untagged.tolist(), strict=True)
+    ]
 
 
 def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
