@@ -38,7 +38,6 @@ from evac.directions.raster.grids import (
     NOTHING,
     OWN,
     BuildingGrids,
-    LevelGrid,
     build_grids,
     count_nodes,
     lead_through_doors,
@@ -418,26 +417,14 @@ def _nodes_in_gaps(grids: BuildingGrids, width: float) -> tuple[IndexArray, Inde
     """Return the nodes in gaps narrower than a width [m], and these with those at narrower portals and exits."""
     in_gaps, too_narrow = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for grid in grids.levels if width > 0.0 else ():
-        building, level = grids.building, grid.level
-        in_gaps.append(_nodes_near(grids, grid, gaps_below(building.levels[level].polygon, width)))
-        too_narrow.append(_nodes_near(grids, grid, gaps_between_walls(building, building.levels[level], width)))
+        building, level, spacing = grids.building, grid.level, grids.lattice.spacing
+        in_gaps.append(grid.nodes_near(gaps_below(building.levels[level].polygon, width), spacing))
+        too_narrow.append(grid.nodes_near(gaps_between_walls(building, building.levels[level], width), spacing))
         for link in building.links_of(level):
             if building.is_open(link) and link.width < width:
-                too_narrow.append(_nodes_near(grids, grid, link.segments))
+                too_narrow.append(grid.nodes_near(link.segments, spacing))
     nodes = np.concatenate(in_gaps)
     return nodes, np.concatenate([nodes, *too_narrow])
-
-
-def _nodes_near(grids: BuildingGrids, grid: LevelGrid, segments: FloatArray) -> IndexArray:
-    """Return the packed indices of the nodes of a level within a cell of segments (s, 4)."""
-    if not len(segments):
-        return np.zeros(0, np.int64)
-    lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
-    shapely.prepare(lines)
-    near = np.argwhere(grid.window.around(shapely.get_parts(lines), grids.lattice.spacing))
-    near = near[shapely.dwithin(lines, shapely.points(grid.window.places(near)), grids.lattice.spacing)]
-    nodes: IndexArray = grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape)
-    return nodes
 
 
 def _nodes_past(grids: BuildingGrids, cost: FloatArray, narrow: IndexArray) -> IndexArray:
@@ -508,7 +495,8 @@ def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, Float
             linked = ground[one] & ground[two]
             pairs.append(np.stack([source[one][linked], source[two][linked]], axis=1))
         ways = [way for way in building.exits_of(grid.level) if building.is_open(way)]
-        ends.append(_nodes_near(grids, grid, np.concatenate([np.zeros((0, 4)), *(way.segments for way in ways)])))
+        doors = np.concatenate([np.zeros((0, 4)), *(way.segments for way in ways)])
+        ends.append(grid.nodes_near(doors, grids.lattice.spacing))
     links = np.concatenate(pairs)
     part = connected_components(grids.size, links[~barred[links].any(axis=1)])
     own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
@@ -549,7 +537,7 @@ def _solve(
         for exits in ways:
             plain = next(costs)
             cost = plain if bent is None else next(costs)
-            yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)], bent is None), plain, cost
+            yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)]), plain, cost
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
@@ -562,14 +550,14 @@ def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) ->
     return rates
 
 
-def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
+def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit]) -> FloatArray:
     """Return unit vectors (nodes, 2): steepest descent, exit normals behind exits, extended into walls."""
     direction = np.zeros((grids.size, 2))
     for grid in grids.levels:
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
         own_cost = cost[grid.packed].reshape(grid.window.shape)
-        descend(own_cost, chosen, grids.lattice.spacing, is_plain, packed)
+        descend(own_cost, chosen, grids.lattice.spacing, packed)
         lead_through_doors(grid, own_cost, packed)
         strips = strips_of(grids, grid)
         for exit_ in exits:

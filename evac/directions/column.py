@@ -354,7 +354,7 @@ class Column:
             cost = waves.time[grid.packed]
             cost[halo[is_known]] = waves.time[source[is_known]]
             chosen = (self._solved[grid.packed] & np.isfinite(cost)).view(np.uint8).reshape(shape)
-            descend(cost.reshape(shape), chosen, waves.spacing, False, self._direction[grid.packed])
+            descend(cost.reshape(shape), chosen, waves.spacing, self._direction[grid.packed])
             lead_through_doors(grid, cost.reshape(shape), self._direction[grid.packed])
         pairs = self._direction.view(np.complex128)[:, 0]  # which numpy copies faster than rows of two numbers
         for level in touched:

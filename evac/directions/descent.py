@@ -22,85 +22,8 @@ def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
     return (one - near) / spacing
 
 
-#: Half width, in nodes, of the window of least-squares fits beside slanted walls.
-WINDOW = 3
-
-#: Nodes whose cost differs by more than this multiple of the slope are behind a wall.
-STEEPEST = 1.5
-
-
-@inner
-def is_beside_slant(cost: FloatGrid, i: int, j: int) -> bool:
-    """Return whether a node is beside a wall that is not parallel to the grid within the window."""
-    nx, ny = cost.shape
-    for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        if cost[i + di, j + dj] < math.inf:
-            continue
-        for way in (1, -1):
-            for k in range(1, WINDOW + 1):
-                a, b = i + way * k * dj, j + way * k * di
-                if not (0 < a < nx - 1 and 0 < b < ny - 1) or cost[a, b] == math.inf:
-                    break
-                if cost[a + di, b + dj] < math.inf:
-                    return True
-    return False
-
-
-@inner
-def is_near_slant(cost: FloatGrid, i: int, j: int) -> bool:
-    """Return whether a node or one of its neighbours is beside a slanted wall, where the cost is less accurate."""
-    for di, dj in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
-        if cost[i + di, j + dj] < math.inf and is_beside_slant(cost, i + di, j + dj):
-            return True
-    return False
-
-
-@inner
-def fit_descent(cost: FloatGrid, i: int, j: int, limit: float) -> tuple[float, float]:
-    """Return the descent of the least-squares plane through a node and lower nodes nearby; (0, 0) if there are too few.
-
-    Beside a slanted wall, a node may have neighbours along one axis only. The fit uses the connected nodes within the
-    window whose cost is lower by at most `limit` per cell of distance.
-    """
-    side = 2 * WINDOW + 1
-    linked = 1 << (side * WINDOW + WINDOW)  # a bit for each node of the window
-    grown = True
-    while grown:
-        grown = False
-        for a in range(side):
-            for b in range(side):
-                bit = side * a + b
-                if (linked >> bit) & 1 or cost[i + a - WINDOW, j + b - WINDOW] == math.inf:
-                    continue
-                if (
-                    (a > 0 and (linked >> (bit - side)) & 1)
-                    or (a + 1 < side and (linked >> (bit + side)) & 1)
-                    or (b > 0 and (linked >> (bit - 1)) & 1)
-                    or (b + 1 < side and (linked >> (bit + 1)) & 1)
-                ):
-                    linked |= 1 << bit
-                    grown = True
-    xx, xy, yy, xd, yd = 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(side):
-        for b in range(side):
-            x, y = a - WINDOW, b - WINDOW
-            drop = cost[i, j] - cost[i + x, j + y]
-            if (linked >> (side * a + b)) & 1 == 0 or drop <= 0.0 or drop > limit * math.sqrt(x * x + y * y):
-                continue
-            xx += x * x
-            xy += x * y
-            yy += y * y
-            xd += x * drop
-            yd += y * drop
-    determinant = xx * yy - xy * xy
-    # Nodes close to one line do not determine the slope across it.
-    if determinant < 0.02 * (xx + yy) ** 2:
-        return 0.0, 0.0
-    return (yy * xd - xy * yd) / determinant, (xx * yd - xy * xd) / determinant
-
-
 @kernel
-def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, is_plain: bool, direction: Pairs) -> None:
+def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, direction: Pairs) -> None:
     """Compute the unit vectors of steepest descent on a grid.
 
     Parameters
@@ -110,8 +33,6 @@ def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, is_plain: bool, d
     chosen : (nx, ny) uint8
         Mask of the nodes to write; others are not changed.
     spacing : float [m]
-    is_plain : bool
-        Whether the cost per metre is uniform on a level; then nodes beside slanted walls use least-squares fits.
     direction : (nx * ny, 2) float64
         Output: unit vectors, zero where no neighbour is lower.
     """
@@ -126,11 +47,6 @@ def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, is_plain: bool, d
             step = 1 if cost[i, j + 1] < cost[i, j - 1] else -1
             along_y = step * upwind_slope(one, cost[i, j + step], cost[i, j + 2 * step], spacing)
             length = math.sqrt(along_x * along_x + along_y * along_y)
-            if is_plain and is_near_slant(cost, i, j):
-                fitted_x, fitted_y = fit_descent(cost, i, j, STEEPEST * length * spacing)
-                if fitted_x != 0.0 or fitted_y != 0.0:
-                    along_x, along_y = fitted_x, fitted_y
-                    length = math.sqrt(along_x * along_x + along_y * along_y)
             if length > 0.0:
                 direction[i * ny + j, 0] = along_x / length
                 direction[i * ny + j, 1] = along_y / length

@@ -7,11 +7,10 @@ so that people do not turn to an exit that others will have reached before them.
 """
 
 import numpy as np
-import shapely
 
-from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.base.arrays import FloatArray, IntArray
 from evac.directions.march.waves import find_queues
-from evac.directions.raster.grids import BuildingGrids, LevelGrid
+from evac.directions.raster.grids import BuildingGrids
 
 #: Flow through a metre of a door: mean of the doors of 0.8 to 2.5 m measured by Seyfried et al. (2009), Kretz et al.
 #: (2006) and in Duesseldorf (2006), see `evac evidence people`; and of a stair, where it is 0.88 to 1.16 [1/s/m].
@@ -48,10 +47,11 @@ class Gates:
             if any(building.levels[level].slope > 0.0 for level in portal.levels):
                 flow[portal.index] = ON_STAIRS
         self._capacity = width * flow
+        reach = 0.501 * grids.lattice.spacing  # which no path avoids
         for grid in grids.levels:
             for number, door in enumerate(building.doors, building.n_links):
                 if door.level == grid.level:
-                    self.at[_nodes_on(grids, grid, door.segment)] = number
+                    self.at[grid.nodes_near(door.segment.reshape(1, 4), reach)] = number
             for index, (ours, _) in grid.seams.items():
                 self.at[ours] = index
         self.people, self.queues = np.zeros((len(width), BINS)), np.ones((len(width), BINS))
@@ -63,12 +63,3 @@ class Gates:
         now = np.bincount(gate[queueing] * BINS + step[queueing], minlength=self.people.size)
         self.people += gain * (now.reshape(self.people.shape) - self.people)
         find_queues(self.people, self._capacity, STEP, self.queues)
-
-
-def _nodes_on(grids: BuildingGrids, grid: LevelGrid, segment: FloatArray) -> IndexArray:
-    """Return the packed indices of the nodes of a level within half a cell of a segment, which no path avoids."""
-    line = shapely.linestrings(segment.reshape(2, 2))
-    near = np.argwhere(grid.window.around(np.array([line]), grids.lattice.spacing))
-    near = near[shapely.dwithin(line, shapely.points(grid.window.places(near)), 0.501 * grids.lattice.spacing)]
-    nodes: IndexArray = grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape)
-    return nodes

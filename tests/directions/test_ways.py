@@ -232,21 +232,6 @@ def test_three_strategies_take_three_ways(drawing):
     assert times == pytest.approx([15.67, 19.08, 28.41], abs=0.1)
 
 
-@pytest.mark.parametrize("angle", [10.0, 20.0, 35.0])
-def test_directions_beside_slanted_walls(drawing, angle):
-    """The way along a corridor is its axis, beside its walls too, however the grid's steps fall."""
-    axis = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
-    across = np.array([-axis[1], axis[0]])
-    corners = [(0, 0), 6 * axis, 6 * axis + 2 * across, 2 * across]
-    drawing.level(shapely.Polygon(corners))
-    drawing.exit("A", 0, tuple(corners[1]), tuple(corners[2]))
-    fields = build_fields(drawing.build(), ANY, clearance=0.0)
-    along, beside = np.meshgrid(np.linspace(0.5, 5.0, 60), [0.02, 0.06, 0.1, 0.15, 1.85, 1.9, 1.94, 1.98])
-    found = fields.directions_at(0, along.ravel()[:, None] * axis + beside.ravel()[:, None] * across, 0)
-    angles = np.degrees(np.arccos(np.clip(found @ axis, -1.0, 1.0)))
-    assert angles.mean() < 7.0
-
-
 def test_lengths_of_ways_without_stairs_end_in_front_of_a_stair():
     plan = Plan()
     for name, height in (("ground", 0.0), ("first", 3.2)):

@@ -59,6 +59,17 @@ class LevelGrid:
         """Slice of the level's nodes in packed arrays."""
         return slice(self.offset, self.offset + self.sheet.size)
 
+    def nodes_near(self, segments: FloatArray, reach: float) -> IndexArray:
+        """Return the packed indices of the nodes within a reach [m] of segments (s, 4)."""
+        if not len(segments):
+            return np.zeros(0, np.int64)
+        lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
+        shapely.prepare(lines)
+        near = np.argwhere(self.window.around(shapely.get_parts(lines), reach))
+        near = near[shapely.dwithin(lines, shapely.points(self.window.places(near)), reach)]
+        nodes: IndexArray = self.offset + np.ravel_multi_index(tuple(near.T), self.window.shape)
+        return nodes
+
 
 @dataclass(frozen=True)
 class BuildingGrids:
