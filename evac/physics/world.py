@@ -1,5 +1,7 @@
 """Packing of a building and its fields to the `World` that kernels read."""
 
+import math
+
 import numpy as np
 import shapely
 
@@ -161,7 +163,8 @@ def _buckets(walls: FloatArray, level: IntArray) -> tuple[IntArray, IntArray, In
         last = np.minimum(((wall_high + BUCKET_REACH - origin) // size).astype(int), shape - 1)
         columns, rows = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1), indexing="ij")
         centre = origin + size * (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5)
-        near = _distance(walls[w], centre) <= BUCKET_REACH + size * np.sqrt(0.5)
+        line = shapely.linestrings(walls[w].reshape(2, 2))
+        near = shapely.dwithin(line, shapely.points(centre), BUCKET_REACH + size * math.sqrt(0.5))
         owner.append((columns.ravel() * shape[1] + rows.ravel())[near])
         item.append(np.full(int(near.sum()), w))
     buckets = int(shape[0]) * int(shape[1])
@@ -171,12 +174,3 @@ def _buckets(walls: FloatArray, level: IntArray) -> tuple[IntArray, IntArray, In
     start = np.searchsorted(owners[order], np.arange(buckets + 2)).astype(np.int32)
     frame = np.array([origin[0], origin[1], size, BUCKET_REACH])
     return items[order].astype(np.int32), start, shape, frame
-
-
-def _distance(wall: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the distances (p,) of points (p, 2) from a segment (4,)."""
-    along = wall[2:] - wall[:2]
-    length2 = float(along @ along)
-    share = np.clip((points - wall[:2]) @ along / length2, 0.0, 1.0) if length2 > 0 else np.zeros(len(points))
-    nearest = wall[:2] + share[:, None] * along
-    return np.asarray(np.hypot(*(points - nearest).T))

@@ -172,31 +172,30 @@ class _March:
         # At larger distances, phi is the spacing.
         distance = self._distance_from(grid, lines, behind, max(0.0, ring + self.spacing))
         distance[behind] *= -1.0
-        exact = walkable & (distance - ring <= 0.0)
-        known = distance[exact] * self.metric.slowness[grid.level, use]
-        phi = np.subtract(distance, ring, out=distance)
-        time = self._solve(grid, np.minimum(phi, self.spacing, out=phi), use, None, walkable)
-        if time is None:
-            # No nodes outside the ring, as on a level with few cells.
-            time = np.full(phi.shape, math.inf)
-        time += ring * self.metric.slowness[grid.level, use]
-        time[exact] = known
-        self._lower(grid, time)
+        self._march_from_ring(grid, distance, ring, use, walkable)
 
     def _march_from_area(self, grid: LevelGrid, area: Area) -> None:
         """March from a ring around the innermost point of an area."""
         place = maximum_inscribed_circle(area.polygon).coords[0]
         x, y = grid.window.coordinates()
         distance = np.hypot(x - place[0], y - place[1])
-        ring, walkable = RING * self.spacing, self.grids.is_ground(grid)
+        self._march_from_ring(grid, distance, RING * self.spacing, FLAT, self.grids.is_ground(grid))
+
+    def _march_from_ring(
+        self, grid: LevelGrid, distance: FloatArray, ring: float, use: int, walkable: NDArray[np.bool_]
+    ) -> None:
+        """March from where a distance is that of a ring [m], within which the cost is that of the distance."""
+        slowness = self.metric.slowness[grid.level, use]
         exact = walkable & (distance <= ring)
-        known = distance[exact] * self.metric.slowness[grid.level, FLAT]
-        found = self._solve(grid, np.minimum(distance - ring, self.spacing), FLAT, None, walkable)
-        if found is None:
-            found = np.full(distance.shape, math.inf)
-        found += ring * self.metric.slowness[grid.level, FLAT]
-        found[exact] = known
-        self._lower(grid, found)
+        known = distance[exact] * slowness
+        phi = np.subtract(distance, ring, out=distance)
+        time = self._solve(grid, np.minimum(phi, self.spacing, out=phi), use, None, walkable)
+        if time is None:
+            # No nodes outside the ring, as on a level with few cells.
+            time = np.full(phi.shape, math.inf)
+        time += ring * slowness
+        time[exact] = known
+        self._lower(grid, time)
 
     def _distance_from(
         self, grid: LevelGrid, lines: BaseGeometry, behind: NDArray[np.bool_], reach: float

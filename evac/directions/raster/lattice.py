@@ -1,6 +1,5 @@
 """The common lattice of grid nodes of a building, and its links that are crossed by segments."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -29,14 +28,10 @@ class Lattice:
 
     def window(self, bounds: Iterable[float], margin: int) -> "Window":
         """Return the window of the box (x_min, y_min, x_max, y_max) with `margin` nodes around it."""
-        x_min, y_min, x_max, y_max = bounds
-        first = [
-            math.floor((low - a) / self.spacing) - margin for low, a in zip((x_min, y_min), self.anchor, strict=True)
-        ]
-        last = [
-            math.ceil((high - a) / self.spacing) + margin for high, a in zip((x_max, y_max), self.anchor, strict=True)
-        ]
-        return Window(self, (first[0], first[1]), (last[0] - first[0] + 1, last[1] - first[1] + 1))
+        low, high = (np.reshape([*bounds], (2, 2)) - self.anchor) / self.spacing
+        first, last = np.floor(low).astype(int) - margin, np.ceil(high).astype(int) + margin
+        shape = last - first + 1
+        return Window(self, (int(first[0]), int(first[1])), (int(shape[0]), int(shape[1])))
 
 
 @dataclass(frozen=True)
