@@ -5,7 +5,6 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evac.base.arrays import FloatArray
 from evac.directions.fields import PackedFields
 from evac.jit import (
     AddressCall,
@@ -128,36 +127,29 @@ def make_crowd(
     speed : (n, 3) for flat, up and down, or (n,) or one for all of these [m/s]
     """
     place = np.array(position, dtype=np.float64).reshape(-1, 2)
-    n = len(place)
-
-    def each(value: ArrayLike) -> FloatArray:
-        return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), n))
-
     speeds = np.asarray(speed, dtype=np.float64)
-    return Crowd(
-        position=place,
-        velocity=np.array(np.broadcast_to(np.asarray(velocity, dtype=np.float64), (n, 2))),
-        level=np.array(np.broadcast_to(np.asarray(level, dtype=np.int32), n)),
-        radius=each(radius),
-        contact_radius=each(radius if contact_radius is None else contact_radius),
-        height=each(height),
-        mass=each(mass),
-        tau=each(tau),
-        speed=speeds.copy() if speeds.ndim == 2 else np.repeat(each(speeds)[:, None], 3, axis=1),
-        group=np.zeros(n, np.int32),
-        start_time=each(start_time),
-        route=np.zeros(n, np.int32),
-        speed_factor=np.ones(n),
-        extra_direction=np.zeros((n, 2)),
-        exit_time=np.full(n, np.nan),
-        exit_used=np.full(n, -1, np.int32),
-        distance=np.zeros(n),
-        contact_force=np.zeros(n),
-        arrival_time=np.zeros(n),
-        passing=np.full(n, -1, np.int32),
-        ahead=np.zeros((n, 2)),
-        firmness=np.ones(n),
-    )
+    given: dict[str, ArrayLike] = {
+        "position": place,
+        "velocity": velocity,
+        "level": level,
+        "radius": radius,
+        "contact_radius": radius if contact_radius is None else contact_radius,
+        "height": height,
+        "mass": mass,
+        "tau": tau,
+        "speed": speeds[:, None] if speeds.ndim == 1 else speeds,
+        "start_time": start_time,
+        "speed_factor": 1.0,
+        "exit_time": np.nan,
+        "exit_used": -1,
+        "passing": -1,
+        "firmness": 1.0,
+    }
+    kinds: dict[str, Any] = dict(Crowd.kinds)
+    arrays = {name: np.zeros((len(place), *kind.shape[1:]), kind.dtype) for name, kind in kinds.items()}
+    for name, value in given.items():
+        arrays[name][...] = value
+    return Crowd(**arrays)
 
 
 def copy_of(crowd: Crowd) -> Crowd:

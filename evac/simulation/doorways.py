@@ -153,20 +153,9 @@ def _aim(crowd: Crowd, rows: IntArray, segments: FloatArray) -> None:
 def _nearest_points(
     segments: FloatArray, points: FloatArray, off_ends: FloatArray | float = 0.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the nearest point of a line, its distance, and the unit normal out of the first level there.
+    """Return the nearest point of a line to each of (n, 2), its distance, and the unit normal out of the first level.
 
-    Parameters
-    ----------
-    segments : (s, 4) float64 [m]
-    points : (n, 2) float64 [m]
-    off_ends : (n,) float64 [m]
-        Distance that is kept from the ends of segments, at most half of their length.
-
-    Returns
-    -------
-    nearest : (n, 2) float64 [m]
-    distance : (n,) float64 [m]
-    outward : (n, 2) float64
+    `off_ends` is the distance that is kept from the ends of segments, at most half of their length; all in metres.
     """
     start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
     length = np.hypot(*along.T)

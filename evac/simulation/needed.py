@@ -2,8 +2,8 @@
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from evac.base.errors import ScenarioError, counted, plugin_code
 from evac.base.parameters import did_you_mean
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 SET_UP = (descend, sample_travel_times, add_discs, walk_all)
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """An optional part of the framework, and whether the scene needs it."""
 
     name: str

@@ -4,7 +4,7 @@ import math
 import signal
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -96,19 +96,15 @@ def run(
     """
     case = as_case(case)
     _check_interval(checkpoint)
-    if folder is None:
-        if checkpoint is not None:
-            raise ScenarioError("checkpoint: needs a result folder; give `folder`")
-        with displayed(progress) as shown:
-            simulation = Simulation(case, None, full, threads=threads)
-            before = simulation.warnings()
-            warn(before)
+    if folder is None and checkpoint is not None:
+        raise ScenarioError("checkpoint: needs a result folder; give `folder`")
+    with nullcontext() if folder is None else ResultFolder(folder) as place, displayed(progress) as shown:
+        simulation = Simulation(case, None if place is None else place.running, full, threads=threads)
+        before = simulation.warnings()
+        warn(before)
+        if place is None:
             results = simulation.run(shown)
-    else:
-        with ResultFolder(folder) as place, displayed(progress) as shown:
-            simulation = Simulation(case, place.running, full, threads=threads)
-            before = simulation.warnings()
-            warn(before)
+        else:
             place.start()
             results = _run_interruptible(simulation, place, shown, checkpoint)
     later = (line for line in results.warnings if line not in before)

@@ -211,15 +211,12 @@ def _join(team, phase):
 def _join_lists(state):
     """Join the lists; return a status."""
     team, lists = state.team, state.lists
-    before = 0
     for number in range(team.threads):
-        if team.result[8 * number] == PAIRS_FULL or before + team.found[number, ROOM] > lists.pair_body.shape[0]:
+        room = _before(team, number, PAIRS) + team.found[number, ROOM]
+        if team.result[8 * number] == PAIRS_FULL or room > lists.pair_body.shape[0]:
             return PAIRS_FULL
-        before += team.found[number, PAIRS]
-    before = 0
     for number in range(team.threads):
-        before += team.found[number, WALLS]
-        if team.result[8 * number] == WALLS_FULL or before > lists.wall_item.shape[0]:
+        if team.result[8 * number] == WALLS_FULL or _before(team, number + 1, WALLS) > lists.wall_item.shape[0]:
             return WALLS_FULL
     _join(team, JOIN_LISTS)
     return OK
