@@ -159,9 +159,6 @@ def build_fields(
     for column, reaching in enumerate(solver.reaching * len(solved)):
         field_of[list(reaching), column] = range(len(sizes), len(sizes) + len(reaching))
         sizes += [levels[level].sheet.size for level in reaching]
-    marched = tuple(
-        MarchedClass(own.barred, own.nodes, tuple(own.costs), tuple(own.blocked), dict(own.elsewhere)) for own in solved
-    )
     walls = find_cell_walls([own.grids for own in solved], len(routes), steepest)
     # What is joined is let go, since it may be a large part of the memory.
     direction = _joined([part for own in solved for part in own.directions], (2,))
@@ -180,7 +177,7 @@ def build_fields(
             travel_time=_joined([part for own in solved for part in own.travel_times], ()),
             walls=walls,
         ),
-        marched=Marched(building, spacing, clearance, solver.rates, marched),
+        marched=Marched(building, spacing, clearance, solver.rates, tuple(own.marched for own in solved)),
         comfort=float(comfort),
         clearance=float(clearance),
         grids=tuple(ClassGrids(own.grids, own.factor) for own in solved) if keep_grids else (),
@@ -193,17 +190,13 @@ class _Solved:
 
     grids: BuildingGrids
     factor: FloatArray  # (nodes,) factor of the slowness for directions
-    barred: float  # gaps narrower than this are walls of the grids [m]
     reaching: tuple[tuple[int, ...], ...]  # levels that each route leads out from
     directions: list[FloatArray]  # list of (n, 2) float64
     travel_times: list[FloatArray]  # list of (n,) float64: in seconds
-    nodes: IndexArray  # (k,) int64: nodes whose travel times are not as marched
-    costs: list[FloatArray]  # list of (k,) float64: marched travel times of these nodes [s]
+    marched: MarchedClass
     # list of (m,) int64: nodes from which the way of a route leads through a gap, portal or exit that no body fits
     # through
     misled: list[IndexArray]
-    blocked: list[IndexArray]  # list of (b,) int64: nodes from which no way of a route is as wide as the bodies
-    elsewhere: dict[int, IndexArray]  # dict of (e,) int64: by route, nodes from which it leads to an exit of others
 
     def travel_time_on(self, route: int) -> FloatArray:
         """Return the travel times (nodes,) of a route on all grids [s]."""
@@ -248,20 +241,16 @@ class _Solver:
         solved = _Solved(
             grids=grids,
             factor=factor if bent is None else bent,
-            barred=barred,
             reaching=self.reaching,
             directions=[],
             travel_times=[],
-            nodes=nodes_not_marched(grids),
-            costs=[],
+            marched=MarchedClass(barred, nodes_not_marched(grids), [], [], {}),
             misled=[],
-            blocked=[],
-            elsewhere={},
         )
         with closing(_solve(grids, ways, self, factor, bent)) as fields:
             for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
                 solved.misled.append(np.concatenate([_nodes_past(grids, time, narrow) for time in (travel_time, cost)]))
-                solved.costs.append(travel_time[solved.nodes])
+                solved.marched.costs.append(travel_time[solved.marched.nodes])
                 take_halos(grids, travel_time)
                 continue_values(grids, travel_time)
                 solved.directions.append(_on_levels(grids, direction, reaching))
@@ -287,7 +276,7 @@ def _narrowest_class(solver: _Solver, narrowest: float) -> _Solved:
         own = solver.solve(narrowest)
         if any(np.isfinite(own.travel_time_on(route)[nodes]).any() for route, nodes in enumerate(narrow.misled)):
             return _over(own, narrow)
-        narrow.blocked.extend(_blocked(own, narrow))
+        narrow.marched.blocked.extend(_blocked(own, narrow))
     return narrow
 
 
@@ -300,7 +289,7 @@ def _blocked(upper: _Solved, lower: _Solved) -> list[IndexArray]:
 
 def _over(upper: _Solved, lower: _Solved) -> _Solved:
     """Fill the fields of a class with those of the class below where the destination cannot be reached."""
-    upper.blocked.extend(_blocked(upper, lower))
+    upper.marched.blocked.extend(_blocked(upper, lower))
     for route in range(len(upper.directions)):
         _fill(upper, route, lower, route)
     return upper
@@ -313,9 +302,9 @@ def _fill(upper: _Solved, route: int, lower: _Solved, other: int) -> None:
     time[lost] = lower.travel_times[other][lost]
     lost &= np.isfinite(time) | ~direction.any(axis=1)  # nodes in walls keep the directions of their surroundings
     direction[lost] = lower.directions[other][lost]
-    costs = upper.costs[route]
+    costs = upper.marched.costs[route]
     unknown = ~np.isfinite(costs)
-    costs[unknown] = upper.travel_time_on(route)[upper.nodes[unknown]]
+    costs[unknown] = upper.travel_time_on(route)[upper.marched.nodes[unknown]]
 
 
 def _levels_leading(building: Building, route: Route, barred: frozenset[int], anywhere: bool) -> tuple[int, ...]:
@@ -332,7 +321,7 @@ def _to_any_exit(route: Route) -> Route:
 
 def _lead_anywhere(solver: _Solver, solved: list[_Solved], narrowest: float, classes: Sequence[BodyClass]) -> None:
     """Lead routes to any exit from where none of their own exits can be reached."""
-    own_nodes = np.concatenate([(grid.sheet == OWN).ravel() for grid in solved[0].grids.levels])
+    own_nodes = solved[0].grids.own_nodes
     lost = [
         index
         for index, route in enumerate(solver.routes)
@@ -351,7 +340,7 @@ def _lead_anywhere(solver: _Solver, solved: list[_Solved], narrowest: float, cla
         for place, index in enumerate(lost):
             is_lost = np.isinf(own.travel_time_on(index))
             _fill(own, index, other, place)
-            own.elsewhere[index] = np.flatnonzero(is_lost & np.isfinite(own.travel_time_on(index)))
+            own.marched.elsewhere[index] = np.flatnonzero(is_lost & np.isfinite(own.travel_time_on(index)))
 
 
 def _check_routes(building: Building, routes: Sequence[Route]) -> None:
@@ -499,8 +488,7 @@ def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, Float
         ends.append(grid.nodes_near(doors, grids.lattice.spacing))
     links = np.concatenate(pairs)
     part = connected_components(grids.size, links[~barred[links].any(axis=1)])
-    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
-    is_cut_off = own & ~np.isin(part, part[np.concatenate(ends)])
+    is_cut_off = grids.own_nodes & ~np.isin(part, part[np.concatenate(ends)])
     return factor * np.where(barred, BARRED, 1.0), factor * np.where(barred | is_cut_off, BARRED, 1.0)
 
 

@@ -90,9 +90,8 @@ class Column:
         ways = make_ways(grids, np.zeros(0))
         slowness = marched.rates[index] / ways.cosine[:, None]
         exits = exits_of_route(grids.building, routes_at_present(marched.building, fields.routes)[index])
-        is_own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
         strips, starts = _strips_and_starts(grids, exits, base, slowness)
-        joins = (is_own | strips) & np.isfinite(base)
+        joins = (grids.own_nodes | strips) & np.isfinite(base)
         joins[blocked_nodes] = False
         elsewhere = marched.classes[of_class].elsewhere.get(index, np.zeros(0, np.int64))
         joins[elsewhere] = False

@@ -3,7 +3,7 @@
 import math
 
 from evac.building.model.building import DOWN, FLAT, UP
-from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
+from evac.jit import ByteGrid, FloatGrid, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
 
 
 @inner
@@ -91,16 +91,6 @@ def add_lengths(order: Longs, ways: Ways, lengths: Triples) -> None:
             _add_lengths_at(order[k], ways, lengths)
             if lengths[order[k], 0] < math.inf:
                 found += 1
-
-
-@kernel
-def find_lowest(nodes: Longs, ways: Ways, found: Bytes) -> None:
-    """Find the nodes (n,) without a lower neighbour; nodes on a portal also have neighbours on the other level."""
-    for k in range(nodes.shape[0]):
-        node = nodes[k]
-        along_x, _, _ = _lower_neighbour(node, ways.stride[ways.level_of[node]], ways)
-        along_y, _, _ = _lower_neighbour(node, 1, ways)
-        found[k] = 1 if along_x < 0 and along_y < 0 and ways.twin[node] < 0 else 0
 
 
 @inner

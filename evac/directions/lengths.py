@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray
 from evac.building.model.building import FLAT, Area, Building, Exit
-from evac.directions.descent import Ways, add_lengths, find_lowest
+from evac.directions.descent import Ways, add_lengths
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
 from evac.directions.routes import Route
 
@@ -25,10 +25,10 @@ class MarchedClass:
     # (k,) int64: packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from
     # marching
     nodes: IndexArray
-    costs: tuple[FloatArray, ...]  # tuple of (k,) float64: marched travel times of these nodes, for each route [s]
-    # tuple of (b,) int64: for each route, the nodes from which no way is as wide as the bodies; empty if there is none
+    costs: list[FloatArray]  # list of (k,) float64: marched travel times of these nodes, for each route [s]
+    # list of (b,) int64: for each route, the nodes from which no way is as wide as the bodies; empty if there is none
     # for any route
-    blocked: tuple[IndexArray, ...]
+    blocked: list[IndexArray]
     elsewhere: dict[int, IndexArray]  # dict of (e,) int64: by route, nodes from which it leads to an exit of others
 
 
@@ -151,17 +151,16 @@ def _lengths(grids: BuildingGrids, ways: Ways, exits: list[Exit], rates: FloatAr
         use = use_towards(building.levels[exit_.level], exit_.segments)
         lengths[behind] = 0.0
         lengths[behind, use] = cost[behind] / rates[use]
-    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
-    node = np.flatnonzero(own & np.isfinite(cost))
+    node = np.flatnonzero(grids.own_nodes & np.isfinite(cost))
     node = node[np.argsort(cost[node], kind="stable")]
     add_lengths(node, ways, lengths)
     # Paths also end at nodes without a lower neighbour, in front of an exit without a strip and occasionally beside its
     # ends. The node with the lowest cost among those without lengths is one of them.
     uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
     while (without := node[np.isinf(lengths[node, 0])]).size:
-        is_lowest = np.zeros(without.size, np.uint8)
-        find_lowest(without, ways, is_lowest)
-        begins = without[is_lowest == 1]
+        stride = ways.stride[ways.level_of[without]]
+        beside = np.min([ways.cost[without + step] for step in (stride, -stride, 1, -1)], axis=0)
+        begins = without[(beside >= ways.cost[without]) & (ways.twin[without] < 0)]
         begins = begins if begins.size else without[:1]
         towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
         lengths[begins] = 0.0

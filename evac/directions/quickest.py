@@ -177,9 +177,8 @@ class Quickest:
 
     def _find_density(self, level: IntArray, position: FloatArray, gain: float) -> set[int]:
         """Find the density, and its average over time; return the levels on which somebody is or was."""
-        packed = self.fields.packed
         found = np.zeros(len(self._density))
-        deposit(position, level, packed.origin, packed.shape, self._first, packed.spacing, self._settings.width, found)
+        deposit(self.fields.packed, self._first, position, level, self._settings.width, found)
         occupied = set(np.unique(level[level >= 0]).tolist())
         crowded = set()
         for grid, behind in zip(self._grids.levels, self._behind_portals, strict=True):

@@ -457,19 +457,14 @@ class CompiledEngine(Engine):
         report: dict[str, Any] = self.report()
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
         report["mean_overlap"] = total / overlaps if overlaps else 0.0
-        report["greatest_overlap_at"] = self.deepest_overlap()
+        time, person, level, x, y = self.state.tally[at.DEEPEST_TIME :].tolist()
+        place = {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
+        report["greatest_overlap_at"] = place if report["greatest_overlap"] else None
         report["failed_solver"] = ""
         if isinstance(model, SolvedContactModel) and report["failed_solves"]:
             report["failed_solver"] = place_of(solver_of(model, self._solvers))
         report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
         return report | {"model": model.name, "parameters": model.values()}
-
-    def deepest_overlap(self) -> dict[str, Any] | None:
-        """Return time [s], person, level and position x, y [m] of the largest overlap; None if there was no overlap."""
-        if not self.state.tally[at.GREATEST_OVERLAP]:
-            return None
-        time, person, level, x, y = self.state.tally[at.DEEPEST_TIME :].tolist()
-        return {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
 
     def _place(self) -> str:
         """Describe the body that a failure concerns, with its place."""

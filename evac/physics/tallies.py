@@ -50,5 +50,5 @@ MEASURES = {
     "greatest_speed",
 }
 
-#: Time [s] and place of the largest overlap, reported by `Engine.deepest_overlap`.
+#: Time [s] and place of the largest overlap, reported by `Engine.contact_report`.
 DEEPEST = ("deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")

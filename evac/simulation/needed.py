@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from evac.base.errors import ScenarioError, counted, plugin_code
 from evac.base.parameters import did_you_mean
 from evac.directions.build import build_fields
-from evac.directions.descent import add_lengths, descend, find_lowest
+from evac.directions.descent import add_lengths, descend
 from evac.directions.fields import Fields
 from evac.directions.march.waves import deposit, march_waves
 from evac.directions.routes import QUICKEST, STRATEGIES, Route
@@ -146,7 +146,7 @@ def run_kernels(
     elif case.conditions and case.smoke.routes:
         kernels += [march_waves]
     if len(routes) > len(routes_of(case)):  # they are compared by their lengths
-        kernels += [add_lengths, find_lowest]
+        kernels += [add_lengths]
     return kernels
 
 

@@ -55,10 +55,11 @@ def test_the_greatest_overlap_is_known_by_time_and_place(model):
     building = make_building(bounds=((-10, -10, 10, 10), (-10, -10, 10, 10)))
     crowd = make_crowd([(0, 0), (0, 0), (0.39, 0)], [(0, 0), (0, 0), (3, 0)], level=[0, 1, 1], radius=0.2, tau=1e12)
     engine = make_engine(crowd, building)
-    assert engine.deepest_overlap() is None
+    assert engine.contact_report(model)["greatest_overlap_at"] is None
     engine.advance(model, crowd, 40, 10, 0.01, True, False)
     assert engine.report()["greatest_overlap"] == pytest.approx(0.01, abs=1e-12)
-    assert engine.deepest_overlap() == {"time": 0.4, "person": 2, "level": 1, "x": 0.39, "y": 0.0}
+    place = {"time": 0.4, "person": 2, "level": 1, "x": 0.39, "y": 0.0}
+    assert engine.contact_report(model)["greatest_overlap_at"] == place
 
 
 def test_the_greatest_overlap_of_an_impact_is_where_the_body_turns():
@@ -66,8 +67,9 @@ def test_the_greatest_overlap_of_an_impact_is_where_the_body_turns():
     step, mass, stiffness = 1e-3, 80.0, 8e4
     crowd = make_crowd([(-1.0, 0.3), (-0.25, 0.0)], [(0, 0), (1.0, 0.0)], radius=0.2, mass=mass, tau=1e12)
     building = make_building(walls=[(0, -2, 0, 2)])
-    engine = walk(Dem(stiffness=stiffness), crowd, 200, h=step, building=building)
-    found, inverse_frequency = engine.deepest_overlap(), math.sqrt(mass / stiffness)
+    model, inverse_frequency = Dem(stiffness=stiffness), math.sqrt(mass / stiffness)
+    engine = walk(model, crowd, 200, h=step, building=building)
+    found = engine.contact_report(model)["greatest_overlap_at"]
     assert (found["person"], found["y"]) == (1, 0.0)
     assert found["time"] == pytest.approx(0.05 + 0.5 * math.pi * inverse_frequency, abs=2.0 * step)
     assert found["x"] == pytest.approx(-0.2 + 1.0 * inverse_frequency, abs=1e-4)

@@ -3,7 +3,8 @@
 import math
 
 from evac.building.model.building import DOWN, FLAT, UP
-from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, IntPairs, Ints, Longs, Pairs, Struct, inner, kernel
+from evac.directions.fields import PackedFields
+from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Longs, Pairs, Struct, inner, kernel
 
 #: States of a node in a march: not reached yet, in the queue, final, and not part of it.
 FAR, QUEUED, FINAL, APART = 0, 1, 2, 3
@@ -54,28 +55,19 @@ class Waves(Struct):
 
 
 @kernel
-def deposit(
-    position: Pairs,
-    level: Ints,
-    origin: Pairs,
-    shape: IntPairs,
-    first: Longs,
-    spacing: float,
-    width: float,
-    sum: Floats,
-) -> None:
+def deposit(fields: PackedFields, first: Longs, position: Pairs, level: Ints, width: float, sum: Floats) -> None:
     """Add the Gauss kernels of people to the densities (nodes,) of their levels [1/m2]; level -1 is left out.
 
     Node (ix, iy) of a level is number ``first + ix * ny + iy``.
     """
-    reach = CUT * width
+    reach, spacing = CUT * width, fields.spacing
     weight = 1.0 / (2.0 * math.pi * width * width)
     for i in range(level.shape[0]):
         at = level[i]
         if at < 0:
             continue
-        nx, ny = shape[at, 0], shape[at, 1]
-        x, y = (position[i, 0] - origin[at, 0]) / spacing, (position[i, 1] - origin[at, 1]) / spacing
+        nx, ny = fields.shape[at, 0], fields.shape[at, 1]
+        x, y = (position[i, 0] - fields.origin[at, 0]) / spacing, (position[i, 1] - fields.origin[at, 1]) / spacing
         cells = reach / spacing
         low_x, high_x = max(0, math.ceil(x - cells)), min(nx - 1, math.floor(x + cells))
         low_y, high_y = max(0, math.ceil(y - cells)), min(ny - 1, math.floor(y + cells))

@@ -89,6 +89,11 @@ class BuildingGrids:
         """Return the open portals of a level."""
         return _open_portals(self.building, level)
 
+    @property
+    def own_nodes(self) -> BoolArray:
+        """The mask (nodes,) of the own nodes of all levels."""
+        return np.concatenate([(grid.sheet == OWN).ravel() for grid in self.levels])
+
     def exit_segments(self, level: int) -> FloatArray:
         """Return the segments (s, 4) of the open exits of a level [m]."""
         exits = [exit_.segments for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
