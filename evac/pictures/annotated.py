@@ -14,6 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
+from matplotlib.text import Annotation, Text
+from matplotlib.transforms import Bbox
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
@@ -101,7 +103,7 @@ def levels_figure(
     part : slice
         As for `draw_plans`.
     """
-    plans = draw_plans(building, title, has_widths=True, greatest=greatest, part=part)
+    plans = draw_plans(building, title, side=MARGIN, has_widths=True, greatest=greatest, part=part)
     listed = list(enumerate((finding for finding in findings if finding.kind != "found"), start=1))
     panels = [[level.index for level in levels] for levels in plans.levels]
     for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):
@@ -152,24 +154,47 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
 
 
 def _keep_apart(figure: Figure, axes: Axes) -> None:
-    """Write names of a kind smaller if two would cover each other; leave out those that still cover another name.
+    """Keep names within their plan, and write those of a kind smaller, doors with their widths alone, if they overlap.
 
-    Exits and marks are written as they are, then the names of stairs, areas and doors, and the widths of portals.
+    Exits and marks are written as they are, then the names of stairs, areas and doors, and the widths of portals. Those
+    that still cover another name are left out.
     """
     axes.apply_aspect()
     renderer = FigureCanvasAgg(figure).get_renderer()
-    kinds = [palette.TEXT, AREA, palette.EDGE]
     named = [text for text in axes.texts if text.get_text()]
-    written = [text.get_window_extent(renderer) for text in named if text.get_color() not in kinds]
-    for kind in kinds:
-        texts = sorted((text for text in named if text.get_color() == kind), key=lambda text: -len(text.get_text()))
-        boxes = written + [text.get_window_extent(renderer) for text in texts]
-        is_crowded = any(box.count_overlaps(boxes) > 1 for box in boxes[len(written) :])
+    widths = [text for text in named if text.get_color() == palette.EDGE and len(text.get_text().split()) == 2]
+    doors = [text for text in named if text.get_color() == palette.EDGE and text not in widths]
+    stairs, areas = ([text for text in named if text.get_color() == kind] for kind in (palette.TEXT, AREA))
+    kinds = [stairs, areas, doors, widths]
+    for text in named:
+        _move_inside(axes, text, text.get_window_extent(renderer))
+    written = [text.get_window_extent(renderer) for text in named if not any(text in kind for kind in kinds)]
+    for texts in kinds:
+        texts.sort(key=lambda text: -len(text.get_text()))
+        for is_short in (False, texts is doors):
+            boxes = [text.get_window_extent(renderer) for text in texts]
+            if all(box.count_overlaps(written + boxes) == 1 for box in boxes):
+                break
+            for text in texts:
+                text.set_fontsize(SMALL)
+                text.set_text(" ".join(text.get_text().split()[-2:]) if is_short else text.get_text())
         for text in texts:
-            text.set_fontsize(SMALL if is_crowded else text.get_fontsize())
             box = text.get_window_extent(renderer)
             text.set_visible(not box.count_overlaps(written))
             written += [box] * text.get_visible()
+
+
+def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:
+    """Move a text by as much as its box [pixels] is outside a plan."""
+    frame = axes.bbox
+    dx = max(frame.x0 - box.x0, 0.0) - max(box.x1 - frame.x1, 0.0)
+    dy = max(frame.y0 - box.y0, 0.0) - max(box.y1 - frame.y1, 0.0)
+    if isinstance(text, Annotation):
+        points = 72.0 / axes.figure.dpi
+        text.xyann = text.xyann[0] + points * dx, text.xyann[1] + points * dy
+    else:
+        x, y = axes.transData.transform(text.get_position())
+        text.set_position(axes.transData.inverted().transform((x + dx, y + dy)).tolist())
 
 
 def _list_below(figure: Figure, listed: list[tuple[int, Finding]]) -> None:

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
+from matplotlib.transforms import Bbox
 
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
@@ -20,7 +22,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.storeys import storeys
 from evac.folder.files import map_name, replacing, writing
 from evac.pictures import palette
-from evac.pictures.floorplan import Plans, draw_levels, draw_plans, outline_of
+from evac.pictures.floorplan import HEIGHT, WIDTH, Plans, draw_levels, draw_plans, outline_of
 from evac.pictures.scales import MAPS as SCALES
 from evac.pictures.scales import SERVICES, Scale, high_value, round_up
 from evac.results.reading import recorded_flows
@@ -34,6 +36,9 @@ LEAST_STEP = 0.03
 
 #: Greatest number of letters of a title for changes of the scene.
 MOST_SAID = 80
+
+#: Number of letters of a line of the title per inch.
+LETTERS = 13
 
 #: The formats that a picture of a map can have.
 FORMATS = (".png", ".svg", ".pdf", ".jpg", ".jpeg")
@@ -90,6 +95,7 @@ def draw_maps(
     dpi: int = 120,
     service: str = "",
     flows: Iterable[LineFlow] | None = None,
+    greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Iterator[Figure]:
     """Draw the maps of several quantities on the same plans, one after the other.
 
@@ -100,6 +106,8 @@ def draw_maps(
     quantities : iterable of str
     flows : iterable of LineFlow, optional
         Passages through lines, for the map of the flow; by default those of the results beside the trajectory.
+    greatest : tuple of float
+        Greatest width and height of all plans together [inches].
 
     Yields
     ------
@@ -117,7 +125,7 @@ def draw_maps(
     said = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
     said = textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
     title = f"{trajectory.header.get('title', '')}\n"
-    plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False)
+    plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False, greatest=greatest)
     subtitle, nearest = plans.figure.texts[-1], {name: _nearest_cells(one) for name, one in maps.items()}
     lasting = set(_artists(plans))
     for quantity in quantities:
@@ -128,7 +136,8 @@ def draw_maps(
         explained = (
             "; labels: people who passed the line, and people per second and metre" if quantity == "flow" else ""
         )
-        subtitle.set_text(f"{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s{explained}{said}")
+        words = f"{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s{explained}{said}"
+        subtitle.set_text(textwrap.fill(words, round(LETTERS * plans.figure.get_figwidth())))
         _draw_values(plans, grids, maps, nearest, scale)
         if quantity == "flow":
             _label_lines(plans, recorded_flows(trajectory) if flows is None else flows)
@@ -336,24 +345,24 @@ def _add_bar(plans: Plans, colours: ScalarMappable, label: str) -> Colorbar:
 
 
 def _label_lines(plans: Plans, flows: Iterable[LineFlow]) -> None:
-    """Label each line with the number of people who passed, and per second and metre."""
+    """Label lines with the number of people who passed, and per second and metre; if crowded, those most passed."""
     box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": palette.EDGE, "linewidth": 0.5, "alpha": 0.9}
+    ordered = sorted((flow for flow in flows if flow.people), key=lambda flow: -flow.people)
+    renderer = FigureCanvasAgg(plans.figure).get_renderer()
     for axes, levels in zip(plans.axes, plans.levels, strict=True):
-        rows = {level.index for level in levels}
-        for flow in flows:
-            if not flow.people or not rows & set(flow.levels):
+        rows, written = {level.index for level in levels}, list[Bbox]()
+        for flow in ordered:
+            if not rows & set(flow.levels):
                 continue
             x1, y1, x2, y2 = flow.segments[len(flow.segments) // 2].tolist()
             length = math.hypot(x2 - x1, y2 - y1)
-            inward = (y1 - y2) / length, (x2 - x1) / length
+            # A line has its name in the middle, and an exit on its outside.
+            place, off = 0.9 if flow.kind == "line" else 0.5, 14.0 if flow.kind == "exit" else 0.0
             rate = flow.flow_per_metre
-            place = 0.9 if flow.kind == "line" else 0.5  # a line has its name in the middle
-            axes.annotate(
+            label = axes.annotate(
                 f"{flow.people}" if rate is None else f"{flow.people}\n{rate:.2f}",
                 (x1 + place * (x2 - x1), y1 + place * (y2 - y1)),
-                xytext=(14.0 * inward[0], 14.0 * inward[1])
-                if flow.kind == "exit"
-                else (0.0, 0.0),  # the name of an exit is on its outside
+                xytext=(off * (y1 - y2) / length, off * (x2 - x1) / length),
                 textcoords="offset points",
                 ha="center",
                 va="center",
@@ -362,3 +371,6 @@ def _label_lines(plans: Plans, flows: Iterable[LineFlow]) -> None:
                 bbox=box,
                 zorder=7,
             )
+            extent = label.get_window_extent(renderer)
+            label.set_visible(not extent.count_overlaps(written))
+            written += [extent] * label.get_visible()

@@ -31,7 +31,10 @@ def building_section(run: Results | None) -> Section:
             (levels[door.level].name, fixed(door.width, 2), states[building.n_links + k], door.name)
             for k, door in enumerate(building.doors)
         ),
-        areas=_alike((levels[area.level].name, fixed(area.polygon.area, 1), area.name) for area in building.areas),
+        areas=_alike(
+            (levels[area.level].name, fixed(area.polygon.area, 1), area.name)
+            for area in sorted(building.areas, key=lambda area: area.level)
+        ),
         places=[
             (place.name, place.kind, levels[place.level].name, place.area or place.exit, place.use)
             for place in building.places

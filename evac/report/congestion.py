@@ -65,10 +65,10 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
                     str(number),
                     place.level,
                     place.near,
-                    f"({place.x:.1f}, {place.y:.1f})",
+                    f"({place.x:.1f},\u00a0{place.y:.1f})",
                     fixed(place.area, 1),
                     fixed(place.density, 1),
-                    f"{place.start:.1f} to {place.end:.1f}",
+                    f"{place.start:.1f}\u00a0to\u00a0{place.end:.1f}",
                     fixed(place.duration, 1),
                     fixed(place.longest_spell, 1),
                 )

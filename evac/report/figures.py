@@ -9,6 +9,7 @@ from typing import NamedTuple
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from evac.analysis.lines import LineFlow
@@ -28,7 +29,10 @@ from evac.results.answer import time_of_share
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
-PLANS = (6.8, 4.1)
+PLANS = (6.8, 5.4)
+
+#: The same of maps, of which two are beside each other [inches].
+MAPS = (5.4, 4.2)
 
 #: Greatest number of storeys in a picture.
 TOGETHER = 6
@@ -52,7 +56,7 @@ class Picture(NamedTuple):
     source: str  # address that contains the picture
     caption: str
     words: str  # what it shows, for those who cannot see it
-    kind: str  # class of the page: "drawing", "map", "place", "cover" or "course"
+    kind: str  # class of the page: "drawing", "plans", "map", "place", "cover" or "course"
 
 
 def _picture(file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing") -> Picture:
@@ -60,12 +64,12 @@ def _picture(file: io.BytesIO, kind: str, caption: str, words: str, class_: str 
     return Picture(f"data:image/{kind};base64,{data}", caption, words, class_)
 
 
-def drawing(figure: Figure, caption: str, words: str) -> Picture:
+def drawing(figure: Figure, caption: str, words: str, class_: str = "drawing") -> Picture:
     """Return a figure of lines as a drawing that is sharp at any size; the same figure gives the same bytes."""
     file = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "evac"}):
         figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.03)
-    return _picture(file, "svg+xml", caption, words)
+    return _picture(file, "svg+xml", caption, words, class_)
 
 
 def plans(building: Building) -> list[Picture]:
@@ -81,7 +85,7 @@ def plans(building: Building) -> list[Picture]:
     parts = [slice(first, first + TOGETHER) for first in range(0, len(storeys(building)), TOGETHER)]
     drawn = [levels_figure(building, title=None, greatest=PLANS, part=part) for part in parts]
     captions = [caption, *("Plans of the storeys above them." for _ in parts[1:])]
-    return [drawing(figure, words, "plans of the storeys") for figure, words in zip(drawn, captions, strict=True)]
+    return [drawing(figure, words, "plans", "plans") for figure, words in zip(drawn, captions, strict=True)]
 
 
 def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
@@ -162,8 +166,11 @@ def doses(columns: Mapping[str, Sequence[float]]) -> Picture:
     for name, colour in (("gas", palette.TEXT), ("heat", palette.CLOSED)):
         axes.plot(columns["time"], columns[f"greatest_{name}"], color=colour, label=f"{name}: greatest")
         axes.plot(columns["time"], columns[f"mean_{name}"], color=colour, linestyle="dashed", label=f"{name}: mean")
-    axes.set(xlabel="time [s]", ylabel="dose", xlim=(0.0, columns["time"][-1]), ylim=(0.0, None))
-    axes.legend(frameon=False)
+    axes.set(xlim=(0.0, columns["time"][-1]), ylim=(0.0, None))
+    axes.set_xlabel("time [s]", fontsize=8)
+    axes.set_ylabel("dose", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.legend(frameon=False, fontsize=8)
     return drawing(figure, "Mean and greatest doses of all people who have come, over time.", "doses over time")
 
 
@@ -193,6 +200,7 @@ def bottleneck(trajectory: Trajectory, queue: Queue, maps: Mapping[str, LevelMap
     axes.set(xlim=(0.0, trajectory.time[-1]), ylim=(0.0, None))
     axes.set_xlabel("time [s]", fontsize=8)
     axes.set_ylabel("people who wait", fontsize=8)
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right"]].set_visible(False)
     words = str(queue)
@@ -214,7 +222,7 @@ def map_pictures(
     service: str = "",
 ) -> list[Picture]:
     """Return the maps of some quantities."""
-    figures = draw_maps(trajectory, quantities, maps, dpi=DPI, service=service, flows=flows)
+    figures = draw_maps(trajectory, quantities, maps, dpi=DPI, service=service, flows=flows, greatest=MAPS)
     return [
         _mapped(figure, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.")
         for name, figure in zip(quantities, figures, strict=True)

@@ -80,6 +80,22 @@ def test_names_cover_no_other_name():
     assert all(box.count_overlaps(shown) == 1 for box in shown)  # itself
 
 
+def test_names_stay_in_their_plan_and_doors_in_a_row_keep_their_widths():
+    plan = Plan()
+    rooms = [shapely.box(8 * k, 3.2, 8 * k + 7.8, 9) for k in range(4)]
+    plan.storey("ground", [shapely.box(0, 0, 32, 3), *rooms])
+    plan.exit("the great door of the west", "ground", [(0.2, 0), (1.4, 0)])
+    for k in range(4):
+        plan.door(f"door of the office {k}", "ground", [(8 * k + 3, 3.1), (8 * k + 4, 3.1)])
+    figure = levels_figure(plan.building(), greatest=(4.0, 3.0))
+    figure.draw_without_rendering()
+    (axes,) = (one for one in figure.axes if one.get_title("left") == "ground")
+    shown = [text for text in axes.texts if text.get_visible() and text.get_text()]
+    assert sum(text.get_text().endswith("1.00 m") for text in shown) == 4
+    frame = axes.bbox.padded(0.01)
+    assert all(frame.fully_containsx(x) for text in shown for x in text.get_window_extent().intervalx)
+
+
 def test_doors_between_rooms_are_in_the_picture_with_their_widths(tmp_path):
     plan = Plan()
     plan.storey("ground", [shapely.box(0, 0, 5, 4), shapely.box(5.2, 0, 9, 4)])
