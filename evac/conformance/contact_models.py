@@ -11,7 +11,7 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
 from evac.conformance.failures import CheckError, examining, require, require_close, scene
 from evac.evidence import scenes
-from evac.evidence.stability.trial import deepest_overlap
+from evac.evidence.stability.trials import deepest_overlap
 from evac.physics.contact.model import ContactModel, border_scene
 from evac.physics.contact.packing import packed_row
 from evac.physics.contact.pair_contact import PairContact

@@ -58,8 +58,10 @@ MOST_CODE = 2**40
 #: Greatest number of bytes of a stream for a frame, and in addition for each person.
 LARGEST_FRAME, LARGEST_RECORD = 21, 33
 #: Arrays that encoding of the next frame depends on.
-_STATE = ("level", "started", "seen", "last", "before", "speeds", "waited", "forces", "doses", "headings", "smoke")
-_STATE += ("first_level", "first")
+_STATE = (
+    *("level", "started", "seen", "last", "before", "speeds", "waited", "forces", "doses", "headings", "smoke"),
+    *("first_level", "first"),
+)
 
 STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide")
 
@@ -204,7 +206,7 @@ class MotionPacker:
 
     def first_state(self) -> tuple[IntArray, IntArray, FloatArray]:
         """Return person, level and position (n, 2) [m] of everybody in the first frame."""
-        person = np.flatnonzero(self._first_level >= 0)
+        person = np.flatnonzero(self._first_level >= 0).astype(np.int32)
         return person, self._first_level[person], GRAIN * (self._first[person] + 0.5) + self.origin
 
     def streams(self) -> dict[str, bytes]:

@@ -227,7 +227,7 @@ def _about(account: Account, portals: int) -> dict[str, Any]:
 
 def _longest(motion: MotionPacker, queue: Queue | None) -> dict[str, Any] | None:
     """Return when and where the longest queue was longest."""
-    level = queue and motion.building.level_named(queue.level)
+    level = None if queue is None else motion.building.level_named(queue.level)
     if queue is None or level is None:
         return None
     x, y = ([queue.x, queue.y] - motion.origin).tolist()
