@@ -40,7 +40,7 @@ def building_section(run: Results | None) -> Section:
             for place in building.places
         ],
         closed=run.record.table.building.closed,
-        changes=[(fixed(change.time, 1), str(change)) for change in run.trajectory.changes],
+        changes=[(fixed(change.time, 1), change.words) for change in run.trajectory.changes],
         lacks=() if building.doors else ("doors",),
     )
 

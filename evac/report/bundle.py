@@ -1,8 +1,10 @@
 """A zip with all from which somebody else repeats a run: case, files that it read, summary, report and versions."""
 
+import posixpath
+import tomllib
 import zipfile
 from collections.abc import Iterable, Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from evac.base.errors import ResultError
@@ -15,6 +17,9 @@ BUNDLE_NAME = "bundle.zip"
 
 #: Keys of a case that name a file.
 FILE_KEYS = ("mesh", "file")
+
+#: Ending of the files that name other ones, relative to themselves.
+PLAN = ".plan.toml"
 
 README = """\
 The run {title!r}, with seed {seed}, made by evac {evac}.
@@ -66,7 +71,10 @@ def write_bundle(run: Results, report: str, path: Path) -> None:
         for name, text in texts.items():
             archive.writestr(name, text)
         for file, name in {run.folder / SUMMARY_NAME: SUMMARY_NAME, **named}.items():
-            archive.write(file, name)
+            if file.name.endswith(PLAN):
+                archive.writestr(name, _plan(file, named))
+            else:
+                archive.write(file, name)
 
 
 def _names(folder: Path, files: Iterable[Path]) -> dict[Path, str]:
@@ -84,8 +92,16 @@ def _names(folder: Path, files: Iterable[Path]) -> dict[Path, str]:
     return named
 
 
+def _plan(file: Path, named: Mapping[Path, str]) -> str:
+    """Return the text of a plan file, with the places that the files of its storeys have in the zip."""
+    text, place = file.read_text(encoding="utf-8-sig"), PurePosixPath(named[file]).parent
+    table, beside = tomllib.loads(text), {path: posixpath.relpath(name, place) for path, name in named.items()}
+    renamed = _renamed(table, file.parent, beside)
+    return text if renamed == table else case_text(renamed)
+
+
 def _renamed(value: Any, folder: Path, named: Mapping[Path, str]) -> Any:
-    """Return a value of a case with the names that files have in the zip."""
+    """Return a value of a case or a plan with the names that files have in the zip."""
     if isinstance(value, Mapping):
         return {
             key: named.get((folder / item).resolve(), item)
