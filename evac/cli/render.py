@@ -22,12 +22,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     what = "oblique view, or straight from above (3d)"
     parser.add_argument("--view", choices=("3d", "plan"), default="3d", help=what)
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
-    parser.add_argument(
-        "--colour-by",
-        choices=("group", "speed", "density", "contact_force", "waiting", "dose", "extinction", "visibility"),
-        default="group",
-        help="quantity shown by the colours of people (group)",
-    )
+    shown = ("group", "speed", "density", "contact_force", "waiting", "dose", "extinction", "visibility")
+    what = f"what the colours of people show: {', '.join(shown)} (group)"
+    parser.add_argument("--colour-by", metavar="QUANTITY", choices=shown, default="group", help=what)
     declare_service(parser)
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
