@@ -2,29 +2,33 @@
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50];
 
-const KEYS = [
-  ["Space or K", "play or pause"],
-  ["← →", "one recorded state back or on; with Shift 10 s"],
-  ["Home, End", "to the start, to the end"],
-  ["[ ]", "slower, faster"],
-  ["P", "3D, plan or section"],
-  ["Page up, Page down", "next level up or down; all levels beyond the last"],
-  ["C", "next colour of people"],
-  ["L", "next map on the floors"],
-  ["M", "measure: draw a line, an area, off"],
-  ["F, 0", "show everything; back to how it opened"],
-  ["+ −", "zoom"],
-  ["W A S D", "move"],
-  ["Q E, R V", "turn, tilt"],
-  ["I, T, ?", "about this run, light or dark, these keys"],
-  ["N, B", "next event, the one before"],
-  ["G", "follow whoever is selected"],
-  ["Escape", "deselect, close"],
-  ["Drag, one finger", "turn (in plan and section: move)"],
-  ["Shift or right drag, two fingers", "move; two fingers zoom as well"],
-  ["Wheel", "zoom to the pointer"],
-  ["Click, tap", "who is it?"],
-];
+// What the help says: keys, what they do, and, by the name of each key, the action; then the pointer.
+function keysOf(camera, state, act) {
+  const view = (change) => () => { change(); act.look(); };
+  return [
+    ["Space or K", "play or pause", { " ": act.toggle, k: act.toggle }],
+    ["← →", "one recorded state back or on; with Shift 10 s", { arrowleft: (isLong) => act.step(-1, isLong), arrowright: (isLong) => act.step(1, isLong) }],
+    ["Home, End", "to the start, to the end", { home: () => act.seek(-Infinity), end: () => act.seek(Infinity) }],
+    ["[ ]", "slower, faster", { "[": () => act.faster(-1), "]": () => act.faster(1) }],
+    ["P", "3D, plan or section", { p: act.nextView }],
+    ["Page up, Page down", "next level up or down; all levels beyond the last", { pageup: () => act.climb(1), pagedown: () => act.climb(-1) }],
+    ["C", "next colour of people", { c: act.recolour }],
+    ["L", "next map on the floors", { l: act.nextLayer }],
+    ["M", "measure: draw a line, an area, off", { m: act.nextMeasure }],
+    ["F, 0", "show everything; back to how it opened", { f: act.fit, "0": act.restart }],
+    ["+ −", "zoom", { "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)) }],
+    ["W A S D", "move", { w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)) }],
+    ["Q E, R V", "turn, tilt", { q: view(() => camera.orbit(0.12, 0)), e: view(() => camera.orbit(-0.12, 0)), r: view(() => camera.orbit(0, 0.1)), v: view(() => camera.orbit(0, -0.1)) }],
+    ["I, T, ?", "about this run, light or dark, these keys", { i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal() }],
+    ["N, B", "next event, the one before", { n: () => act.nextEvent(1), b: () => act.nextEvent(-1) }],
+    ["G", "follow whoever is selected", { g: () => act.follow(state.selected !== null && !state.isFollowed) }],
+    ["Escape", "deselect, close", { escape: act.deselect }],
+    ["Drag, one finger", "turn (in plan and section: move)"],
+    ["Shift or right drag, two fingers", "move; two fingers zoom as well"],
+    ["Wheel", "zoom to the pointer"],
+    ["Click, tap", "who is it?"],
+  ];
+}
 
 // Calls `act` with the names of what the pointers on the canvas do.
 function listenToPointers(canvas, camera, act) {
@@ -73,26 +77,14 @@ function listenToPointers(canvas, camera, act) {
 }
 
 function listenToKeys(camera, state, act) {
-  const view = (change) => () => { change(); act.look(); };
-  const keys = {
-    " ": act.toggle, k: act.toggle, home: () => act.seek(-Infinity), end: () => act.seek(Infinity),
-    "[": () => act.faster(-1), "]": () => act.faster(1), p: act.nextView, pageup: () => act.climb(1), pagedown: () => act.climb(-1),
-    m: act.nextMeasure, c: act.recolour, l: act.nextLayer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
-    g: () => act.follow(state.selected !== null && !state.isFollowed), n: () => act.nextEvent(1), b: () => act.nextEvent(-1),
-    escape: act.deselect, "0": act.restart, "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)),
-    w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)),
-    q: view(() => camera.orbit(0.12, 0)), e: view(() => camera.orbit(-0.12, 0)), r: view(() => camera.orbit(0, 0.1)), v: view(() => camera.orbit(0, -0.1)),
-  };
+  const all = keysOf(camera, state, act), actions = Object.assign({}, ...all.map(([, , action]) => action));
+  by("keys").tBodies[0].innerHTML = all.map(([keys, what]) => `<tr><td><kbd>${keys}</kbd></td><td>${what}</td></tr>`).join("");
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    const at = event.target, key = event.key.toLowerCase();
+    const at = event.target, key = event.key.toLowerCase(), isArrow = key === "arrowleft" || key === "arrowright";
     const isTyped = at.matches?.("select, input:not([type=range])") || (at.matches?.("button") && (key === " " || key === "enter"));
-    if (isTyped) return;
-    if (key === "arrowleft" || key === "arrowright") {
-      if (at.matches?.("input")  && at.id !== "slider") return;
-      act.step(key === "arrowright" ? 1 : -1, event.shiftKey);
-    } else if (keys[key]) keys[key]();
-    else return;
+    if (isTyped || !actions[key] || isArrow && at.matches?.("input") && at.id !== "slider") return;
+    actions[key](event.shiftKey);
     event.preventDefault();
   });
 }

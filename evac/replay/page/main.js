@@ -9,6 +9,7 @@ const SLOW_FRAME = 60;  // [ms]
 const TELL_EVERY = 120;  // While it plays, numbers are shown this often, and the density of many people [ms].
 const SHADOWED = 3000;  // So many people have shadows.
 
+const following = (all, one) => all[(all.indexOf(one) + 1) % all.length];
 const heightOfTools = () => by("tools").offsetHeight + 20;  // They lie over the picture.
 
 async function start() {
@@ -35,14 +36,12 @@ async function start() {
   const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, built = null, isStale = true, last = null, told = 0, felt = 0;
-  const drawn = [];
   let measured = null, drawnFrom = null;
   let opened = null, remembering = null;
 
   const redraw = () => {
-    if (isStale) return;
+    if (!isStale) requestAnimationFrame(show);
     isStale = true;
-    requestAnimationFrame(show);
   };
   const aspect = () => canvas.clientWidth / Math.max(1, canvas.clientHeight);
 
@@ -92,7 +91,7 @@ async function start() {
       const top = map.top ?? maps.ends[layer];
       stage.setScale(layered(ramp(map), map.isVeiled));
       if (!isAir) stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
-      const name = isNow ? "Density" : layer[0].toUpperCase() + layer.slice(1);
+      const name = isNow ? "Density" : capital(layer);
       by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors.slice(0, 3)), map, top, "transparent")}${isAir ? noteOf(aboutAir(layer, about.smoke)) : ""}`;
     } else by("layer-legend").innerHTML = `<div class="ends"><span>Computing maps: ${Math.round(100 * maps.share)} %</span></div>`;
     felt = 0;
@@ -176,13 +175,11 @@ async function start() {
   function showMeasured() {
     by("measured-section").hidden = !measured;
     stage.mesh("measured", measured ? measureMesh(layout, measured, look.mark) : [], [3, 4]);
-    if (measured) {
-      by("measured-name").textContent = measured.name[0].toUpperCase() + measured.name.slice(1);
-      chart.curves[MEASURED] = measured.curves();
-    } else delete chart.curves[MEASURED];
+    by("measured-name").textContent = measured ? capital(measured.name) : "";
+    delete chart.curves[MEASURED];
+    if (measured) chart.curves[MEASURED] = measured.curves();
     options("curve", Object.keys(chart.curves).map((name) => [name, name]));
     showCurve(measured ? MEASURED : by("curve").value);
-    redraw();
   }
 
   function showCurve(name) {
@@ -233,7 +230,6 @@ async function start() {
     updateScale(camera, tall);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     if (!state.isPlaying) remember();
-    drawn.push(performance.now() - began);
   }
 
   function tell(now) {
@@ -249,8 +245,10 @@ async function start() {
 
   function play(time) {
     if (!state.isPlaying) return;
-    if (last !== null) spare(time - last);
-    if (last !== null) state.time = Math.min(record.end, state.time + state.speed * Math.min(0.25, (time - last) / 1000));
+    if (last !== null) {
+      spare(time - last);
+      state.time = Math.min(record.end, state.time + state.speed * Math.min(0.25, (time - last) / 1000));
+    }
     last = time;
     if (state.time >= record.end) pause();
     isStale = true;
@@ -266,10 +264,14 @@ async function start() {
   }
 
   function pause() {
-    Object.assign(state, { isPlaying: false, pixels: MOST_PIXELS, took: 0 });
+    Object.assign(state, { pixels: MOST_PIXELS, took: 0 });
+    showPlaying(false);
     redraw();
-    by("play").textContent = "▶";
-    by("play").setAttribute("aria-label", "Play");
+  }
+
+  function showPlaying(isPlaying) {
+    state.isPlaying = isPlaying;
+    Object.assign(by("play"), { textContent: isPlaying ? "❚❚" : "▶", ariaLabel: isPlaying ? "Pause" : "Play" });
   }
 
   const act = {
@@ -293,10 +295,8 @@ async function start() {
     toggle() {
       if (state.isPlaying) return pause();
       if (state.time >= record.end) state.time = record.begin;
-      Object.assign(state, { isPlaying: true });
       last = null;
-      by("play").textContent = "❚❚";
-      by("play").setAttribute("aria-label", "Pause");
+      showPlaying(true);
       requestAnimationFrame(play);
     },
     seek(time) { state.time = Math.max(record.begin, Math.min(record.end, time)); redraw(); },
@@ -307,7 +307,7 @@ async function start() {
     },
     faster(by) { act.speed(SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, SPEEDS.indexOf(state.speed) + by))]); },
     speed(speed) { state.speed = speed; by("speed").value = speed; },
-    nextView() { const views = storeys.length > 1 ? VIEWS : VIEWS.slice(0, 2); act.view(views[(views.indexOf(state.view) + 1) % views.length]); },
+    nextView() { act.view(following(storeys.length > 1 ? VIEWS : VIEWS.slice(0, 2), state.view)); },
     view(view) {
       if (view === state.view) return;
       if (state.view === "3d") camera.turned = camera.azimuth; else if (view === "3d") camera.azimuth = camera.turned;
@@ -319,10 +319,10 @@ async function start() {
     climb(by) { act.storey(Math.max(-1, state.storey + by >= storeys.length ? -1 : state.storey < 0 && by < 0 ? storeys.length - 1 : state.storey + by)); },
     storey(storey) { if (storeys.length > 1) { state.storey = storey; arrange(); fit(); } },
     spread(spread) { state.spread = spread; arrange(); fit(); },
-    recolour() { act.colour(quantities[(quantities.indexOf(state.quantity) + 1) % quantities.length]); },
+    recolour() { act.colour(following(quantities, state.quantity)); },
     colour(quantity) { state.quantity = quantity; recolour(); },
     service(service) { state.service = service; recolour(); },
-    nextLayer() { act.layer(layers[(layers.indexOf(state.layer) + 1) % layers.length]); },
+    nextLayer() { act.layer(following(layers, state.layer)); },
     layer(layer) { state.layer = layer; showLayer(); },
     theme() {
       document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
@@ -353,7 +353,7 @@ async function start() {
       measured = null;
       showMeasured();
     },
-    nextMeasure() { const kinds = ["", "line", "area"]; act.measure(kinds[(kinds.indexOf(state.measuring) + 1) % 3]); },
+    nextMeasure() { act.measure(following(["", "line", "area"], state.measuring)); },
     // Draws from or to a place on the screen; returns whether something is drawn.
     draw(x, y, isStart) {
       if (!state.measuring) return false;
@@ -385,43 +385,34 @@ async function start() {
   addEventListener("beforeprint", preparePrint);
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
-  return { record, layout, density, smoke, maps, series, people, labels, camera, state, act, stage, chart, drawn, get measured() { return measured; } };
+  return { record, layout, density, smoke, maps, series, people, labels, camera, state, act, stage, chart, get measured() { return measured; } };
 
   function fillChoices() {
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
     by("view-section").hidden = storeys.length < 2;
-    options("colour", quantities.map((name) => [name, name[0].toUpperCase() + name.slice(1)]));
+    options("colour", quantities.map((name) => [name, capital(name)]));
     options("layer", layers.map((name) => [name, name]));
     options("service", [["", "none"], ...Object.entries(about.services).map(([name, { source }]) => [name, source])]);
     options("speed", SPEEDS.map((speed) => [speed, `${speed}×`]));
     by("speed").value = state.speed;
     Object.assign(by("slider"), { min: record.begin, max: record.end });
     Object.assign(by("spread"), { min: 1, max: MOST_SPREAD });
-    by("keys").tBodies[0].innerHTML = KEYS.map(([keys, what]) => `<tr><td><kbd>${keys}</kbd></td><td>${what}</td></tr>`).join("");
   }
 
   function listen() {
     const on = (id, type, action) => by(id).addEventListener(type, action);
-    on("play", "click", act.toggle);
-    on("slider", "input", () => act.seek(Number(by("slider").value)));
-    on("speed", "change", () => act.speed(Number(by("speed").value)));
+    const clicks = {
+      play: act.toggle, fit, theme: act.theme, "show-info": () => by("info").showModal(), "show-help": () => by("help").showModal(),
+      "person-close": act.deselect, follow: () => act.follow(!state.isFollowed), "measured-close": () => act.measure(""),
+    };
+    for (const [id, action] of Object.entries(clicks)) on(id, "click", action);
     for (const view of VIEWS) on(`view-${view}`, "click", () => act.view(view));
-    on("storey", "change", () => act.storey(Number(by("storey").value)));
-    on("spread", "input", () => act.spread(Number(by("spread").value)));
-    on("layer", "change", () => act.layer(by("layer").value));
-    on("fit", "click", fit);
+    for (const id of ["layer", "colour", "service", "measure"]) on(id, "change", () => act[id](by(id).value));
+    for (const id of ["speed", "storey", "spread"]) on(id, "input", () => act[id](Number(by(id).value)));
+    on("slider", "input", () => act.seek(Number(by("slider").value)));
     on("save-picture", "click", () => savePicture(paint(), `replay-${state.time.toFixed(1)}-s.png`));
-    on("colour", "change", () => act.colour(by("colour").value));
-    on("service", "change", () => act.service(by("service").value));
     on("curve", "change", () => showCurve(by("curve").value));
-    on("measure", "change", () => act.measure(by("measure").value));
-    on("measured-close", "click", () => act.measure(""));
     on("measured-save", "click", () => save(new Blob([measured.table(), "\n"], { type: "text/csv" }), `${measured.name}.csv`));
-    on("theme", "click", act.theme);
-    on("show-info", "click", () => by("info").showModal());
-    on("show-help", "click", () => by("help").showModal());
-    on("person-close", "click", act.deselect);
-    on("follow", "click", () => act.follow(!state.isFollowed));
     for (const id of ["warnings", "answer"]) on(id, "click", ({ target }) => {
       if (!target.matches("button")) return;
       by("info").close();

@@ -2,6 +2,7 @@
 
 const by = (id) => document.getElementById(id);
 const seconds = (time) => `${time.toFixed(1)} s`;
+const capital = (text) => text[0].toUpperCase() + text.slice(1);
 const goTo = (time) => time === null ? "" : ` <button type="button" value="${time}">Show ${seconds(time)}</button>`;
 const asTerms = (facts) => facts.map(([name, value]) => `<dt>${name}</dt><dd>${escaped(value)}</dd>`).join("");
 const escaped = (text) => String(text).replace(/[&<>"]/g, (sign) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[sign]);
