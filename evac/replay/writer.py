@@ -3,7 +3,6 @@
 import base64
 import html
 import json
-import re
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -32,36 +31,8 @@ LARGEST = 1e9
 #: Template, style and scripts.
 PAGE = Path(__file__).with_name("page")
 
-#: Script that decompresses and runs the others.
-LOADER = "loader.js"
-
-#: Scripts in the order in which they are run, within one function so that they define no global names.
-SCRIPTS = (
-    "colours.js",
-    "run/motion.js",
-    "run/record.js",
-    "run/series.js",
-    "section.js",
-    "layout.js",
-    "run/density.js",
-    "run/maps.js",
-    "run/smoke.js",
-    "shaders.js",
-    "meshes.js",
-    "stage.js",
-    "camera.js",
-    "views.js",
-    "people.js",
-    "labels.js",
-    "picture.js",
-    "address.js",
-    "chart.js",
-    "events.js",
-    "measuring.js",
-    "panel.js",
-    "controls.js",
-    "main.js",
-)
+#: Script that decompresses and runs the others, and the last one of these.
+LOADER, MAIN = "loader.js", "main.js"
 
 
 def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequence[Change]) -> None:
@@ -109,7 +80,10 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         "smoke": _smoke(motion),
     }
     text = json.dumps(about, separators=(",", ":"), allow_nan=False)
-    scripts = "\n".join(_read(name) for name in SCRIPTS)
+    names = sorted(
+        (path.relative_to(PAGE).as_posix() for path in PAGE.rglob("*.js")), key=lambda name: (name == MAIN, name)
+    )
+    scripts = "\n".join(_read(name) for name in names if name != LOADER)  # within one function: no global names
     streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
     streams |= {"floors": zlib.compress(floors.tobytes(), 9)} | motion.streams()
     title = html.escape(account.title or "Evacuation")
@@ -256,11 +230,11 @@ def _scale(scale: Scale) -> dict[str, Any]:
 
 
 def _template(words: Mapping[str, str]) -> str:
-    """Return the page without its data, with texts at their places."""
+    """Return the page without its data, with texts, which are escaped, at their places."""
     page = _read("template.html").replace("/*style*/", _read("style.css")).replace("/*loader*/", _read(LOADER))
-    first, *others = re.split(r"<!--(?=(?:" + "|".join(words) + ")-->)", page)
-    parts = (part.partition("-->") for part in others)
-    return first + "".join(words[name] + rest for name, _, rest in parts)
+    for name, text in words.items():
+        page = page.replace(f"<!--{name}-->", text)
+    return page
 
 
 def _read(name: str) -> str:

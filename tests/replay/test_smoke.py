@@ -54,6 +54,7 @@ def test_the_page_has_the_smoke_and_the_doses_of_the_trajectory(browser, result)
 
 def test_the_layer_is_seen_where_smoke_is(browser, result):
     browser.open(result.trajectory.path.with_name("replay.html"))
+    assert browser.run("document.getElementById('layer').value") == "smoke at heads"  # as it opens
     for name, is_shown in (("smoke at heads", [True, False]), ("visibility", [True, False])):
         browser.run(f"replay.act.layer('{name}')")
         browser.run("replay.act.seek(12)")

@@ -155,6 +155,23 @@ def test_the_building_is_in_the_picture_and_names_of_storeys_are_at_their_height
     assert (middle <= high + 1).all()
 
 
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080)])
+def test_tools_are_in_one_row_and_the_clock_is_in_sight(browser, page, width, height):
+    browser.open(page, width, height)
+    boxes = browser.run("[...document.getElementById('tools').children].map((one) => one.getBoundingClientRect().top)")
+    assert len(set(boxes)) <= 2  # those of a storey alone are hidden, at the top
+    assert browser.run("document.getElementById('time').getBoundingClientRect().bottom") < height
+
+
+def test_every_storey_is_named_in_plan_and_section(browser, page):
+    browser.open(page)
+    for view in ("plan", "section"):
+        browser.run(f"replay.act.view('{view}')")
+        browser.settle()
+        shown = browser.run("replay.labels.shown.map(({ span }) => span.className)")
+        assert shown.count("storey") == browser.run("replay.layout.storeys.length")
+
+
 def test_labels_away_from_what_they_name_have_a_line_to_it(browser, page):
     browser.open(page)
     browser.run("replay.act.seek(20); replay.act.select(7)")

@@ -136,7 +136,7 @@ const SIDES = {
   any: [[0, 0], ...around(1)],
   pointer: near.flatMap((down) => [0, 0.5, -0.5, 1, -1, 1.5, -1.5].map((right) => [right, down])).sort(([a, b], [c, d]) => Math.hypot(6 * a, b) - Math.hypot(6 * c, d)),
   exit: [...around(1), ...around(2), ...around(3), ...around(4)],
-  plan: [[1, 1], [-1, 1], [1, -1], [-1, -1], [-1, 0]],
+  plan: [...[1, 1.25, 1.5, 1.75, 2, 2.5, 3, 4].map((right) => [right, -1]), [1, 1], [-1, 1], [-1, -1], [-1, 0]],  // Above it.
   storey: [[-1.15, 0], [-2, 0], [-3, 0], [1, 0]],  // At its height.
 };
 

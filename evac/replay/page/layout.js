@@ -63,7 +63,7 @@ class Layout {
     this.storey = storey;
     this.spread = this.isFlat || storey >= 0 ? 1 : spread;
     const many = this.storeys.length, gap = 0.08 * Math.max(...this.extent) + 1;
-    const [width, depth] = [this.extent[0] + gap, this.extent[1] + gap];
+    const [width, depth] = [this.extent[0] + gap, this.extent[1] + 1.5 * gap];  // With room for names.
     let columns = 1, best = Infinity;
     for (let n = 1; n <= many; n++) {
       const size = Math.max(n * width / aspect, Math.ceil(many / n) * depth);

@@ -9,6 +9,8 @@ const SLOW_FRAME = 60;  // [ms]
 const TELL_EVERY = 120;  // While it plays, numbers are shown this often, and the density of many people [ms].
 const SHADOWED = 3000;  // So many people have shadows.
 
+const NAME = 20;  // Room for names of storeys above plans [pixels].
+
 const following = (all, one) => all[(all.indexOf(one) + 1) % all.length];
 const heightOfTools = () => by("tools").offsetHeight + 20;  // They lie over the picture.
 
@@ -29,10 +31,8 @@ async function start() {
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
   const labels = new Labels(by("labels"), record, layout);
   const panel = new Panel(record, series, layout, people);
-  const state = {
-    time: record.begin, isPlaying: false, speed: 1, quantity: "group", view: "3d", storey: -1, spread: 1,
-    layer: "plain", service: "", selected: null, isFollowed: false, highlighted: null, measuring: "", pixels: MOST_PIXELS, took: 0,
-  };
+  const atFirst = { time: record.begin, speed: 1, quantity: "group", view: "3d", storey: -1, layer: airs[0] ?? "plain", service: "", highlighted: null };
+  const state = { ...atFirst, isPlaying: false, spread: 1, selected: null, isFollowed: false, measuring: "", pixels: MOST_PIXELS, took: 0 };
   const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, built = null, isStale = true, last = null, told = 0, felt = 0;
@@ -49,7 +49,8 @@ async function start() {
     camera.isFlat = state.view !== "3d";
     if (camera.isFlat) camera.azimuth = 0;
     camera.fit(layout.corners(), 1.08);
-    camera.makeRoom(layout.corners(), Math.min(0.2, state.storey < 0 && state.view !== "plan" ? labels.margin() / canvas.clientWidth : 0), Math.min(0.3, heightOfTools() / canvas.clientHeight));
+    const isPlan = state.view === "plan", left = state.storey < 0 && !isPlan ? labels.margin() : 0, top = heightOfTools() + (isPlan ? NAME : 0);
+    camera.makeRoom(layout.corners(), Math.min(0.2, left / canvas.clientWidth), Math.min(0.3, top / canvas.clientHeight));
     redraw();
   }
 
@@ -278,7 +279,7 @@ async function start() {
     look: redraw,
     restart() {
       pause();
-      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", view: "3d", storey: -1, layer: "plain", service: "", highlighted: null });
+      Object.assign(state, atFirst);
       for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
       act.speed(1);
       act.measure("");
