@@ -489,7 +489,7 @@ def test_people_who_come_are_drawn_and_counted_from_then_on(browser, tmp_path):
     browser.open(tmp_path / "result" / "replay.html")
     crowd = results.crowd
     for time in np.linspace(0.0, results.time, 40)[:-1] + 0.0037:
-        inside = int(((crowd.arrival_time <= time) & (crowd.exit_time > time)).sum())
+        inside = int(((crowd.arrival_time <= time) & ~(crowd.exit_time <= time)).sum())
         shown = browser.run(f"[replay.series.inside.at({time}), replay.record.at({time}).count]")
         assert shown == [inside, inside]
     (staff,) = np.flatnonzero(np.isinf(crowd.start_time)).tolist()
