@@ -20,9 +20,7 @@ if TYPE_CHECKING:  # evac.trajectory.writer imports Arrow, which a run without a
 
 
 class TrajectoryRecorder(Recorder):
-    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md), if there is one, unless
-    ``output.trajectory`` is false.
-    """
+    """Writes ``trajectory.evac`` to the result folder, if there is one, unless ``output.trajectory`` is false."""
 
     name = "trajectory"
     _writer: "TrajectoryWriter | None" = None
