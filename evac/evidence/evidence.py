@@ -8,7 +8,7 @@ from them, so that the page can be written again without measuring:
 >>> rows = evidence.measured("hall", lambda: [{"people": people, "time [s]": walk(people)}])  # doctest: +SKIP
 >>> evidence.verdict(at_most("Time of the hall", rows[0]["time [s]"], 2.0, "s", "The hall"))  # doctest: +SKIP
 >>> evidence.show("hall", __name__, rows=rows)  # doctest: +SKIP
->>> evidence.write_page("Time and memory", "What a hall takes.")  # doctest: +SKIP
+>>> evidence.write_page(__name__)  # doctest: +SKIP
 """
 
 import csv
@@ -155,14 +155,17 @@ class Evidence:
         `plot` it has ``imported``, for the constants of other modules, and the filter ``told``, which formats a number
         by a specification, ``"g"`` by default.
         """
+        self._page += self._rendered(block, module, values)
+
+    def _rendered(self, block: str, module: str, values: Row) -> list[str]:
         template = templates().get_template(f"{self.kind}/page.md")
         own = {"table": self.table, "data": self.data, "plot": self.plot}
-        self.add("".join(template.blocks[block](template.new_context({**vars(sys.modules[module]), **own, **values}))))
+        context = template.new_context({**vars(sys.modules[module]), **own, **values})
+        return paragraphs("".join(template.blocks[block](context)))
 
     def add(self, text: str) -> None:
         """Add Markdown to the page; the lines of a paragraph are joined."""
-        paragraphs = re.split(r"\n\s*\n", text.strip())
-        self._page += [one if one.startswith("|") else " ".join(one.split()) for one in paragraphs]
+        self._page += paragraphs(text)
 
     def table(
         self, name: str, rows: Sequence[Row], formats: Mapping[str, str] | None = None, columns: Sequence[str] = ()
@@ -189,10 +192,14 @@ class Evidence:
                 draw(*data).savefig(new, dpi=130, metadata={"Software": None})
         return f"![{caption}]({name}.png)\n\n*{caption}*"
 
-    def write_page(self, title: str, examined: str) -> Path:
-        """Write README.md and run.json: the subject, the verdicts, the conditions, and everything added, in order."""
+    def write_page(self, module: str, **values: Any) -> Path:
+        """Write README.md and run.json: the subject, the verdicts, the conditions, and everything added, in order.
+
+        Title and subject are the block ``head`` of the template, see `show`.
+        """
+        title, examined = self._rendered("head", module, values)
         conditions = self.conditions()
-        described = {"title": title, "examined": " ".join(examined.split()), "verdicts": self._findings, **conditions}
+        described = {"title": title[2:], "examined": examined, "verdicts": self._findings, **conditions}
         write_whole(self.folder / "run.json", json.dumps(described, indent=2))
         told = (
             f"Measured by `{conditions['command']}` in {conditions['wall time [s]']} s: {conditions['machine']}; commit"
@@ -202,7 +209,7 @@ class Evidence:
         )
         if self.quick:
             told = f"**Quick run: smaller problems and fewer runs than the full one.** {told}"
-        lines = [f"# {title}", " ".join(examined.split()), verdict_table(self._findings), told, *self._page]
+        lines = [title, examined, verdict_table(self._findings), told, *self._page]
         return write_whole(self.folder / "README.md", "\n\n".join(lines))
 
     def conditions(self) -> dict[str, str]:
@@ -242,6 +249,12 @@ def templates() -> Environment:
     found.globals["imported"] = import_module
     found.filters["told"] = lambda value, specification="g": format(value, specification)
     return found
+
+
+def paragraphs(text: str) -> list[str]:
+    """Return the paragraphs of Markdown, with the lines of each joined except for those of tables."""
+    found = re.split(r"\n\s*\n", text.strip())
+    return [one if one.startswith("|") else " ".join(one.split()) for one in found]
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:

@@ -5,7 +5,6 @@ import csv
 import numpy as np
 import pytest
 
-from evac.evidence.accuracy import rows as rows_part
 from evac.evidence.accuracy import targets
 from evac.evidence.accuracy.fields import _fields, plain_directions
 from evac.evidence.accuracy.goals import factor_rows, race_rows, time_to, win_rows
@@ -66,9 +65,9 @@ def test_targets_are_told_under_every_law_as_medians_over_several_crowds(monkeyp
 
 def test_people_in_rows_touch_and_every_solver_is_timed_on_them(tmp_path, monkeypatch):
     """Some of the contacts push, and every solver is timed or said to have been given its time."""
-    monkeypatch.setattr(rows_part, "LAWS", LAWS[:2])
+    monkeypatch.setattr(targets, "LAWS", LAWS[:2])
     evidence = Evidence("accuracy", tmp_path, quick=True)
-    rows_part.run(evidence)
+    targets.run_rows(evidence)
     with (tmp_path / "solvers_rows.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["to"] for row in rows] == ["0.0001 m", "1e-06 m", "0.0001 m/s", "1e-06 m/s"]

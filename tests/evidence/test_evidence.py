@@ -24,6 +24,7 @@ from evac.evidence.command import run_evidence, write_index
 from evac.evidence.evidence import OPTIONAL_PACKAGES, Evidence, commit, machine, markdown_table, new_figure, timed
 from evac.evidence.verdicts import MET, MOST_ROWS, NOT_MET, REPORTED, UNDECIDED, anchor, at_most, reported
 
+LEAN, SCALING = "evac.evidence.lean.page", "evac.evidence.scaling.page"
 PAGES = Path(__file__).parents[2] / "docs" / "evidence"
 
 
@@ -37,7 +38,7 @@ def test_table_is_written_in_full_and_shown_rounded(tmp_path):
     evidence = Evidence("lean", tmp_path, quick=True)
     rows = [{"model": "DEM", "time [s]": 1.0 / 3.0, "runs": 5}, {"model": "NSM2", "time [s]": None, "runs": 7}]
     evidence.add(f"Times. {evidence.table('times', rows)}")
-    page = evidence.write_page("A page", "Times.").read_text()
+    page = evidence.write_page(LEAN).read_text()
     with (tmp_path / "times.csv").open() as file:
         back = list(csv.DictReader(file))
     assert [float(back[0]["time [s]"]), back[1]["time [s]"]] == [1.0 / 3.0, ""]
@@ -50,13 +51,14 @@ def test_page_holds_what_was_added_in_order_and_says_what_it_was_computed_with(t
     evidence.add("First\n   words.\n\n## Part")
     evidence.add(evidence.plot("line", "A line.", figure_of, 1))
     evidence.verdict(at_most("time [s]", 1.0, 2.0, section="Part"))
-    page = evidence.write_page("Title", "What was done.").read_text()
-    head = ("# Title", "What was done.", "| [time [s]](#part) |", "Quick run")
+    page = evidence.write_page(SCALING).read_text()
+    head = ("# Time and memory against", "Examined: time", "| [time [s]](#part) |", "Quick run")
     places = [page.index(words) for words in (*head, "First words.", "## Part", "(line.png)")]
     assert places == sorted(places)
     assert (tmp_path / "line.png").read_bytes().startswith(b"\x89PNG")
     found = json.loads((tmp_path / "run.json").read_text())
-    assert (found["title"], found["examined"], found["seed"]) == ("Title", "What was done.", "9")
+    assert found["title"].startswith("Time and memory")
+    assert (found["examined"][:14], found["seed"]) == ("Examined: time", "9")
     assert found["command"] == "evac evidence scaling --quick"
     assert [row["verdict"] for row in found["verdicts"]] == [MET]
 
@@ -70,7 +72,7 @@ def test_files_are_replaced_as_a_whole_and_links_are_not_followed(tmp_path):
     evidence = Evidence("lean", own, quick=True)
     evidence.table("times", [{"runs": 5}])
     evidence.plot("line", "A line.", figure_of, 1)
-    evidence.write_page("A page", "Times.")
+    evidence.write_page(LEAN)
     assert {(tmp_path / name).read_text() for name in names} == {"mine"}
     assert sorted(path.name for path in own.iterdir()) == sorted(names)
     assert not any((own / name).is_symlink() for name in names)
@@ -113,7 +115,7 @@ def test_index_lists_the_verdicts_of_the_kinds_that_are_there(tmp_path):
     for kind in ("lean", "table3"):
         evidence = Evidence(kind, tmp_path / kind)
         evidence.verdict(reported(f"{kind}?", "5 s", section="A part"))
-        evidence.write_page(f"Title of {kind}", f"What {kind} examined.")
+        evidence.write_page(f"evac.evidence.{kind}.page")
     write_index(tmp_path)
     index = (tmp_path / "README.md").read_text()
     assert [kind for kind in KINDS if f"({kind}/README.md)" in index] == ["lean", "table3"]
@@ -138,7 +140,7 @@ def test_a_page_written_again_is_the_page_of_the_run_that_measured(tmp_path):
         rows = measured_rows(evidence, 0.1, 0.2)
         assert evidence.seed == 4
         evidence.add(f"Values. {evidence.table('values', rows)}\n\n{evidence.plot('line', 'A line.', figure_of, 1)}")
-        pages.append(evidence.write_page("Title", "What.").read_text())
+        pages.append(evidence.write_page(LEAN).read_text())
         (tmp_path / "line.png").unlink(missing_ok=True)
     assert pages[0] == pages[1]
     assert not (tmp_path / "line.png").exists()  # drawn by the run that measures alone
@@ -147,7 +149,7 @@ def test_a_page_written_again_is_the_page_of_the_run_that_measured(tmp_path):
 def test_a_page_cannot_be_written_again_where_nothing_was_measured(tmp_path, capsys):
     assert main(["evidence", "lean", "--page-only", "--out", str(tmp_path)]) == 2
     assert "run.json" in capsys.readouterr().err
-    Evidence("lean", tmp_path).write_page("Title", "What.")
+    Evidence("lean", tmp_path).write_page(LEAN)
     with pytest.raises(ResultError, match=r"values\.csv"):
         measured_rows(Evidence("lean", tmp_path, page_only=True))
 
@@ -197,14 +199,15 @@ def test_figure_is_laid_out_in_axes():
 
 def test_command_computes_the_kind_asked_for_and_prints_its_page(tmp_path, monkeypatch, capsys):
     def compute(evidence):
-        evidence.write_page("Lean", f"Quick: {evidence.quick}.")
+        evidence.add(f"Quick: {evidence.quick}.")
+        evidence.write_page(LEAN)
 
     monkeypatch.setattr("evac.evidence.lean.page.run", compute)
     assert main(["evidence", "lean", "--quick", "--out", str(tmp_path)]) == 0
     page = tmp_path / "lean" / "README.md"
     assert capsys.readouterr().out.strip() == str(page)
     assert "Quick: True." in page.read_text()
-    assert "Quick: True." in (tmp_path / "README.md").read_text()
+    assert "evac evidence lean --quick" in (tmp_path / "README.md").read_text()
 
 
 @pytest.mark.parametrize("quick", [True, False])

@@ -76,7 +76,7 @@ def fixed(monkeypatch):
 
 def written(evidence):
     comparison.run(evidence, STEP)
-    return evidence.write_page("Peers", "Examined: other programs.").read_text()
+    return evidence.write_page("evac.evidence.scaling.page").read_text()
 
 
 def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixed, tmp_path):

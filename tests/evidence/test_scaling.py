@@ -3,7 +3,6 @@
 import csv
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -163,7 +162,7 @@ def in_the_middle(hall, reach):
 @pytest.mark.parametrize("density", [2.0, 5.0])
 def test_the_minimal_kernel_walks_as_dem_does_away_from_walls(density):
     hall = make_hall(400, density, 1)
-    walk = Walk(replace(hall, crowd=in_the_middle(hall, 2.5)), STEP)
+    walk = Walk(hall._replace(crowd=in_the_middle(hall, 2.5)), STEP)
     minimal = make_minimal(walk.crowd, hall.fields.packed, STEP)
     people = nearest(walk.crowd.position, minimal.position)
     before = walk.crowd.position[people].copy()

@@ -121,7 +121,7 @@ def test_flow_is_reported_for_every_model_and_step(tmp_path, monkeypatch):
     monkeypatch.setattr("evac.evidence.table3.page.PUBLISHED", {name: {0.01: 1, 0.005: 2} for name in PUBLISHED})
     evidence = Evidence("table3", tmp_path, quick=True)
     report_flow(evidence)
-    evidence.write_page("Flow", "Flow.")
+    evidence.write_page("evac.evidence.table3.page")
     questions = [row["question"] for row in json.loads((tmp_path / "run.json").read_text())["verdicts"]]
     assert sum("0.005" in question for question in questions) == len(PUBLISHED)
     for table, keys, values in (

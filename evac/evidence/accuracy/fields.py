@@ -34,7 +34,6 @@ CLEARANCE = 0.25
 
 WALKED = Route(strategy="shortest")
 
-
 SECTION = "d. Travel times and directions against exact geodesics"
 
 

@@ -4,8 +4,7 @@ import itertools
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,8 +41,7 @@ LABELS = {
 STYLES = {"NSM1 inertial as shipped": ("white", "*"), "NSM2, K_N = 0": ("white", "s--")}
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(NamedTuple):
     """A model, what is varied, and the step."""
 
     label: str

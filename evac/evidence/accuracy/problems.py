@@ -1,7 +1,7 @@
 """The contact problems for the comparison of solvers: those of one step of a crowd at a door."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,7 @@ SETTLING_STEPS = 20
 KINDS = ("arriving", "settled", "opened")
 
 
-@dataclass(frozen=True)
-class Law:
+class Law(NamedTuple):
     """A contact law to be solved: its model, its dissipation K_N [kg] (NSM2) and its variant (NSM1)."""
 
     label: str

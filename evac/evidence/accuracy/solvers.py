@@ -2,8 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,8 +29,7 @@ TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 PROBLEMS = tuple((kind, law) for kind in KINDS for law in LAWS)
 
 
-@dataclass(frozen=True)
-class Stage:
+class Stage(NamedTuple):
     """Crowds of one size: how long a solver may take for one solve [s], and the tolerances it is given."""
 
     people: int
@@ -45,7 +43,6 @@ FULL = (Stage(100, 0.1), Stage(1_000, 0.2), Stage(4_000, 0.6, TOLERANCES[::2]), 
 
 #: A problem on which slow solvers are given longer, so that their ratio can be stated; cap [s].
 LONG = {("settled", "NSM1", 4_000, "cold"): 5.0}
-
 
 SECTION = "a. Contact solvers: error against run time"
 

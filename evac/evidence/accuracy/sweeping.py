@@ -6,8 +6,7 @@ marching, the grid, the distances or the treatment of walls.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -29,8 +28,7 @@ STILL = 1e-9
 MEETING = 0.9
 
 
-@dataclass(frozen=True)
-class CleanWays:
+class CleanWays(NamedTuple):
     """Directions, and the distance to places where they are ambiguous."""
 
     direction: FloatArray  # (p, 2): unit vectors of the directions

@@ -3,8 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,8 +47,7 @@ GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 BOUNDS = (-8.0, -6.0, 8.0, 6.0)
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """A motion with a known or converging end."""
 
     name: str

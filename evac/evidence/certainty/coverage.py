@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ Interval = tuple[float, float]
 OTHER_RESAMPLES = 1000
 
 
-@dataclass(frozen=True)
-class Drawn:
+class Drawn(NamedTuple):
     """A number of studies to be drawn: a task of one process."""
 
     # (runs,) or (populations, repetitions) float64 [s]: evacuation times that studies are drawn from, with replacement;

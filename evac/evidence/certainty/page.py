@@ -124,12 +124,7 @@ def run(evidence: Evidence) -> None:
     report_questions(evidence, times)
     report_seeds(evidence)
     report_work(evidence)
-    evidence.write_page(
-        "The certainty of a result",
-        f"Examined: how often the intervals of studies cover the truth, here what {len(times)} runs of {CASE} say; what"
-        " the time step changes; how many runs common questions need; and what runs with common seeds and shared work"
-        " save.",
-    )
+    evidence.write_page(__name__, times=times)
 
 
 def report_coverage(evidence: Evidence, times: FloatArray) -> None:

@@ -3,9 +3,8 @@
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence, Row, in_fresh_process
@@ -24,8 +23,7 @@ CPU = "CPU [s]"
 AS_IT_IS, ALL_IN = "as it is", "all in"
 
 
-@dataclass(frozen=True)
-class KernelCase:
+class KernelCase(NamedTuple):
     """A shipped case with a model, and parts that it can name without needing them."""
 
     scene: str

@@ -117,12 +117,7 @@ def run(evidence: Evidence) -> None:
     report_kernels(evidence, _kernel_cases(evidence.quick))
     report_output(evidence, rounds)
     report_commands(evidence)
-    evidence.write_page(
-        "Leaving out what a scene does not need",
-        "Examined: what fields, forces, behaviours and tests cost where a scene does not need them, whether forcing"
-        " them in changes the result, which kernels a scene compiles and loads, and how long each command takes to"
-        " start.",
-    )
+    evidence.write_page(__name__)
 
 
 def _kernel_cases(quick: bool) -> list[KernelCase]:

@@ -137,12 +137,7 @@ def run(evidence: Evidence) -> None:
         told = f"{_told(mixed['flow [1/s]'])}, {_told(only['flow [1/s]'])} /s"
         question = f"door of {width:g} m: flow with {100 * SHARES[1]:g} % and with wheelchairs alone"
         evidence.verdict(reported(question, told, f"without: {_told(alone['flow [1/s]'])} /s", "Doors"))
-    evidence.write_page(
-        "Mobility: wheelchairs, crutches and others",
-        "Examined: walking speeds of the shipped presets on the flat and on ramps, beside the published ones that they"
-        " are made of (means of Boyce, Shields and Silcock; the primary source was not at hand), and flows of people in"
-        f" wheelchairs through doors, with `{DEFAULT_MOVEMENT}`.",
-    )
+    evidence.write_page(__name__)
 
 
 def _speed_row(preset: str, place: str, speeds: FloatArray) -> Row:

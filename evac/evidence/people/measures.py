@@ -4,8 +4,8 @@ Each measure of a scene returns a mapping of names with units to numbers; NaN wh
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +53,7 @@ MEASURES = (
 )
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """A line across an axis that people pass in the direction of its sign."""
 
     axis: int
@@ -66,8 +65,7 @@ class Line:
         return self.sign * (position[..., self.axis] - self.at)
 
 
-@dataclass(frozen=True)
-class Track:
+class Track(NamedTuple):
     """Places of all people at equal intervals.
 
     Attributes

@@ -32,11 +32,7 @@ def run(evidence: Evidence) -> None:
         for scene in dict.fromkeys(row["scene"] for row in runs)
     ]
     evidence.show("blocked", __name__, shares=shares)
-    evidence.write_page(
-        "People as measured: doors, corridors, stairs, oncoming people",
-        """Flows, speeds, exit times and headings of people in experiments, beside those of simulated people with each
-        movement model and contact model in the same geometry, and the share of runs that block.""",
-    )
+    evidence.write_page(__name__)
 
 
 def heading(setting: str) -> str:

@@ -3,12 +3,11 @@
 import csv
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
@@ -48,8 +47,7 @@ COLUMNS = (*KEY, LEFT, "CPU time [s]", *MEASURES, CODE)
 OTHER_PARTS = ("cli", "conformance", "evidence", "export", "pictures", "replay", "report")
 
 
-@dataclass(frozen=True)
-class Job:
+class Job(NamedTuple):
     """A run."""
 
     scene: str

@@ -5,9 +5,8 @@ Exits lie behind the place that is measured, so that people who leave do not van
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from shapely import Polygon, box, union_all
@@ -33,8 +32,7 @@ CORRIDOR_ENDS = ((0.5, 1.8), (0.7, 1.8), (1.0, 1.8), (1.45, 1.8), (1.8, 1.8), (1
 COUNTERS = (0, 10, 50, 100)
 
 
-@dataclass(frozen=True)
-class Experiment:
+class Experiment(NamedTuple):
     """A building, its people, and what is measured there.
 
     Attributes

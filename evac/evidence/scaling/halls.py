@@ -1,7 +1,7 @@
 """Halls for the scaling: a hall with walls and doors, its directions, and a crowd with a given density."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,7 @@ DOOR, STRETCH = 1.2, 10.0
 SPACING, COARSE, LARGE = 0.1, 0.25, 100.0
 
 
-@dataclass(frozen=True)
-class Hall:
+class Hall(NamedTuple):
     """A hall and the people in it, before the first step."""
 
     building: Building

@@ -45,7 +45,6 @@ TARGETS = ((at_most, 150.0), (at_least, 300.0), (at_most, 30.0), (at_most, 6.0))
 
 PHASES = ("lists", "search", "drive", "contact and rest", "move", "sorting")
 
-
 #: Headings of the page.
 HALLS, SHARES = "Halls from small to large", "Where the time goes"
 
@@ -68,12 +67,7 @@ def run(evidence: Evidence) -> None:
     threads.run(evidence, STEP)
     comparison.run(evidence, STEP)
     evidence.show("claims", __name__, claims=claims)
-    evidence.write_page(
-        "Time and memory against the number of people",
-        "Examined: time and memory per person-step in halls of different sizes, compared with those of a minimal kernel"
-        " and of other programs, the shares of the phases, the set-up of large halls, the cost of headway, the gain by"
-        " threads, and the whole command on the shipped school.",
-    )
+    evidence.write_page(__name__)
 
 
 def _hall_rows(sizes: dict[int, tuple[int, int]], seed: int) -> Iterator[Row]:

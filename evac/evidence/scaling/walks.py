@@ -2,8 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,8 +31,7 @@ WALKED_OUT = 0.5
 SETTLING = 2
 
 
-@dataclass(frozen=True)
-class Variant:
+class Variant(NamedTuple):
     """A contact model with the settings of a walk."""
 
     name: str  # name in the tables
@@ -102,8 +100,7 @@ class Walk:
         return ended
 
 
-@dataclass(frozen=True)
-class Cost:
+class Cost(NamedTuple):
     """Cost of the timed ticks of a walk."""
 
     seconds: float  # median of a step

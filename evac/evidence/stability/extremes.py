@@ -2,8 +2,8 @@
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ LARGE = ("DEM", "NSM1 inertial", "NSM2 K_N = 1e5")
 PRESSED = 12.0
 
 
-@dataclass(frozen=True)
-class Extreme:
+class Extreme(NamedTuple):
     """An extreme scene with its criterion."""
 
     words: str

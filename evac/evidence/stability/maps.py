@@ -1,9 +1,8 @@
 """Maps of verdicts on each contact model over two parameters, cell by cell, with curves of the theory."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -32,8 +31,7 @@ STYLES = ("-", "--", ":", "-.")
 BETWEEN = 60
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """One trial of a map."""
 
     panel: str
@@ -42,8 +40,7 @@ class Cell:
     verdict: Verdict
 
 
-@dataclass(frozen=True)
-class Curve:
+class Curve(NamedTuple):
     """A labelled curve of the theory: points (x, y), connected by straight lines in logarithms.
 
     The same label has the same style in all panels.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -91,8 +91,7 @@ class Trial:
         return ", ".join([*told, *([f"{extra:.0f} more sub-steps"] if extra > 0 else [])])
 
 
-@dataclass(frozen=True)
-class Verdict:
+class Verdict(NamedTuple):
     """The verdict on a trial."""
 
     kind: str  # one of VERDICTS

@@ -31,7 +31,6 @@ PUBLISHED: Mapping[str, str] = {
     "NSM2": "without problem",
 }
 
-
 #: Exit times (runs, pupils) [s] by model; NaN for pupils left inside, whose run is blocked.
 ClassTimes = Mapping[str, FloatArray]
 

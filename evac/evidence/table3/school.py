@@ -1,9 +1,8 @@
 """Runs of the primary school (paper, section 4.3): egress curves with and without following a teacher."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +24,7 @@ COLOURS = {"following a teacher": "#0072B2", "everybody alone": "#D55E00"}
 STALL = (38.0, 48.0)
 
 
-@dataclass(frozen=True)
-class SchoolRuns:
+class SchoolRuns(NamedTuple):
     """Exit times (runs, people) [s], NaN for people left inside, and the storey of each (people,)."""
 
     times: FloatArray
