@@ -65,7 +65,7 @@ def tell(result: "Result") -> None:
         found = "-" if check.mean is None else f"{check.mean:.4g}"
         met = "met" if check.is_passed else "NOT MET"
         blocked = f", {check.blocked} of {len(check.values)} runs blocked" if check.blocked else ""
-        say(f"    {check.criterion.quantity}: {found} (expected {check.criterion.band}){blocked}: {met}", indent=6)
+        say(f"    {check.quantity}: {found} (expected {check.band}){blocked}: {met}", indent=6)
     if test.by_design and not all(check.is_passed for check in result.checks):
         say(f"    fails by design: {test.by_design}", indent=6)
     sys.stdout.flush()

@@ -293,7 +293,6 @@ def in_processes(
 
 
 def _read(text: str) -> Any:
-    """Return the value of a field of a CSV file: None, an integer, a float, or text."""
     if not text:
         return None
     for kind in (int, float):

@@ -7,14 +7,13 @@ import pytest
 
 from evac.evidence.accuracy import targets
 from evac.evidence.accuracy.fields import _fields, plain_directions
-from evac.evidence.accuracy.goals import factor_rows, race_rows, time_to, win_rows
 from evac.evidence.accuracy.orders import EXACT, order_of, order_rows, orders_off
 from evac.evidence.accuracy.orders import draw as draw_orders
 from evac.evidence.accuracy.overlap import FINISHED, cheapest_rows
 from evac.evidence.accuracy.overlap import draw as draw_overlap
 from evac.evidence.accuracy.plans import l_corner
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
-from evac.evidence.accuracy.solvers import TOLERANCES, measure
+from evac.evidence.accuracy.solvers import TOLERANCES, factor_rows, measure, race_rows, time_to, win_rows
 from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
 from evac.evidence.evidence import Evidence
 from evac.evidence.models import plugins

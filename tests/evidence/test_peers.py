@@ -14,9 +14,7 @@ from evac.evidence.scaling.halls import doors_along, make_hall
 from evac.evidence.scaling.page import STEP
 from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.peers.comparison import BASE, LEAST, OWN, PEERS, TIMED, WARM, Peer, compare
-from evac.evidence.scaling.peers.cromosim_walk import CromosimWalk
-from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
-from evac.evidence.scaling.peers.rvo2_walk import OrcaWalk
+from evac.evidence.scaling.peers.programs import CromosimWalk, JupedsimWalk, OrcaWalk
 from evac.evidence.scaling.walks import TICK
 
 
@@ -53,9 +51,9 @@ def test_models_of_evac_are_programs():
 def fixed(monkeypatch):
     """Programs with fixed times, of which one is not installed and one is given few people only."""
     peers = (
-        Peer("Slow", "jupedsim", {"Slow": lambda hall, step: Fixed(span=3.0)}, "Slow is slow.", 100, {"Slow": "Own"}),
-        Peer("Other", "pyrvo", {"Other": lambda hall, step: Fixed()}, "Other is different."),
-        Peer("Stops", "cromosim", {"Stops": lambda hall, step: Fixed(fails=True)}, "Stops fails."),
+        Peer("Slow", "jupedsim", {"Slow": lambda hall, step: Fixed(span=3.0)}, 100, {"Slow": "Own"}),
+        Peer("Other", "pyrvo", {"Other": lambda hall, step: Fixed()}),
+        Peer("Stops", "cromosim", {"Stops": lambda hall, step: Fixed(fails=True)}),
     )
     monkeypatch.setattr(comparison, "PEERS", peers)
     monkeypatch.setattr(
@@ -82,8 +80,8 @@ def written(evidence):
 def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixed, tmp_path):
     page = written(Evidence("scaling", tmp_path, quick=True))
     assert "Measured: Slow, Stops. Not installed: Other." in page
-    assert "Slow is slow." in page
-    assert "Other is different." not in page
+    assert "JuPedSim: the collision-free" in page
+    assert "RVO2: ORCA" not in page
     assert "| 50 | dense | Slow | 30,000,000 | 3 | 6 |" in page
     assert "| 200 | dense | Slow |" not in page  # too many people for it
     assert "| 200 | dense | Stops | - | - | - |" in page

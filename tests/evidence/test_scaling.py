@@ -14,7 +14,7 @@ from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, doors_along, hall_case, make_hall, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
-from evac.evidence.scaling.peers import evac_walk
+from evac.evidence.scaling.peers import programs
 from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
 from evac.physics.allocation import SKIN, make_problem
 from evac.physics.state import copy_of
@@ -286,7 +286,7 @@ def test_laws_are_timed_in_turns_and_the_linear_spring_walks_as_dem_without_hard
         call()
         return next(spans)
 
-    monkeypatch.setattr(evac_walk, "cpu_time", timed)
+    monkeypatch.setattr(programs, "cpu_time", timed)
     monkeypatch.setattr(laws, "WARM", 0)
     monkeypatch.setattr(laws, "TIMED", 3)
     dem, spring, _, hertz = laws.compare(make_hall(100, 5.0, 1), STEP)

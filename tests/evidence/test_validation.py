@@ -25,11 +25,15 @@ from evac.evidence.validation.standard import (
     find_tests,
     of_standard,
 )
-from evac.evidence.validation.trial import Check, Criterion, Trial, check
+from evac.evidence.validation.trial import Trial, check
 from evac.results.results import Results
 from evac.study.statistics import mean_interval as of_a_study
 
-ASKED = Criterion("time [s]", "RiMEA", low=26.0, high=34.0)
+
+def found_times(*values):
+    return check("time [s]", "RiMEA", values, low=26.0, high=34.0)
+
+
 PERSON = {"positions": [[1.0, 1.0]], "z": 0.0, "speed": 1.0, "tau": 0.5}
 
 #: The tests of each standard.
@@ -194,9 +198,9 @@ def test_buildings_hang_together(plan, kinds, portals):
 
 
 def test_a_band_is_told_in_words():
-    assert ASKED.band == "26 to 34"
-    assert check("a", "b", [], low=1.0).criterion.band == "at least 1"
-    assert check("a", "b", [], high=1.33).criterion.band == "at most 1.33"
+    assert found_times().band == "26 to 34"
+    assert check("a", "b", [], low=1.0).band == "at least 1"
+    assert check("a", "b", [], high=1.33).band == "at most 1.33"
     assert check("a", "b", [], low=20, high=20).criterion.band == "20"
 
 
@@ -215,21 +219,21 @@ def test_a_band_is_told_in_words():
     ],
 )
 def test_a_check_is_passed_by_its_mean_and_by_no_blocked_run(values, verdict):
-    found = Check(ASKED, values)
+    found = found_times(*values)
     assert found.verdict == verdict
     assert found.is_passed == verdict.startswith("yes")
 
 
 def test_blocked_runs_are_left_out_of_the_mean_and_counted():
-    found = Check(ASKED, (28.0, np.nan, 32.0, 30.0))
+    found = found_times(28.0, np.nan, 32.0, 30.0)
     assert (found.mean, found.blocked) == (30.0, 1)
     assert found.interval == of_a_study(np.array([28.0, 32.0, 30.0]))
-    assert Check(ASKED, (np.nan,)).mean is None
+    assert found_times(np.nan).mean is None
 
 
 def test_a_check_of_several_runs_without_an_interval_is_not_certain():
-    assert Check(ASKED, (0.83, 1.65)).interval is None  # Student's t gives -3.93 to 6.41
-    assert Check(ASKED, (14.0, 46.0)).verdict == "yes, not certain: 30"
+    assert found_times(0.83, 1.65).interval is None  # Student's t gives -3.93 to 6.41
+    assert found_times(14.0, 46.0).verdict == "yes, not certain: 30"
 
 
 def test_weidmanns_curve_has_its_published_values():
@@ -241,8 +245,8 @@ def test_weidmanns_curve_has_its_published_values():
 
 def test_a_test_is_passed_if_all_its_checks_are():
     test = standard.find_tests(["RiMEA-2"])[0]
-    mixed = Result(test, (Check(ASKED, (30.0,)), check("speed [m/s]", "RiMEA", [0.5], low=1.0)))
-    whole = Result(test, (Check(ASKED, (30.0,)), check("speed [m/s]", "RiMEA", [1.5], low=1.0)))
+    mixed = Result(test, (found_times(30.0), check("speed [m/s]", "RiMEA", [0.5], low=1.0)))
+    whole = Result(test, (found_times(30.0), check("speed [m/s]", "RiMEA", [1.5], low=1.0)))
     assert (mixed.verdict, whole.verdict) == (FAILED, PASSED)
     rows = [*check_rows(mixed, model="DEM"), *check_rows(whole, model="NSM2")]
     assert failed_tests(rows) == {"DEM": ["RiMEA-2"], "NSM2": []}

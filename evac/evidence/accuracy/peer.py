@@ -93,7 +93,6 @@ def compare(problem: ContactProblem) -> Row:
 
 
 def _solved(problem: ContactProblem, truth: FloatArray, goal: float, *, is_warm: bool) -> tuple[float, float]:
-    """Return the median time of a solve by the default solver to a residual `goal` [m], and its error [m]."""
     settings = problem.law.make().values()
     spans = []
     for _ in range(REPEATS):

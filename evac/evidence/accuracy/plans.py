@@ -76,7 +76,6 @@ PLANS = (l_corner, pillar, school_floor, stair)
 def _one_level(
     name: str, outline: shapely.Polygon, ends: Shape, points: int, generator: np.random.Generator
 ) -> TimedPlan:
-    """Return a plan of one level with one exit; the outline is on the left of the exit line."""
     places = _places(outline, points, generator)
     known = geodesics(outline, np.array([*ends[0], *ends[1]]), places)
     return _timed(name, one_storey(outline, exits={"exit": ends}), FLOOR, places, *known)

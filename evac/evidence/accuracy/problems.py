@@ -148,7 +148,6 @@ def contact_problem(snapshot: DoorCrowd, law: Law) -> ContactProblem:
 
 
 def _keys(contacts: Contacts) -> list[tuple[int, int]]:
-    """Return the keys that identify contacts over steps: the body, and the other body or the wall."""
     return list(zip(contacts.body[: contacts.number].tolist(), contacts.key[: contacts.number].tolist(), strict=True))
 
 

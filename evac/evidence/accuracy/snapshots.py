@@ -89,7 +89,6 @@ def door_fields(side: float) -> Fields:
 
 
 def _crowd(people: int, side: float, generator: np.random.Generator) -> Crowd:
-    """Return people on a jittered lattice, with the radii, masses and speeds of the paper's table 2."""
     columns = int(np.ceil(np.sqrt(people)))
     pitch = side / columns
     cell = np.arange(people)

@@ -262,7 +262,6 @@ def _runs(evidence: Evidence, name: str, runs: int, repetitions: int = 1) -> lis
 
 
 def _times(rows: Sequence[Row]) -> FloatArray:
-    """Return the evacuation times of the rows of `_runs`, infinite where people are left."""
     times = [row["evacuation time [s]"] for row in rows]
     return np.array([np.inf if time is None else time for time in times])
 
@@ -323,7 +322,6 @@ def _pairs(evidence: Evidence) -> Iterator[Row]:
 
 
 def _work(evidence: Evidence) -> Iterator[Row]:
-    """Return the time of studies and of their loops, after one run of each that is not counted."""
     school, small = load_case("primary_school"), load_case(CASE)
     repeat(school, 1, workers=1)
     sweep(small, {"contact.model": SWEPT["contact.model"]}, 1, workers=1)

@@ -82,7 +82,6 @@ def _judge(question: str, share: float | None, rows: Sequence[Row], section: str
 
 
 def _met(rows: Sequence[Row], held_out: bool = False) -> tuple[int, int]:
-    """Return how many rows with a target meet it, and how many have one; of those held out alone, if asked for."""
     judged = [row["verdict"] for row in rows if row["target"] and (row["held out"] == "yes" or not held_out)]
     return sum(verdict.startswith(MET) for verdict in judged), len(judged)
 

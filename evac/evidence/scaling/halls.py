@@ -92,7 +92,6 @@ def nearest_door(length: float, y: FloatArray) -> IndexArray:
 
 
 def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, float, float]:
-    """Return the places (n, 2) of a hexagonal lattice, and depth and length of the hall that holds it [m]."""
     square = math.ceil(math.sqrt(people * math.sqrt(0.75)))
     columns = square if (square + 0.5) * pitch <= deepest else int(deepest / pitch - 0.5)
     row, column = np.divmod(np.arange(people), columns)

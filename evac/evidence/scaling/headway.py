@@ -6,7 +6,7 @@ import numpy as np
 
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scaling.halls import Hall, make_hall
-from evac.evidence.scaling.peers.evac_walk import HeadwayWalk
+from evac.evidence.scaling.peers.programs import HeadwayWalk
 from evac.evidence.scaling.walks import Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
 from evac.evidence.verdicts import reported
 

@@ -38,7 +38,8 @@ SECTION = "From the case to the first ticks"
 def run(evidence: Evidence) -> None:
     """Add the table to the page."""
     sizes = QUICK_SIZES if evidence.quick else SIZES
-    rows = evidence.measured("large", _rows, sizes, evidence.seed)
+    tasks = [(people, *scene, evidence.seed) for people in sizes for scene in SCENES]
+    rows = evidence.measured("large", lambda: (in_fresh_process(simulate, *task) for task in tasks))
     people = max(row["people"] for row in rows)
     seconds, memory = (
         max(row[column] for row in rows if row["people"] == people) for column in ("set-up [s]", "peak memory [MB]")
@@ -48,10 +49,6 @@ def run(evidence: Evidence) -> None:
     evidence.verdict(at_most(f"{what} CPU time before the first tick", seconds, MOST_SECONDS, "s", SECTION))
     evidence.verdict(at_most(f"{what} peak memory", 1e-3 * memory, MOST_MEMORY, "GB", SECTION))
     evidence.show("large", __name__, rows=rows, formats={f"{phase} [%]": ".0f" for phase in SHOWN})
-
-
-def _rows(sizes: tuple[int, ...], seed: int) -> list[Row]:
-    return [in_fresh_process(simulate, people, *scene, seed) for people in sizes for scene in SCENES]
 
 
 def simulate(people: int, model: str, behaviour: str, seed: int) -> Row:

@@ -112,7 +112,6 @@ def _list_neighbours(own):
 
 @inner
 def _drive(own):
-    """Take up the desired velocities."""
     direction, velocity, spacing = own.fields.direction, own.velocity, own.fields.spacing
     left, bottom = own.fields.origin[0, 0], own.fields.origin[0, 1]
     nx, ny = own.fields.shape[0, 0], own.fields.shape[0, 1]
@@ -133,7 +132,6 @@ def _drive(own):
 
 @inner
 def _push(own, step):
-    """Push apart those who overlap."""
     position, velocity, inverse_mass, stiffness = own.position, own.velocity, own.inverse_mass, own.stiffness
     for i in range(len(own.radius)):
         for slot in range(own.pair_start[i], own.pair_start[i + 1]):

@@ -101,7 +101,6 @@ def _judge_halls(evidence: Evidence, rows: list[Row]) -> None:
 
 
 def _variants(state: str, people: int) -> Iterator[Variant]:
-    """Yield the models for a hall, and a stiffer DEM for jams that may load contacts heavily."""
     for name in MODELS:
         yield make_variant(name, STEP)
         if name == "DEM" and state == "jammed" and people <= STIFFEST_PEOPLE:
@@ -152,7 +151,6 @@ def _each(call: Callable[[int], Any]) -> float:
 
 
 def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> Row:
-    """Return the row of a walk; if the model refuses to continue, without the quantities not measured."""
     walk = Walk(hall, variant.step)
     cost, pace, walked = None, None, None
     try:
@@ -231,7 +229,6 @@ def _school_claims(repeats: int) -> list[Row]:
 
 
 def _middle(values: list[float]) -> float:
-    """Return the median without the first value, a warm-up."""
     return float(np.median(values[1:]))
 
 

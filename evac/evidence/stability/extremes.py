@@ -124,7 +124,6 @@ def extremes(quick: bool) -> dict[str, Extreme]:
 def _bounded(
     measure: Callable[[trials.Trial], float], right: float, tolerable: float, unit: str, is_reported: bool = False
 ) -> Callable[[str, trials.Trial], trials.Verdict]:
-    """Return the verdict by one measure with the same bounds for every contact model."""
     return lambda _, trial: trials.judge(trial, measure, right, tolerable, unit, is_reported=is_reported)
 
 
@@ -142,7 +141,6 @@ def _overlap_left(trial: trials.Trial) -> float:
 
 
 def _far_and_near(trial: trials.Trial, gap: float) -> tuple[float, float]:
-    """Return the greatest distance to the same run at the origin, and the greatest overlap beyond that one's [m]."""
     near = trials.attempt(trial.model, far_from_origin(gap, 0.0, 0.0), STEP, float(trial.time[-1]))
     distance = np.abs(trial.position[-1] - trial.scene.room[:2] - near.position[-1]).max()
     return float(distance), max(0.0, trials.greatest_overlap(trial) - trials.greatest_overlap(near))
@@ -157,30 +155,11 @@ def try_extreme(extreme: Extreme, variant: str) -> trials.Verdict:
     return extreme.verdict(variant, trial)
 
 
-#: A building of one triangle: a file in the OFF format, and the rest of the case.
+#: A building of one triangle: a file in the OFF format, an exit on its side, and five people.
 TRIANGLE = "OFF\n3 1 0\n0 0 0\n6 0 0\n0 6 0\n3 0 1 2\n"
-CASE = """
-title = "A building of one triangle"
-[building]
-mesh = "triangle.off"
-[[building.exits]]
-name = "door"
-segment = [[0.0, 1.0], [0.0, 2.0]]
-z = 0.0
-[[people]]
-name = "visitors"
-number = 5
-positions = [[2.0, 1.0], [3.0, 1.0], [2.0, 2.0], [1.0, 3.0], [3.0, 2.0]]
-z = 0.0
-radius = 0.2
-mass = 80.0
-tau = 0.5
-speed = 1.3
-[contact]
-model = "{model}"
-[simulation]
-duration = 30.0
-"""
+DOOR = {"name": "door", "segment": [[0.0, 1.0], [0.0, 2.0]], "z": 0.0}
+PLACES = [[2.0, 1.0], [3.0, 1.0], [2.0, 2.0], [1.0, 3.0], [3.0, 2.0]]
+VISITORS = {"positions": PLACES, "z": 0.0, "radius": 0.2, "mass": 80.0, "tau": 0.5, "speed": 1.3}
 
 
 def try_triangle(model: str) -> trials.Verdict:
@@ -188,19 +167,23 @@ def try_triangle(model: str) -> trials.Verdict:
     from evac.case.loading import load_case
     from evac.simulation.simulation import Simulation
 
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "triangle.off").write_text(TRIANGLE)
-        (folder / "case.toml").write_text(CASE.format(model=model))
+    with tempfile.TemporaryDirectory() as folder:
+        mesh = Path(folder) / "triangle.off"
+        mesh.write_text(TRIANGLE)
+        content = {
+            "building": {"mesh": str(mesh), "exits": [DOOR]},
+            "people": [{"name": "visitors", **VISITORS}],
+            "contact": {"model": model},
+            "simulation": {"duration": 30.0},
+        }
         try:
-            simulation = Simulation(load_case(folder / "case.toml"))
+            simulation = Simulation(load_case(content))
             simulation.run()
         except EvacError as error:
             return trials.Verdict(trials.REFUSED, np.nan, str(error))
     inside = float(simulation.population.inside)
-    return trials.Verdict(
-        trials.RIGHT if inside == 0.0 else trials.WRONG, inside, f"{inside:.0f} of 5 still inside after 30 s"
-    )
+    kind = trials.RIGHT if inside == 0.0 else trials.WRONG
+    return trials.Verdict(kind, inside, f"{inside:.0f} of 5 still inside after 30 s")
 
 
 def extreme_scenes(evidence: Evidence) -> list[str]:

@@ -77,17 +77,8 @@ def show_map(
 
 def cell_rows(cells: Sequence[Cell], axes: tuple[str, str]) -> list[Row]:
     """Return a row for each cell, with its verdict, error and words."""
-    return [
-        {
-            "panel": cell.panel,
-            axes[0]: cell.x,
-            axes[1]: cell.y,
-            "verdict": cell.verdict.kind,
-            "error": cell.verdict.error,
-            "words": cell.verdict.words,
-        }
-        for cell in cells
-    ]
+    columns = ("panel", *axes, "verdict", "error", "words")
+    return [dict(zip(columns, (cell.panel, cell.x, cell.y, *cell.verdict), strict=True)) for cell in cells]
 
 
 def _sums(panel: str, rows: Sequence[Row]) -> dict[str, str | int | float]:
@@ -137,8 +128,7 @@ def _draw_panel(axis: Any, cells: Sequence[Cell], curves: Sequence[Curve], style
         x, y = _places(x_values, _dense(curve.x)), _places(y_values, _dense(curve.y))
         (line,) = axis.plot(x + 0.5, y + 0.5, color="k", linestyle=styles[curve.label], linewidth=1.6)
         line.set_path_effects([withStroke(linewidth=3.2, foreground="w")])
-    axis.set_xlim(0, len(x_values))
-    axis.set_ylim(0, len(y_values))
+    axis.set(xlim=(0, len(x_values)), ylim=(0, len(y_values)))
     axis.set_xticks(*_ticks(x_values), rotation=45, fontsize=7)
     axis.set_yticks(*_ticks(y_values), fontsize=7)
     axis.grid(False)
@@ -149,7 +139,6 @@ def _met_a_wall(cell: Cell) -> bool:
 
 
 def _dense(values: Sequence[float]) -> FloatArray:
-    """Return values with more between them, evenly in logarithms."""
     given = np.arange(len(values))
     wanted = np.linspace(0.0, given[-1], BETWEEN * (len(values) - 1) + 1)
     return np.asarray(np.exp(np.interp(wanted, given, np.log(np.asarray(values, dtype=float)))))

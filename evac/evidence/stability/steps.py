@@ -166,7 +166,6 @@ def _packing_limit(x: list[float]) -> Curve:
 
 
 def _half_paths(ratios: list[float]) -> dict[str, list[Curve]]:
-    """Return the curves at which NSM2's overlap h v / 2 of people at 1.5 m/s is small."""
     step = 2.0 * trials.SMALL_OVERLAP / 1.5
     return _of_nsm2(Curve("overlap h v / 2 of 2 mm", ratios, [step] * len(ratios)))
 

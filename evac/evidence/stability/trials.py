@@ -141,7 +141,6 @@ def attempt(
 
 
 def _outside(scene: Scene, crowd: Crowd) -> int:
-    """Count the centres beyond the outer walls of people who are still inside."""
     x1, y1, x2, y2 = scene.room
     slack = ROUNDING * max(1.0, *(abs(bound) for bound in scene.room))
     x, y = crowd.position[crowd.level >= 0].T
@@ -154,7 +153,6 @@ def judge(
     right: float,
     tolerable: float,
     unit: str,
-    *,
     is_reported: bool = False,
 ) -> Verdict:
     """Return the verdict on a trial by the error that `measure` returns if it ran to its end.

@@ -109,7 +109,6 @@ def _figure_3() -> tuple[list[Row], Any]:
 
 
 def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities (81, 2) at every step."""
     ground = [[PLANE[0], 0.0, PLANE[2], 0.0]]
     crowd = make_crowd([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
     model = make_model(name, normal_dissipation=0.0) if name == "NSM2" else make_model(name, gap_tolerance=1e-12)
@@ -118,7 +117,6 @@ def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
 
 
 def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times (k,), positions and velocities (k, 2, 2) of two people who walk into each other."""
     start = [[-1.5, 0.5 * OFFSET], [1.5, -0.5 * OFFSET]]
     crowd = make_crowd(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
     crowd.route[1] = 1
@@ -127,7 +125,6 @@ def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _walked(model: ContactModel, world: World, crowd: Crowd, steps: int) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities (steps + 1, people, 2) of a crowd at every step."""
     engine = make_engine(world, len(crowd.level))
     states = [(crowd.position.copy(), crowd.velocity.copy())]
     for step in range(steps):

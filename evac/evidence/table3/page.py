@@ -90,7 +90,6 @@ def _judge_flows(evidence: Evidence, rows: Sequence[Row], changes: Sequence[Row]
 
 
 def _flows(evidence: Evidence, plan: Mapping[float, tuple[int, int]]) -> tuple[FlowTable, FlowTable]:
-    """Return the flow by model and step, and how it changes from the default step to the others."""
     tasks = [(evidence.seed, k, runs, step) for step, (sets, runs) in plan.items() for k in range(sets)]
     parts = evidence.map(run_set, tasks)
     times = {

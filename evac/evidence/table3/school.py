@@ -93,7 +93,6 @@ def school_row(name: str, runs: SchoolRuns) -> Row:
 
 
 def _grid(found: Mapping[str, SchoolRuns]) -> FloatArray:
-    """Return the times (k,) at which people out are counted [s]."""
     end = max(float(np.nanmax(runs.times)) for runs in found.values())
     return np.arange(0.0, np.ceil(end) + 0.5, 0.5)
 

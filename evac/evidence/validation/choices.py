@@ -88,7 +88,6 @@ def fast_group(trial: Trial) -> Iterator[Check]:
 
 
 def _together(first: float, speed: float) -> list[Row]:
-    """Return a person and four others who stay with it, by their speeds [m/s]."""
     places = [[1.0 + 0.8 * k, 0.8] for k in range(4)]
     follow = {"teacher_following": {"teacher": "first"}}
     return [

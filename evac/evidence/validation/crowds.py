@@ -239,7 +239,6 @@ def wider_stairs(trial: Trial) -> Iterator[Check]:
 
 
 def _onto_the_flight(run: Outcome) -> FloatArray:
-    """Return when each person first came onto the flight, in ascending order [s]."""
     flight = next(level.index for level in run.results.building.levels if level.kind == "flight")
     moves = run.results.moves
     is_on = moves.target == flight

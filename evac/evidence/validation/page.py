@@ -65,10 +65,9 @@ def check_rows(result: Result, **columns: Any) -> Iterator[Row]:
         yield {**name, **words, "found": None, "from": None, "to": None, "runs": 0, "blocked": 0, "met": "NO: error"}
     for check in result.checks:
         low, high = check.interval or (None, None)
-        asked = check.criterion
         yield {
             **name,
-            **{"measured": asked.quantity, "expected": asked.band, "by": asked.source},
+            **{"measured": check.quantity, "expected": check.band, "by": check.source},
             **{"found": check.mean, "from": low, "to": high},
             **{"runs": len(check.values), "blocked": check.blocked, "met": check.verdict},
         }

@@ -6,7 +6,7 @@ from functools import partial
 
 from evac.base.errors import ScenarioError, SimulationError
 from evac.base.parameters import did_you_mean
-from evac.evidence.validation import alone, choices, crowds, fire
+from evac.evidence.validation import alone, choices, crowds
 from evac.evidence.validation.trial import Check, Trial
 
 #: The documents, the sources in which they were read since not all originals were available, and their tests.
@@ -149,8 +149,8 @@ TESTS: Sequence[StandardTest] = (
     _test("NIST-2.1 ISO-2", "speed in a corridor", alone.speed_in_corridor),
     _test("NIST-2.2", "100 m on stairs", alone.long_stair),
     _test("NIST-2.4 ISO-5", "assigned walking speeds", alone.speeds_of_a_normal_distribution),
-    _test("NIST-2.5 ISO-18", "walking speed in smoke", fire.corridor_in_smoke),
-    _test("NIST-2.6 ISO-19", "incapacitation by gases", fire.stopped_by_gases),
+    _test("NIST-2.5 ISO-18", "walking speed in smoke", alone.corridor_in_smoke),
+    _test("NIST-2.6 ISO-19", "incapacitation by gases", alone.stopped_by_gases),
     _left_out("NIST-2.7 ISO-20", "lifts", LIFTS),
     _test("NIST-2.9", "a group with a slow member", choices.mixed_group, 3),
     _test("NIST-2.10 ISO-7", "a slow and wide person among others", crowds.slow_and_wide, 5),

@@ -34,14 +34,12 @@ SELDOM = {"every": 1.0}
 
 
 @dataclass(frozen=True)
-class Criterion:
-    """A quantity, the range in which its mean over the runs must lie, and the source of the range.
-
-    The range of a quantity that is reported only is open at both ends.
-    """
+class Check:
+    """A quantity, the range in which its mean over the runs must lie, and the values found; open ends are infinite."""
 
     quantity: str  # with its unit
-    source: str
+    source: str  # of the range
+    values: tuple[float, ...]  # one per run; NaN for a run in which people are left
     low: float = -np.inf
     high: float = np.inf
 
@@ -52,21 +50,7 @@ class Criterion:
             return f"{self.low:g}"
         if not np.isfinite(self.low):
             return f"at most {self.high:.4g}" if np.isfinite(self.high) else "-"
-        if not np.isfinite(self.high):
-            return f"at least {self.low:.4g}"
-        return f"{self.low:.4g} to {self.high:.4g}"
-
-    def holds(self, value: float) -> bool:
-        """Return whether a value lies in the range."""
-        return self.low <= value <= self.high
-
-
-@dataclass(frozen=True)
-class Check:
-    """The values found for a criterion, one per run; NaN for a run in which people are left."""
-
-    criterion: Criterion
-    values: tuple[float, ...]
+        return f"{self.low:.4g} to {self.high:.4g}" if np.isfinite(self.high) else f"at least {self.low:.4g}"
 
     @cached_property
     def found(self) -> FloatArray:
@@ -92,13 +76,13 @@ class Check:
     @property
     def is_passed(self) -> bool:
         """Whether no run blocked and the mean lies in the band."""
-        return not self.blocked and self.mean is not None and self.criterion.holds(self.mean)
+        return not self.blocked and self.mean is not None and self.low <= self.mean <= self.high
 
     @property
     def is_certain(self) -> bool:
         """Whether no bound lies inside the interval of the mean, which is all numbers if there is none of several."""
         low, high = self.interval or ((0.0, 0.0) if len(self.found) < 2 else (-np.inf, np.inf))
-        return not any(low < bound < high for bound in (self.criterion.low, self.criterion.high))
+        return not any(low < bound < high for bound in (self.low, self.high))
 
     @property
     def verdict(self) -> str:
@@ -107,14 +91,14 @@ class Check:
             return "yes" if self.is_certain else f"yes, not certain: {self.mean:.3g}"
         if self.mean is None or self.blocked:
             return f"NO: {self.blocked} of {len(self.values)} runs block"
-        bound = self.criterion.high if self.mean > self.criterion.high else self.criterion.low
+        bound = self.high if self.mean > self.high else self.low
         times = f", {self.mean / bound:.3g} times the bound" if bound not in (0.0, 1.0) else ""
         return f"NO{'' if self.is_certain else ', not certain'}: {self.mean:.3g}{times}"
 
 
 def check(quantity: str, source: str, values: Iterable[float], low: float = -np.inf, high: float = np.inf) -> Check:
     """Return the check of a quantity with one value per run."""
-    return Check(Criterion(quantity, source, float(low), float(high)), tuple(float(value) for value in values))
+    return Check(quantity, source, tuple(float(value) for value in values), float(low), float(high))
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """`evac verify`: carry out standard tests, and write one page on them."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
+from itertools import starmap
 from pathlib import Path
 
 from evac.base.errors import ResultError, usable_path
@@ -36,7 +37,9 @@ def verify(
     """
     _check(trial.folder, tests)
     results = []
-    for result in _carried_out(tests, trial, seed):
+    tasks = [(test, trial, seed) for test in tests]
+    several = in_processes(standard.carry_out, tasks, cores(), "evac verify", "run the tests one by one")
+    for result in several if len(tests) > 1 else starmap(standard.carry_out, tasks):
         tell(result)
         results.append(result)
     with writing("the verification", trial.folder):
@@ -65,17 +68,9 @@ def _check(folder: Path, tests: Sequence[standard.StandardTest]) -> None:
                     )
 
 
-def _carried_out(tests: Sequence[standard.StandardTest], trial: Trial, seed: int) -> Iterable[standard.Result]:
-    if len(tests) == 1:
-        return [standard.carry_out(tests[0], trial, seed)]
-    return in_processes(
-        standard.carry_out, [(test, trial, seed) for test in tests], cores(), "evac verify", "run the tests one by one"
-    )
-
-
 def page_of(results: Sequence[standard.Result], trial: Trial, seed: int) -> str:
     """Return the page on the results of tests: how many are passed, then each test, then each check."""
-    of_each = {standard: Counter[str]() for standard in standard.STANDARDS}
+    of_each = {name: Counter[str]() for name in standard.STANDARDS}
     for result in results:
         for name in result.test.names:
             of_each[name.partition("-")[0]][result.verdict] += 1
@@ -102,10 +97,9 @@ def page_of(results: Sequence[standard.Result], trial: Trial, seed: int) -> str:
 
 
 def _reason(result: standard.Result) -> str:
-    """Return why a test was not run, or by how much it failed, and why that was to be expected."""
     if result.verdict != standard.FAILED:
         return result.test.why.partition(": ")[2]
-    missed = [f"{check.criterion.quantity}: {check.verdict}" for check in result.checks if not check.is_passed]
+    missed = [f"{check.quantity}: {check.verdict}" for check in result.checks if not check.is_passed]
     return "; ".join(words for words in (*missed, result.error, result.test.by_design) if words)
 
 

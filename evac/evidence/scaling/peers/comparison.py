@@ -13,10 +13,7 @@ from evac.base.errors import SimulationError
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
-from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk
-from evac.evidence.scaling.peers.evac_walk import EvacWalk, HeadwayWalk, MinimalWalk
-from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
-from evac.evidence.scaling.peers.rvo2_walk import HORIZON, NEIGHBOURS, REACH, WALL_HORIZON, OrcaWalk
+from evac.evidence.scaling.peers import programs
 from evac.evidence.scaling.walks import TICK
 from evac.evidence.verdicts import reported
 
@@ -51,16 +48,16 @@ class Program(Protocol):
 Maker = Callable[[Hall, float], Program]
 
 
-def _own(model: str, walk: type[EvacWalk] = EvacWalk) -> Maker:
+def _own(model: str, walk: type[programs.EvacWalk] = programs.EvacWalk) -> Maker:
     return lambda hall, step: walk(hall, step, make_model(model))
 
 
 OWN: Mapping[str, Maker] = {
-    LEAST: MinimalWalk,
+    LEAST: programs.MinimalWalk,
     BASE: _own("DEM"),
     "evac, NSM1": _own("NSM1 inertial"),
     "evac, NSM1 overdamped": _own("NSM1 overdamped"),
-    "evac, DEM with headway": _own("DEM", HeadwayWalk),
+    "evac, DEM with headway": _own("DEM", programs.HeadwayWalk),
 }
 
 
@@ -71,7 +68,6 @@ class Peer:
     name: str
     package: str  # as it is imported
     models: Mapping[str, Maker]  # by their names in the table
-    description: str  # for the page
     most: float = math.inf  # people; larger halls are skipped
     same: Mapping[str, str] = field(default_factory=dict)  # models of evac with the same law, by the peer's models
 
@@ -79,41 +75,22 @@ class Peer:
 #: Most people whom cromosim is given.
 FEW = 1_000
 
+JUPEDSIM = {"collision-free speed": "CollisionFreeSpeedModel", "social force": "SocialForceModel"}
+
 PEERS = (
     Peer(
         "JuPedSim",
         "jupedsim",
-        {
-            "JuPedSim, collision-free speed": partial(JupedsimWalk, model="CollisionFreeSpeedModel"),
-            "JuPedSim, social force": partial(JupedsimWalk, model="SocialForceModel"),
-        },
-        """JuPedSim: the collision-free speed model and the social force model, with the default parameters of the
-        package. Both consider everybody within 2.5 to 3 m, as headway does, whereas DEM acts only on contact.""",
+        {f"JuPedSim, {name}": partial(programs.JupedsimWalk, model=model) for name, model in JUPEDSIM.items()},
     ),
-    Peer(
-        "RVO2",
-        "pyrvo",
-        {"ORCA (RVO2)": OrcaWalk},
-        f"""RVO2: ORCA (van den Berg, Guy, Lin and Manocha, Reciprocal n-body collision avoidance, 2011) by the library
-        of its authors, in single precision, from the package pyrvo, with the default parameters of Menge: at most
-        {NEIGHBOURS} neighbours within {REACH:g} m, time horizons of {HORIZON:g} s for people and {WALL_HORIZON:g} s for
-        walls. The time is that of `doStep` alone: the preferred velocities, which point to the nearest door, are set in
-        Python before each step, and their time is excluded. The library in the wheels of pyrvo is compiled without
-        optimisation across source files, and is slower than one that is compiled with it.""",
-    ),
+    Peer("RVO2", "pyrvo", {"ORCA (RVO2)": programs.OrcaWalk}),
     Peer(
         "cromosim",
         "cromosim",
         {
-            "cromosim, overdamped": partial(CromosimWalk, is_inertial=False),
-            "cromosim, inertial": partial(CromosimWalk, is_inertial=True),
+            "cromosim, overdamped": partial(programs.CromosimWalk, is_inertial=False),
+            "cromosim, inertial": partial(programs.CromosimWalk, is_inertial=True),
         },
-        f"""cromosim: whole steps of its granular model, which consist of the desired velocities, the search for
-        contacts, the projection of velocities by cvxopt, and the motion. "Overdamped" is Maury and Venel's model, which
-        is also that of NSM1 overdamped; "inertial" projects velocities that approach the desired ones, as NSM1 does,
-        with equal masses. Walls are pixels of {PIXEL:g} m. Halls of more than {FEW:,} people are skipped, because they
-        would take minutes. [The accuracy page](../accuracy/README.md#beside-cromosim) compares the projection alone, on
-        the same contacts.""",
         most=FEW,
         same={"cromosim, overdamped": "evac, NSM1 overdamped", "cromosim, inertial": "evac, NSM1"},
     ),
