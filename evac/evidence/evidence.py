@@ -21,14 +21,13 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from itertools import starmap
 from os import cpu_count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -67,8 +66,7 @@ REFERENCE = "reference run, at start and end [ms]"
 CONDITIONS = ("command", "seed", "machine", "python", "commit", "versions", REFERENCE, "wall time [s]")
 
 
-@dataclass(frozen=True)
-class Timing:
+class Timing(NamedTuple):
     """Wall times of repeated calls [s]."""
 
     median: float

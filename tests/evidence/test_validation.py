@@ -201,7 +201,7 @@ def test_a_band_is_told_in_words():
     assert found_times().band == "26 to 34"
     assert check("a", "b", [], low=1.0).band == "at least 1"
     assert check("a", "b", [], high=1.33).band == "at most 1.33"
-    assert check("a", "b", [], low=20, high=20).criterion.band == "20"
+    assert check("a", "b", [], low=20, high=20).band == "20"
 
 
 @pytest.mark.parametrize(

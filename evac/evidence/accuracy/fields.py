@@ -91,9 +91,8 @@ def _coarser_rows(plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, .
 
 
 def _fields(plan: TimedPlan, spacing: float, order: int, clearance: float = 0.0) -> Fields:
-    return build_fields(
-        plan.building, [WALKED], spacing=spacing, clearance=clearance, speeds=(1.0, 1.0, 1.0), order=order
-    )
+    settings: Row = {"spacing": spacing, "clearance": clearance, "speeds": (1.0, 1.0, 1.0), "order": order}
+    return build_fields(plan.building, [WALKED], **settings)
 
 
 def _time_rows(plan: TimedPlan, spacings: Sequence[float], order: int) -> Iterator[Row]:

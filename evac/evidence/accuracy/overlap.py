@@ -73,23 +73,20 @@ def _rows(people: int, seed: int, is_quick: bool) -> list[Row]:
 
 def settings(lightest: float, is_quick: bool) -> list[Setting]:
     """Return the models with what is varied."""
-    get = plugins().get
+    dem, nsm1, nsm2 = (plugins().get("contact_model", name) for name in ("dem", "nsm1", "nsm2"))
     chosen = []
     for stiffness in (1.2e5, 1.2e6, 1.2e7) if is_quick else (1.2e4, 1.2e5, 1.2e6, 1.2e7, 1.2e8, 1.2e9):
         step = TICK / math.ceil(TICK / (SHARE * 2.0 / math.sqrt(6.0 * stiffness / lightest)))
-        chosen.append(Setting("DEM", get("contact_model", "dem")(stiffness=stiffness), "k [kg/s2]", stiffness, step))
+        chosen.append(Setting("DEM", dem(stiffness=stiffness), "k [kg/s2]", stiffness, step))
     for tolerance in (1e-3, 1e-5) if is_quick else (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
-        model = get("contact_model", "nsm1")(
-            gap_tolerance=tolerance, velocity_tolerance=tolerance / 0.01, iterations=20_000
-        )
+        model = nsm1(gap_tolerance=tolerance, velocity_tolerance=tolerance / 0.01, iterations=20_000)
         chosen.append(Setting("NSM1 inertial", model, "gap tolerance [m]", tolerance, 0.01))
-    shipped = get("contact_model", "nsm1")()
+    shipped = nsm1()
     tolerance = shipped.values()["gap_tolerance"]
     chosen.append(Setting("NSM1 inertial as shipped", shipped, "gap tolerance [m]", tolerance, 0.01))
     for label, dissipation in (("NSM2, K_N = 1e5", 1e5), ("NSM2, K_N = 0", 0.0)):
         for step in (0.01, 0.002) if is_quick else (0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005):
-            model = get("contact_model", "nsm2")(normal_dissipation=dissipation)
-            chosen.append(Setting(label, model, "h [s]", step, step))
+            chosen.append(Setting(label, nsm2(normal_dissipation=dissipation), "h [s]", step, step))
     return chosen
 
 

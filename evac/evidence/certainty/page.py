@@ -117,7 +117,7 @@ COVERAGE, OTHER_RUNS, STEPS, QUESTIONS, SEEDS, WORK = (
 
 def run(evidence: Evidence) -> None:
     """Measure and write the page."""
-    times = _times(evidence.measured("times", lambda: _runs(evidence, CASE, RUNS[evidence.quick])))
+    times = _times(evidence, "times", CASE, RUNS[evidence.quick])
     report_coverage(evidence, times)
     report_other_runs(evidence, times)
     report_steps(evidence)
@@ -145,8 +145,7 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
         good = [LEAST_COVER <= row["covers [%]"] <= MOST_COVER for row in rows]
         question = f"Intervals of studies with {what} that cover in {LEAST_COVER:g} to {MOST_COVER:g} % of {studies}"
         evidence.verdict(all_of(question, sum(good), len(good), COVERAGE))
-        least = min(row["covers [%]"] for row in rows)
-        greatest = max(row["covers [%]"] for row in rows)
+        least, greatest = (of(row["covers [%]"] for row in rows) for of in (min, max))
         evidence.verdict(at_least(f"Least coverage, {what}", least, LEAST_COVER, "%", COVERAGE))
         evidence.verdict(at_most(f"Greatest coverage, {what}", greatest, MOST_COVER, "%", COVERAGE))
     evidence.verdict(
@@ -161,12 +160,8 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
 def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
     """Add the coverage for runs that are less regular: blocked, with rare long ones, or of the same people."""
     studies = STUDIES[evidence.quick]
-    blocked = _times(evidence.measured("times_blocked", lambda: _runs(evidence, BLOCKED, BLOCKED_RUNS[evidence.quick])))
-    repeated = _times(
-        evidence.measured(
-            "times_repeated", lambda: _runs(evidence, CASE, REPETITIONS * POPULATIONS[evidence.quick], REPETITIONS)
-        )
-    )
+    blocked = _times(evidence, "times_blocked", BLOCKED, BLOCKED_RUNS[evidence.quick])
+    repeated = _times(evidence, "times_repeated", CASE, REPETITIONS * POPULATIONS[evidence.quick], REPETITIONS)
     rare = np.where(np.arange(len(times)) % RARE == 0, LONGER * times, times)
     kinds: Mapping[str, tuple[FloatArray, Mapping[str, Sequence[int]]]] = {
         BLOCKED: (blocked, FIXED_BLOCKED),
@@ -256,13 +251,14 @@ def report_work(evidence: Evidence) -> None:
             evidence.verdict(at_most(question, row["over the loops"], bounds[row["study"]], "", WORK))
 
 
-def _runs(evidence: Evidence, name: str, runs: int, repetitions: int = 1) -> list[Row]:
-    rows = evidence.study(load_case(name), runs, repetitions=repetitions).rows(columns=["seed", "last_out"])
-    return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in rows]
+def _times(evidence: Evidence, table: str, name: str, runs: int, repetitions: int = 1) -> FloatArray:
+    """Return the evacuation times of many runs of a case, infinite where people are left; they are kept in a table."""
 
+    def measure() -> Iterator[Row]:
+        rows = evidence.study(load_case(name), runs, repetitions=repetitions).rows(columns=["seed", "last_out"])
+        yield from ({"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in rows)
 
-def _times(rows: Sequence[Row]) -> FloatArray:
-    times = [row["evacuation time [s]"] for row in rows]
+    times = [row["evacuation time [s]"] for row in evidence.measured(table, measure)]
     return np.array([np.inf if time is None else time for time in times])
 
 
@@ -287,17 +283,16 @@ def _steps(evidence: Evidence) -> Iterator[Row]:
             }
 
 
-def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:
-    return [
-        {
+def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> Iterator[Row]:
+    for task, counts in zip(tasks, evidence.map(covered, [(task,) for task in tasks]), strict=True):
+        until = None if task.until is None else 100.0 * task.until
+        yield {
             "statistic": task.statistic,
             "runs": task.runs or None,
-            "until [%]": None if task.until is None else 100.0 * task.until,
+            "until [%]": until,
             "method": task.method,
             **counts,
         }
-        for task, counts in zip(tasks, evidence.map(covered, [(task,) for task in tasks]), strict=True)
-    ]
 
 
 def _pairs(evidence: Evidence) -> Iterator[Row]:

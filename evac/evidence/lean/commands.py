@@ -102,14 +102,12 @@ def _command_rows(quick: bool, repeats: int) -> list[Row]:
                 continue
             start = partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
             timing = timed(start, repeats, partial(rmtree, Path(folder) / "new", ignore_errors=True))
-            rows.append(
-                {
-                    "command": name,
-                    "median [s]": timing.median,
-                    "least [s]": timing.least,
-                    "greatest [s]": timing.greatest,
-                    "without python itself [s]": timing.median - rows[0]["median [s]"] if rows else None,
-                    "reference run [ms]": 1e3 * timing.reference,
-                }
-            )
+            row = {
+                "command": name,
+                "median [s]": timing.median,
+                "least [s]": timing.least,
+                "greatest [s]": timing.greatest,
+            }
+            row["without python itself [s]"] = timing.median - rows[0]["median [s]"] if rows else None
+            rows.append(row | {"reference run [ms]": 1e3 * timing.reference})
     return rows

@@ -152,17 +152,15 @@ def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> Row:
     pairs = [(trial[part.name], trial[part.base.name]) for trial in trials]
     setup = [1e3 * (forced.setup - base.setup) for forced, base in pairs]
     loop = [100.0 * (forced.loop - base.loop) / base.loop for forced, base in pairs]
-    return {
-        "part forced in": part.name,
+    row: Row = {"part forced in": part.name}
+    row |= {
         "set-up [ms]": float(np.median(setup)),
         "set-up, least [ms]": min(setup),
         "set-up, greatest [ms]": max(setup),
-        "loop without it [ms]": 1e3 * float(np.median([base.loop for _, base in pairs])),
-        "loop [%]": float(np.median(loop)),
-        "loop, least [%]": min(loop),
-        "loop, greatest [%]": max(loop),
-        "same bits": "yes" if all(same_bits(*pair) for pair in pairs) else "NO",
     }
+    row["loop without it [ms]"] = 1e3 * float(np.median([base.loop for _, base in pairs]))
+    row |= {"loop [%]": float(np.median(loop)), "loop, least [%]": min(loop), "loop, greatest [%]": max(loop)}
+    return row | {"same bits": "yes" if all(same_bits(*pair) for pair in pairs) else "NO"}
 
 
 def trial(case: Any, part: Part) -> Trial:

@@ -61,9 +61,8 @@ def verdicts(values: Sequence[Value], found: Sequence[Row], runs: Sequence[Row])
         count, total = blocked(scene, setting, model, runs)
         if total:
             rows.append(all_of(f"{scene}: runs not blocked", total - count, total, BLOCKED))
-    rows.append(
-        all_of("targets of values held out", *_met([row for row in found if row["setting"] == setting], True), HELD)
-    )
+    own_rows = [row for row in found if row["setting"] == setting]
+    rows.append(all_of("targets of values held out", *_met(own_rows, True), HELD))
     for one in dict.fromkeys(row["setting"] for row in found):
         met, total = _met([row for row in found if row["setting"] == one])
         rows.append(reported(f"{one}, all contact models: targets met", f"{met} of {total}", section=heading(one)))

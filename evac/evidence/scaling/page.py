@@ -39,10 +39,12 @@ STIFF_NAME = f"DEM, {STIFFER:g} times stiffer"
 QUICK_SIZES = {20: (10, 5), 100: (10, 5), 1_000: (10, 3)}
 FULL_SIZES = {20: (10, 9), 100: (10, 9), 1_000: (10, 9), 10_000: (10, 5), 100_000: (5, 2)}
 
-#: The targets, in the order of `_claims`: ns per person-step of 10,000 people at 2 per m2 under DEM; of the school,
+#: The targets, in the order of the table: ns per person-step of 10,000 people at 2 per m2 under DEM; of the school,
 #: times real time, % of the loop, and s of `evac run primary_school` on a warm cache.
 TARGETS = ((at_most, 150.0), (at_least, 300.0), (at_most, 30.0), (at_most, 6.0))
 
+#: Phases that are repeated alone, and all of them in the order of the page.
+REPEATED = ("lists", "drive", "search", "move")
 PHASES = ("lists", "search", "drive", "contact and rest", "move", "sorting")
 
 #: Headings of the page.
@@ -53,7 +55,8 @@ def run(evidence: Evidence) -> None:
     """Measure and write the page."""
     sizes = QUICK_SIZES if evidence.quick else FULL_SIZES
     rows = evidence.measured("scaling", _hall_rows, sizes, evidence.seed)
-    claims = evidence.measured("claims", _claims, sizes, evidence.seed, 1 if evidence.quick else 5)
+    repeats = 1 if evidence.quick else 5
+    claims = evidence.measured("claims", lambda: [_hall_claim(sizes, evidence.seed, repeats), *_school_claims(repeats)])
     for (judge, bound), row in zip(TARGETS, claims, strict=False):
         evidence.verdict(judge(row["what"], row["measured"], bound))
     _judge_halls(evidence, rows)
@@ -75,10 +78,6 @@ def _hall_rows(sizes: dict[int, tuple[int, int]], seed: int) -> Iterator[Row]:
         for state, density in DENSITIES.items():
             hall = make_hall(people, density, seed, DEEPEST if state == "jammed" else np.inf)
             yield from [_row(hall, state, variant, *ticks) for variant in _variants(state, people)]
-
-
-def _claims(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> list[Row]:
-    return [_hall_claim(sizes, seed, repeats), *_school_claims(repeats)]
 
 
 def _judge_halls(evidence: Evidence, rows: list[Row]) -> None:
@@ -116,15 +115,7 @@ def phase_times(walk: Walk, variant: Variant, cost: Cost) -> dict[str, float]:
     by a tick without steps.
     """
     state = walk.engine.state
-    times = {
-        name: _each(partial(kernel, state))
-        for name, kernel in (
-            ("lists", phases.repeat_lists),
-            ("drive", phases.repeat_drive),
-            ("search", phases.repeat_search),
-            ("move", phases.repeat_move),
-        )
-    }
+    times = {name: _each(partial(getattr(phases, f"repeat_{name}"), state)) for name in REPEATED}
     times["lists"] *= cost.builds
 
     def sort(repeats: int) -> None:

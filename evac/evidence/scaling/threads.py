@@ -39,9 +39,8 @@ def run(evidence: Evidence, step: float) -> None:
         return
     crowds = QUICK_CROWDS if evidence.quick else CROWDS
     rows = evidence.measured("threads", lambda: [compare(*crowd, evidence.seed, step) for crowd in crowds])
-    judged = max(
-        (row for row in rows if row["model"] == "DEM" and row["start"] == "free"), key=lambda row: row["people"]
-    )
+    free = [row for row in rows if row["model"] == "DEM" and row["start"] == "free"]
+    judged = max(free, key=lambda row: row["people"])
     what = f"Hall of {judged['people']:,} people, DEM: time with one thread divided by that with two"
     evidence.verdict(at_least(what, judged["one over two"], LEAST_RATIO, "", SECTION))
     dense = [row for row in rows if row["start"] == "dense"]
@@ -63,16 +62,10 @@ def compare(people: int, start: str, model: str, seed: int, step: float) -> Row:
     walks[1].engine.close()
     one, two = 1e3 * np.median(spans, axis=0) / walks[0].per_tick
     ratios = spans[:, 0] / spans[:, 1]
-    return {
-        "people": people,
-        "start": start,
-        "model": model,
-        "one thread [ms]": float(one),
-        "two threads [ms]": float(two),
-        "one over two": float(np.median(ratios)),
-        "least": float(ratios.min()),
-        "greatest": float(ratios.max()),
-    }
+    head = {"people": people, "start": start, "model": model}
+    times = {"one thread [ms]": float(one), "two threads [ms]": float(two)}
+    ends = {"least": float(ratios.min()), "greatest": float(ratios.max())}
+    return {**head, **times, "one over two": float(np.median(ratios)), **ends}
 
 
 def _wall_time(walk: Walk, variant: Variant) -> float:
