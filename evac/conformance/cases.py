@@ -94,7 +94,9 @@ def check_recorder(recorder: Recorder, case: Case, ticks: int) -> None:
                         "files() must return existing files of the folder, with the numbers of bytes written so far"
                     )
                     raise with_remedy(error, remedy) from error
-                files[what] = {path.name: path.read_bytes() for path in Path(place).rglob("*") if path.is_file()}
+                files[what] = {
+                    str(path.relative_to(place)): path.read_bytes() for path in Path(place).rglob("*") if path.is_file()
+                }
                 remedy = "state() must return all that it keeps, and files() the lengths of files that it appends to"
                 for name, content in files["with a result folder"].items() if what == RESUMED else ():
                     told = f"{name} differs in a run resumed from a checkpoint; {remedy}"
