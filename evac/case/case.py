@@ -77,9 +77,7 @@ class Case(Table):
         {},
     )
     behaviours: dict[str, Parameters] = key(
-        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with them; `false`: disabled",
-        "",
-        {},
+        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with them; `false`: disabled", "", {}
     )
     recorders: dict[str, Parameters] = key(
         "`[recorders.NAME]`: parameters of a recorder; every one that is registered is enabled; `false`: disabled",

@@ -28,12 +28,7 @@ _LEAST_WHOLE, _GREATEST_WHOLE = -(2**63), 2**63 - 1
 _OWN: dict[type, Callable[[Any], Any]] = {str: str.__str__, int: int.__int__, float: float.__float__}
 
 #: Byte order marks of encodings other than UTF-8; UTF-32 comes before UTF-16, whose mark is a prefix of it.
-_MARKS = {
-    b"\xff\xfe\0\0": "UTF-32",
-    b"\0\0\xfe\xff": "UTF-32",
-    b"\xff\xfe": "UTF-16",
-    b"\xfe\xff": "UTF-16",
-}
+_MARKS = {b"\xff\xfe\0\0": "UTF-32", b"\0\0\xfe\xff": "UTF-32", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
 
 
 def read_table(path: Path) -> dict[str, Any]:

@@ -103,11 +103,7 @@ class DirectionSettings(Table):
         le=5,
     )
     stairs_up: Real | None = key(
-        "reference speed up stairs over that on the flat; if not given, the people's mean",
-        "",
-        None,
-        ge=0.001,
-        le=1000,
+        "reference speed up stairs over that on the flat; if not given, the people's mean", "", None, ge=0.001, le=1000
     )
     stairs_down: Real | None = key(
         "reference speed down stairs over that on the flat; if not given, the people's mean",

@@ -34,14 +34,7 @@ from evac.directions.lengths import (
 )
 from evac.directions.march.marching import Metric
 from evac.directions.march.workers import March, march_all, number_of_workers
-from evac.directions.raster.grids import (
-    NOTHING,
-    OWN,
-    BuildingGrids,
-    build_grids,
-    count_nodes,
-    lead_through_doors,
-)
+from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes, lead_through_doors
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import outward_directions
 from evac.directions.routes import QUICKEST, STRATEGIES, Route

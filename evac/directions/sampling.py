@@ -186,16 +186,7 @@ def _direction_in_sight(
 
 @inner
 def _is_corner_hidden(
-    fields: PackedFields,
-    level: int,
-    ix: int,
-    iy: int,
-    a: int,
-    b: int,
-    fx: float,
-    fy: float,
-    first: int,
-    last: int,
+    fields: PackedFields, level: int, ix: int, iy: int, a: int, b: int, fx: float, fy: float, first: int, last: int
 ) -> bool:
     """Return whether one of the walls first to last is between node (ix + a, iy + b) and the position (fx, fy).
 

@@ -67,11 +67,7 @@ def case_text(
     assumed = [one for one in made.findings if one.kind == "assumed"]
     if assumed:
         lines += ["# and with these assumptions:", *(f"#   {_one_line(str(one))}" for one in assumed)]
-    lines += [
-        "",
-        "[building]",
-        *toml_lines(building),
-    ]
+    lines += ["", "[building]", *toml_lines(building)]
     for exit_ in exits:
         lines += ["", "[[building.exits]]", *toml_lines(exit_)]
     if not made.building.exits and made.openings:

@@ -58,10 +58,7 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
             for level, cells in zip(building.levels, grids, strict=True)
         ],
         "portals": [
-            {
-                "levels": list(portal.levels),
-                "segments": _segments(building, portal.segments, portal.levels[0], origin),
-            }
+            {"levels": list(portal.levels), "segments": _segments(building, portal.segments, portal.levels[0], origin)}
             for portal in building.portals
         ],
         "exits": [

@@ -26,10 +26,7 @@ class Labels:
     def filled(self, case: ReportTable) -> "Labels":
         """Return these labels, those that are missing from what the case says."""
         return replace(
-            self,
-            project=self.project or case.project,
-            author=self.author or case.author,
-            date=self.date or case.date,
+            self, project=self.project or case.project, author=self.author or case.author, date=self.date or case.date
         )
 
 

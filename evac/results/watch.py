@@ -119,12 +119,7 @@ class Watch:
                 take(own, vars(part), {key: part.bounds(key, levels) for key in vars(part)})
 
     def _parts(self) -> "dict[str, _Means | _Notes]":
-        return {
-            "speeds": self._speeds,
-            "forces": self._forces,
-            "chatter": self._chatter,
-            "crushing": self._crushing,
-        }
+        return {"speeds": self._speeds, "forces": self._forces, "chatter": self._chatter, "crushing": self._crushing}
 
 
 class _Means:

@@ -234,10 +234,7 @@ def resumed(
 
 
 def _run_interruptible(
-    simulation: Simulation,
-    place: ResultFolder,
-    progress: Callable[[Progress], None] | None,
-    checkpoint: float | None,
+    simulation: Simulation, place: ResultFolder, progress: Callable[[Progress], None] | None, checkpoint: float | None
 ) -> Results:
     """Run a simulation as `run_into` does; the first Ctrl-C ends it at the end of its tick."""
     with Interrupt() as interrupt:

@@ -18,13 +18,7 @@ from evac.building.model.findings import Finding
 from evac.building.model.links import close_links, isolated_parts
 from evac.building.model.names import numbered
 from evac.building.options import BuildingOptions, SurfaceOptions
-from evac.building.surface.checks import (
-    check_depth,
-    check_exits,
-    check_overlap,
-    check_stairs,
-    missed_seams,
-)
+from evac.building.surface.checks import check_depth, check_exits, check_overlap, check_stairs, missed_seams
 from evac.building.surface.edges import COLLINEAR, edge_table
 from evac.building.surface.foreign import turned
 from evac.building.surface.levels import LevelSet, find_levels

@@ -191,11 +191,7 @@ def _lower_edges(
 
 
 def _cut_exits(
-    source: Path,
-    vertices: FloatArray,
-    triangles: IndexArray,
-    tags: dict[str, BoolArray],
-    edges: dict[str, IndexArray],
+    source: Path, vertices: FloatArray, triangles: IndexArray, tags: dict[str, BoolArray], edges: dict[str, IndexArray]
 ) -> tuple[IndexArray, dict[str, BoolArray], dict[str, IndexArray]]:
     """Remove the cells of exits, which are ground outside; the edges that they share with the rest become exits."""
     is_exit = _any_tag(tags, "exit", len(triangles))

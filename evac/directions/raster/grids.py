@@ -12,13 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.building.model.building import DOWN, FLAT, UP, Building, Door, Exit, Level, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
-from evac.directions.raster.lattice import (
-    SLACK,
-    Lattice,
-    Window,
-    walkable_nodes,
-    wall_distance,
-)
+from evac.directions.raster.lattice import SLACK, Lattice, Window, walkable_nodes, wall_distance
 from evac.directions.raster.masks import grown, parts_of
 from evac.directions.raster.strips import behind, chain, free_rows
 
@@ -386,10 +380,7 @@ class _Layers:
 
 
 def _sources(
-    building: Building,
-    level: int,
-    grids: list[tuple[Window, IntArray]],
-    offsets: NDArray[np.int64],
+    building: Building, level: int, grids: list[tuple[Window, IntArray]], offsets: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return the packed index of the node that each node of a level's grid represents."""
     window, sheet = grids[level]
@@ -433,12 +424,7 @@ def _seam(
 
 
 def _distances(
-    building: Building,
-    level: int,
-    window: Window,
-    sheet: IntArray,
-    walls: list[FloatArray],
-    clearance: float,
+    building: Building, level: int, window: Window, sheet: IntArray, walls: list[FloatArray], clearance: float
 ) -> tuple[IndexArray, FloatArray]:
     """Return the nodes near walls of the level or those just behind its portals, and their distances [m]."""
     near_walls = [walls[level]]
