@@ -92,7 +92,7 @@ class Helpers(Behaviour):
     ScenarioError
         `devices` are not what they must be.
     ScenarioError
-        From `prepare`: an area, group or device does not exist; a group has too few helpers; somebody is in none of the
+        From `prepare`: a group or device does not exist; a group has too few helpers; somebody is in none of the
         areas, or goes to a refuge that is none of them, or has no speed that could be scaled.
 
     References
@@ -129,7 +129,8 @@ class Helpers(Behaviour):
     def prepare(self, scene: BehaviourScene) -> None:
         """Find the people, their devices and their helpers."""
         self._scene = scene
-        self._areas = [self._area(name) for name in self.areas]
+        areas = {area.name: area for area in scene.building.areas}
+        self._areas = [areas[name] for name in self.areas]
         places = {place.area: place for place in scene.building.places if place.kind == "assembly"}
         self._place = places.get(self.to)
         if self.to and self._place is None:
@@ -162,12 +163,6 @@ class Helpers(Behaviour):
         self._until = np.full(len(self._people), np.nan)  # end of the preparation [s]
         self._by = np.zeros((len(self._people), len(self._helpers)), np.uint8)  # who has fetched whom
         self._check_people()
-
-    def _area(self, name: str) -> Any:
-        known = [area.name for area in self._scene.building.areas]
-        if name not in known:
-            raise ScenarioError(f"behaviours.helpers.areas: no area is named {name!r}; {did_you_mean(name, known)}")
-        return self._scene.building.areas[known.index(name)]
 
     def _device_of(self, group: Any) -> Device:
         name = group.settings.get("device", self.device)

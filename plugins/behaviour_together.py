@@ -40,7 +40,7 @@ class Together(Behaviour):
     Raises
     ------
     ScenarioError
-        The building has no area of a name in `places`, or ``gather`` is not one of them.
+        From `prepare`: ``gather`` is not one of `places`.
     """
 
     name = "together"
@@ -63,12 +63,6 @@ class Together(Behaviour):
     def prepare(self, scene: BehaviourScene) -> None:
         """Divide the groups into units."""
         self._scene = scene
-        areas = [area.name for area in scene.scene.building.areas]
-        for place in self.places:
-            if place not in areas:
-                raise ScenarioError(
-                    f"behaviours.together.places: no area is named {place!r}; {did_you_mean(place, areas)}"
-                )
         rows: list[IntArray] = [np.zeros(0, np.int32)]
         unit: list[IntArray] = [np.zeros(0, np.int32)]
         places: list[str] = []

@@ -63,16 +63,18 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     return tuple(dict.fromkeys(wanted))
 
 
-def _check_exits(case: "Case", building: "Building", routes: Sequence[Route]) -> None:
-    """Refuse a parameter of a behaviour that names an exit of a route which does not exist."""
-    known = [one.name for one in building.exits]
+def _check_names(case: "Case", building: "Building", routes: Sequence[Route]) -> None:
+    """Refuse a parameter of a behaviour that names an exit or an area of a route which does not exist."""
     given = [(name, key, value) for name, table in case.behaviours.items() for key, value in (table or {}).items()]
-    for exit_ in (exit_ for route in routes for exit_ in route.exits if exit_ not in known):
-        for name, key, value in given:
-            if isinstance(value, Mapping | list | tuple) and exit_ in value:
-                raise ScenarioError(
-                    f"behaviours.{name}.{key}: there is no exit {exit_!r}; {did_you_mean(exit_, known)}"
-                )
+    for what, known, named in (
+        ("exit", [one.name for one in building.exits], [name for route in routes for name in route.exits]),
+        ("area", [one.name for one in building.areas], [route.refuge for route in routes if route.refuge]),
+    ):
+        for word in (word for word in named if word not in known):
+            for name, key, value in given:
+                if isinstance(value, Mapping | list | tuple) and word in value:
+                    hint = did_you_mean(word, known)
+                    raise ScenarioError(f"behaviours.{name}.{key}: there is no {what} {word!r}; {hint}")
 
 
 def _routes_of_events(case: "Case") -> list[Route]:
@@ -114,7 +116,7 @@ def solve_fields(
 ) -> Fields:
     """Return the directions of a building for the routes that people can take; `anywhere` as for `build_fields`."""
     settings = field_settings(case, behaviours, full)
-    _check_exits(case, building, settings["routes"])
+    _check_names(case, building, settings["routes"])
     return build_fields(building, **settings, threads=threads, anywhere=anywhere)
 
 

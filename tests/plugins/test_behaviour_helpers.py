@@ -176,7 +176,7 @@ def test_a_run_goes_on_to_the_same_bits():
     ("change", "line"),
     [
         ({"device": "sled"}, r"people\.patients\.behaviours\.helpers\.device: there is no 'sled'"),
-        ({"areas": ["wrad"]}, r"behaviours\.helpers\.areas: no area is named 'wrad'; did you mean 'ward'"),
+        ({"areas": ["wrad"]}, r"behaviours\.helpers\.areas: there is no area 'wrad'; did you mean 'ward'"),
         ({"areas": ["office"]}, r"people\.patients: person 0 at .* is in none of behaviours\.helpers\.areas"),
         ({"areas": "ward"}, r"helpers\.areas: must be a list"),
         ({"to": "hall"}, r"behaviours\.helpers\.to: 'hall' is not the area of a place"),

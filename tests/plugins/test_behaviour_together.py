@@ -234,7 +234,7 @@ def test_a_run_goes_on_to_the_same_bits():
         ({"gather": "hall"}, [], r"people\.families\.behaviours\.together\.gather: 'hall' is not in behaviours"),
         ({"gather": "hal"}, ["hall"], r"'hal' is not in behaviours\.together\.places; .*'hall'"),
         ({"size": -1}, [], r"together\.size: .*0"),
-        ({"gather": "hal"}, ["hal"], r"behaviours\.together\.places: no area is named 'hal'; .*'hall'"),
+        ({"gather": "hal"}, ["hal"], r"behaviours\.together\.places: there is no area 'hal'; .*'hall'"),
         ({"gather": "hall"}, "hall", r"together\.places: must be a list of words, got .hall."),
         ({"size": 4}, [["hall"]], r"together\.places: must be a list of words"),
     ],
