@@ -25,11 +25,8 @@ from evac.building.plan.outlines import (
     between_rooms,
     covered,
     distinct,
-    is_on,
     nearest,
     normal,
-    overlap,
-    reaching,
     strip,
     with_walls,
     written,
@@ -134,7 +131,7 @@ class _Drawing:
         if len(rooms) < len(storey.polygons):
             count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
             self._find("assumed", f"{count} of another one, and left out", name, rooms[0])
-        double = overlap(rooms)
+        double = _overlap(rooms)
         if double.area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
             self._find("assumed", text, name, max(shapely.get_parts(double), key=lambda part: part.area))
@@ -150,12 +147,10 @@ class _Drawing:
             own, known = parts[door.storey], len(self.findings)
             assert door.segment is not None
             beyond = door.reach + float(np.hypot(*(door.segment[1] - door.segment[0]))) + SNAP
-            low, high = door.segment.min(axis=0) - beyond, door.segment.max(axis=0) + beyond
-            bounds = shapely.bounds(own)
-            is_near = (bounds[:, :2] <= high).all(axis=1) & (bounds[:, 2:] >= low).all(axis=1)
+            around = shapely.LineString(door.segment).envelope.buffer(beyond, cap_style="square", join_style="mitre")
             with naming_part(self.plan.source, f"door {door.name!r}"):
                 try:
-                    ground = self._open_door(door, united([own[k] for k in np.flatnonzero(is_near)]))
+                    ground = self._open_door(door, united([part for part in own if part.intersects(around)]))
                 except ValueError:  # its message also says what is farther away
                     del self.findings[known:]
                     ground = self._open_door(door, united(own))
@@ -276,7 +271,7 @@ class _Drawing:
         if stair.direction is not None:
             return _across(edge, stair.direction)
         middle, left = edge.mean(axis=0), normal(edge)
-        has_floor = [is_on(floor, middle + BESIDE * way) for way in (left, -left)]
+        has_floor = shapely.intersects_xy(floor, middle + BESIDE * np.stack([left, -left])).tolist()
         if has_floor[0] == has_floor[1]:
             where = "both sides" if has_floor[0] else "neither side"
             raise ValueError(
@@ -320,7 +315,7 @@ class _Drawing:
         for row, item in enumerate(self.exits):
             if item.polygons:
                 floor, drawn = self.floors[item.storey], united(item.polygons)
-                ground = reaching(drawn, floor, SNAP)
+                ground = _reaching(drawn, floor)
                 if ground.area > drawn.area + LEAST_AREA:
                     text = f"exit {item.name!r} moved to the outline of its floor, at most {SNAP:g} m away"
                     self._find("repaired", text, item.storey, drawn)
@@ -366,7 +361,7 @@ class _Drawing:
         """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
         floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
         edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
-        if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
+        if shapely.intersects_xy(floor, middle + BESIDE * np.stack([left, -left])).all():
             raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
         strips = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
         inward = [side for side in strips if side is not None and not side.polygon.is_empty]
@@ -480,3 +475,30 @@ def _with_cause(message: str, source: Path, findings: Iterable[Finding]) -> str:
         f"{source}: {'; '.join(told)}; correct its corners first, since this error may follow: "
         + message.removeprefix(f"{source}: ")
     )
+
+
+def _overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
+    """Return the ground that two or more polygons cover, without what is no larger than rounding errors.
+
+    The list is halved again and again: many copies of a floor, each pair of which overlaps, take no longer than as many
+    rooms side by side.
+    """
+
+    def covered_once_and_twice(some: Sequence[BaseGeometry]) -> tuple[BaseGeometry, BaseGeometry]:
+        if len(some) == 1:
+            return some[0], shapely.Polygon()
+        halves = some[: len(some) // 2], some[len(some) // 2 :]
+        (one, one_twice), (other, other_twice) = map(covered_once_and_twice, halves)
+        return united([one, other]), united([one_twice, other_twice, common(one, other)])
+
+    return covered_once_and_twice(polygons)[1]
+
+
+def _reaching(outside: BaseGeometry, floor: BaseGeometry) -> BaseGeometry:
+    """Extend the ground of an exit, often drawn slightly inside the outline, by the narrow rim of floor behind it."""
+    rest = cut(floor, outside)
+    wide = rest.buffer(-SNAP / 2, join_style="mitre").buffer(SNAP / 2, join_style="mitre")
+    near = outside.buffer(SNAP, join_style="mitre").buffer(LEAST_LENGTH)
+    strips = [part for part in shapely.get_parts(cut(rest, wide)) if near.covers(part)]
+    touching = [part for part in strips if part.distance(outside) < LEAST_LENGTH]
+    return united([outside, *touching]) if touching else outside

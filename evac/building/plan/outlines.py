@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
-from evac.building.geometry.overlays import GRID, common, cut, flat_parts, united
+from evac.building.geometry.overlays import GRID, cut
 from evac.building.geometry.segments import between_floors, gaps_along, pieces_along, segment_lengths, sides
 from evac.building.model.findings import away
 from evac.building.surface.resolution import FACTORS
@@ -80,11 +80,6 @@ def normal(ends: FloatArray) -> FloatArray:
     """Return the unit vector to the left of a segment."""
     along_it = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
     return np.array([-along_it[1], along_it[0]])
-
-
-def is_on(polygon: BaseGeometry, point: FloatArray) -> bool:
-    """Return whether a point is inside a polygon."""
-    return bool(shapely.intersects_xy(polygon, *point))
 
 
 def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, between: bool = False) -> str:
@@ -161,36 +156,3 @@ def distinct(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     for polygon in polygons:
         by_shape.setdefault(shapely.to_wkb(shapely.normalize(polygon)), polygon)
     return list(by_shape.values())
-
-
-def overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Return the ground that two or more polygons cover, without what is no larger than rounding errors.
-
-    The list is halved again and again: many copies of a floor, each pair of which overlaps, take no longer than as many
-    rooms side by side.
-    """
-
-    def covered_once_and_twice(some: Sequence[BaseGeometry]) -> tuple[BaseGeometry, BaseGeometry]:
-        if len(some) == 1:
-            return some[0], shapely.Polygon()
-        (one, one_twice), (other, other_twice) = (
-            covered_once_and_twice(half) for half in (some[: len(some) // 2], some[len(some) // 2 :])
-        )
-        return united([one, other]), united([one_twice, other_twice, common(one, other)])
-
-    return covered_once_and_twice(polygons)[1]
-
-
-def reaching(outside: BaseGeometry, floor: BaseGeometry, reach: float) -> BaseGeometry:
-    """Extend the ground of an exit by strips of floor narrower than `reach` [m] between it and the outline.
-
-    An exit is often drawn slightly inside the outline; the narrow rim behind it is not floor.
-    """
-    rest = cut(floor, outside)
-    wide = rest.buffer(-reach / 2, join_style="mitre").buffer(reach / 2, join_style="mitre")
-    near = outside.buffer(reach, join_style="mitre")
-    strips = [part for part in shapely.get_parts(cut(rest, wide)) if near.buffer(LEAST_LENGTH).covers(part)]
-    touching = [part for part in strips if part.distance(outside) < LEAST_LENGTH]
-    if not touching:
-        return outside
-    return flat_parts(shapely.union_all([outside, *touching], grid_size=GRID))

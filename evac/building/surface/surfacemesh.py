@@ -129,28 +129,15 @@ class SurfaceMesh:
 
 @dataclass(frozen=True)
 class TriangleMesh:
-    """A surface mesh that has been checked and triangulated.
-
-    Attributes
-    ----------
-    source : Path
-    points : (v, 3) float64 [units of the file]
-    triangles : (t, 3) int64
-    cell_tags : dict of str to (t,) bool
-        Cells with each known tag.
-    edge_tags : dict of str to (e, 2) int64
-        Edges with each tag of edges.
-    findings : tuple of Finding
-    doors : tuple of (str, (2, 3) float64) [units of the file]
-    """
+    """A surface mesh that has been checked and triangulated."""
 
     source: Path
-    points: FloatArray
-    triangles: IndexArray
-    cell_tags: dict[str, BoolArray]
-    edge_tags: dict[str, IndexArray]
+    points: FloatArray  # (v, 3) float64 [units of the file]
+    triangles: IndexArray  # (t, 3) int64
+    cell_tags: dict[str, BoolArray]  # dict of str to (t,) bool: cells with each known tag
+    edge_tags: dict[str, IndexArray]  # dict of str to (e, 2) int64: edges with each tag of edges
     findings: tuple[Finding, ...]
-    doors: tuple[tuple[str, FloatArray], ...] = ()
+    doors: tuple[tuple[str, FloatArray], ...] = ()  # tuple of (str, (2, 3) float64) [units of the file]
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
