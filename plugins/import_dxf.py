@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -455,20 +456,18 @@ def _paths(entity: Any) -> Iterator[Any]:
         if path.is_closed or not path.has_curves or not path.has_lines:
             yield path
             continue
-        piece, start = Way(path.start), path.start
-        for command in path.commands():
-            is_line = command.type == Command.LINE_TO
-            if len(piece) and piece.has_lines != is_line:
-                yield piece
-                piece = Way(start)
-            if is_line:
-                piece.line_to(command.end)
-            elif command.type == Command.CURVE3_TO:
-                piece.curve3_to(command.end, command.ctrl)
-            else:
-                piece.curve4_to(command.end, command.ctrl1, command.ctrl2)
-            start = command.end
-        yield piece
+        start = path.start
+        for is_line, commands in groupby(path.commands(), lambda command: command.type == Command.LINE_TO):
+            piece = Way(start)
+            for command in commands:
+                if is_line:
+                    piece.line_to(command.end)
+                elif command.type == Command.CURVE3_TO:
+                    piece.curve3_to(command.end, command.ctrl)
+                else:
+                    piece.curve4_to(command.end, command.ctrl1, command.ctrl2)
+            start = piece.end
+            yield piece
 
 
 def _entities(

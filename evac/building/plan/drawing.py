@@ -397,17 +397,11 @@ class _Drawing:
                     raise BuildingError(
                         f"{self.plan.source}: area {item.name!r} is not on the floor of storey {name!r}; move it there"
                     )
-                parts = [part for tags, one in parts for part in _divided(tags, one, f"area:{item.name}", outline)]
+                tag = f"area:{item.name}"
+                divided = [((tags, cut(one, outline)), ((*tags, tag), common(one, outline))) for tags, one in parts]
+                parts = [part for pair in divided for part in pair if not part[1].is_empty]
             surfaces += [(tags, one, self.plan.storeys[name].z) for tags, one in parts]
         return surfaces
-
-
-def _divided(
-    tags: tuple[str, ...], ground: BaseGeometry, tag: str, outline: BaseGeometry
-) -> list[tuple[tuple[str, ...], BaseGeometry]]:
-    """Divide a piece of ground by an outline; the part inside gets an additional tag."""
-    parts = [(tags, cut(ground, outline)), ((*tags, tag), common(ground, outline))]
-    return [(own, part) for own, part in parts if not part.is_empty]
 
 
 def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:

@@ -108,7 +108,9 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     triangles = _counter_clockwise(vertices, triangles)
     order = np.lexsort(triangles.T[::-1])
     triangles, tags = triangles[order], _select(tags, order)
-    gradient = _gradient(vertices[triangles])
+    corners = vertices[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    gradient = -normal[:, :2] / normal[:, 2:] + 0.0
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
     return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors, doubts)
@@ -238,13 +240,6 @@ def _counter_clockwise(vertices: FloatArray, triangles: IndexArray) -> IndexArra
     clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
     triangles[clockwise, 1:] = triangles[clockwise, :0:-1]
     return triangles
-
-
-def _gradient(corners: FloatArray) -> FloatArray:
-    """Return the gradients (t, 2) of z over the plan of triangles (t, 3, 3)."""
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    gradient: FloatArray = -normal[:, :2] / normal[:, 2:]
-    return gradient + 0.0
 
 
 def _select(tags: dict[str, BoolArray], rows: BoolArray | IndexArray) -> dict[str, BoolArray]:

@@ -182,16 +182,12 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     edge_tags = {name: pairs for name, pairs in edges.items() if name.partition(":")[0] in EDGE_TAGS}
     cell_tags = with_repaired_names(source, cell_tags, notes)
     edge_tags = with_repaired_names(source, edge_tags, notes)
-    doors = tuple((repaired(name), _door_ends(source, name, ends)) for name, ends in mesh.doors)
-    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), doors)
-
-
-def _door_ends(source: Path, name: str, ends: ArrayLike) -> FloatArray:
-    """Check and return the ends (2, 3) of a door."""
-    places: FloatArray = _as_array(source, f"door:{name}", ends, np.float64, (-1, 3))
-    if len(places) != 2 or not np.isfinite(places).all():
-        raise PluginError(f"{source}: the importer's door {name!r} is {ends!r}; it must be two finite points (x, y, z)")
-    return places
+    doors = [(repaired(name), _as_array(source, f"door:{name}", at, np.float64, (-1, 3))) for name, at in mesh.doors]
+    for name, at in doors:
+        if len(at) != 2 or not np.isfinite(at).all():
+            text = f"the importer's door {name!r} is {at.tolist()}; it must be two finite points (x, y, z)"
+            raise PluginError(f"{source}: {text}")
+    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors))
 
 
 def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:

@@ -43,7 +43,9 @@ def weld_points(points: FloatArray, distance: float) -> tuple[FloatArray, IndexA
     for number in np.unique(cluster[moved > LARGEST_CLUSTER * distance]):
         members = np.flatnonzero(cluster == number)
         kept[members] = members
-        _thin(kept, pairs[cluster[pairs[:, 0]] == number])
+        for one, other in pairs[cluster[pairs[:, 0]] == number].tolist():
+            if kept[one] == one and kept[other] == other:  # the first close point before it that is kept
+                kept[other] = one
     vertices, index = np.unique(kept, return_inverse=True)
     return distinct[vertices], index[row.ravel()]
 
@@ -56,10 +58,3 @@ def close_pairs(points: FloatArray, distance: float) -> IndexArray:
     is_close = (one < other) & (((points[one] - points[other]) ** 2).sum(axis=1) <= distance**2)
     pairs = np.stack([one[is_close], other[is_close]], axis=1)
     return pairs[np.lexsort(pairs.T[::-1])]
-
-
-def _thin(kept: IndexArray, pairs: IndexArray) -> None:
-    """Merge each point of the sorted `pairs` into the first close point before it that is kept."""
-    for one, other in pairs.tolist():
-        if kept[one] == one and kept[other] == other:
-            kept[other] = one

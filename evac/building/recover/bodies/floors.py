@@ -94,7 +94,7 @@ def floors_of(
     tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     floors = []
     for height, name in zip(heights, names, strict=True):
-        slabs = united(height.slabs)
+        slabs, rooms = united(height.slabs), dict[str, BaseGeometry]()
         if height.spaces and slabs.is_empty and _is_above_roof(height, bodies):
             text = "spaces with a roof and no slab below are outside of the building"
             findings.append(Finding("left out", text, name, height.spaces[0][0].place))
@@ -102,8 +102,10 @@ def floors_of(
         if height.spaces:
             steps = _in_other_spaces(height, tops, heights)
             halls = _halls(height, slabs, bodies, passages, name, findings)
-            made, rooms = united([_of_spaces(height, slabs, name, rules.gap, findings), steps, halls]), _rooms(height)
+            made = united([_of_spaces(height, slabs, name, rules.gap, findings), steps, halls])
             slabs = united([slabs, steps])
+            for body, plan, _ in sorted(height.spaces, key=lambda one: one[0].name):
+                rooms[numbered(body.name, rooms)] = plan
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
             continue
         else:
@@ -111,11 +113,11 @@ def floors_of(
                 text = "no wall, door or stair stands on the slab: a roof, a terrace or a canopy"
                 findings.append(Finding("left out", text, name, place_of(slabs)))
                 continue
-            made, rooms = slabs, []
+            made = slabs
             what = "the file has no spaces" if rules.ground == "auto" else "as set"
             findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
         made = _without_bodies(made, bodies, height, rules.furniture)
-        floors.append(Floor(name, height.z, made, slabs, rooms))
+        floors.append(Floor(name, height.z, made, slabs, list(rooms.items())))
         levels = [z for _, _, z in height.spaces]
         if levels and max(levels) - min(levels) > 0.001:
             text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are merged at {height.z:z.3f} m (step)"
@@ -277,14 +279,6 @@ def _halls(
             text = f"{hall.area:.2f} m2 of slab between doors are ground without a space"
             findings.append(Finding("assumed", text, name, place_of(hall)))
     return united(halls)
-
-
-def _rooms(height: _Height) -> list[tuple[str, BaseGeometry]]:
-    """Return the name and plan of each space; repeated names are numbered."""
-    rooms: dict[str, BaseGeometry] = {}
-    for body, plan, _ in sorted(height.spaces, key=lambda one: one[0].name):
-        rooms[numbered(body.name, rooms)] = plan
-    return list(rooms.items())
 
 
 def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Height, furniture: bool) -> BaseGeometry:
