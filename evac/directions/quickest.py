@@ -227,9 +227,7 @@ def _at_nodes_of(grids: BuildingGrids, values: FloatArray, before: BuildingGrids
     """Return the values (nodes,) of the grids before at the nodes of other ones, whose windows include open halos."""
     found = np.zeros(grids.size)
     for old, new in zip(before.levels, grids.levels, strict=True):
-        windows = [np.array([one.window.first, np.add(one.window.first, one.window.shape)]) for one in (old, new)]
-        common = np.array([np.maximum(*windows)[0], np.minimum(*windows)[1]])
-        there, here = (tuple(slice(*ends) for ends in (common - window[0]).T) for window in windows)
+        here, there = new.window.overlap(old.window)
         found[new.packed].reshape(new.window.shape)[here] = values[old.packed].reshape(old.window.shape)[there]
     return found
 

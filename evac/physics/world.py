@@ -1,6 +1,7 @@
 """Packing of a building and its fields to the `World` that kernels read."""
 
 import math
+from typing import Any
 
 import numpy as np
 import shapely
@@ -42,7 +43,6 @@ def make_world(building: Building, fields: Fields) -> World:
     link_open = np.ones(building.n_closable, np.uint8)
     link_open[list(building.closed)] = 0
     wall_level = np.concatenate([building.wall_level, door_level, link_level]).astype(np.int32)
-    bucket_wall, bucket_start, shape, frame = _buckets(walls, wall_level)
     # Only people on levels at most two portals apart can touch each other.
     neighbours = np.eye(len(building.levels), dtype=np.int64)
     for portal in building.portals:
@@ -55,14 +55,7 @@ def make_world(building: Building, fields: Fields) -> World:
         wall_open=np.concatenate(
             [np.zeros(len(building.walls), np.uint8), link_open[building.n_links :], link_open[link]]
         ),
-        bucket_wall=bucket_wall,
-        bucket_start=bucket_start,
-        buckets_x=int(shape[0]),
-        buckets_y=int(shape[1]),
-        bucket_x=float(frame[0]),
-        bucket_y=float(frame[1]),
-        bucket_size=float(frame[2]),
-        bucket_reach=float(frame[3]),
+        **_buckets(walls, wall_level),
         link_segment=segment,
         link_start=start,
         link_to=to,
@@ -142,35 +135,28 @@ def walls_behind_exits(building: Building) -> Bytes:
     return backed
 
 
-def _buckets(walls: FloatArray, level: IntArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Sort walls into square buckets of the plan; each lists the walls within `BUCKET_REACH` of it, level by level.
+def _buckets(walls: FloatArray, level: IntArray) -> dict[str, Any]:
+    """Return the walls in square buckets of the plan: those within `BUCKET_REACH` of each, level by level.
 
     Behind the last bucket is one of all walls.
     """
-    if not len(walls):
-        empty = np.zeros(0, np.int32)
-        return empty, np.zeros(3, np.int32), np.ones(2, np.int32), np.array([0.0, 0.0, 1e300, 1e300])
-    low = np.minimum(walls[:, :2], walls[:, 2:])
-    high = np.maximum(walls[:, :2], walls[:, 2:])
-    origin = low.min(axis=0) - BUCKET_REACH
-    extent = high.max(axis=0) + BUCKET_REACH - origin
-    size = max(BUCKET_SIZE, float(np.sqrt(extent[0] * extent[1] / 1e6)))
-    shape = np.ceil(extent / size).astype(np.int32)
-    owner: list[np.ndarray] = []
-    item: list[np.ndarray] = []
-    for w, (wall_low, wall_high) in enumerate(zip(low, high, strict=True)):
-        first = np.maximum(((wall_low - BUCKET_REACH - origin) // size).astype(int), 0)
-        last = np.minimum(((wall_high + BUCKET_REACH - origin) // size).astype(int), shape - 1)
-        columns, rows = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1), indexing="ij")
-        centre = origin + size * (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5)
-        line = shapely.linestrings(walls[w].reshape(2, 2))
-        near = shapely.dwithin(line, shapely.points(centre), BUCKET_REACH + size * math.sqrt(0.5))
-        owner.append((columns.ravel() * shape[1] + rows.ravel())[near])
-        item.append(np.full(int(near.sum()), w))
-    buckets = int(shape[0]) * int(shape[1])
-    owners = np.concatenate([*owner, np.full(len(walls), buckets)])
-    items = np.concatenate([*item, np.arange(len(walls))])
-    order = np.lexsort((items, level[items], owners))
-    start = np.searchsorted(owners[order], np.arange(buckets + 2)).astype(np.int32)
-    frame = np.array([origin[0], origin[1], size, BUCKET_REACH])
-    return items[order].astype(np.int32), start, shape, frame
+    ends = walls.reshape(-1, 2) if len(walls) else np.zeros((1, 2))
+    low, high = ends.min(axis=0) - BUCKET_REACH, ends.max(axis=0) + BUCKET_REACH
+    size = max(BUCKET_SIZE, math.sqrt(np.prod(high - low) / 1e6))
+    shape = np.ceil((high - low) / size).astype(int)
+    centre = low + size * (np.indices(shape).reshape(2, -1).T + 0.5)
+    lines, reach = shapely.linestrings(walls.reshape(-1, 2, 2)), BUCKET_REACH + size * math.sqrt(0.5)
+    near = shapely.STRtree(lines).query(shapely.points(centre), predicate="dwithin", distance=reach)
+    every = np.stack([np.full(len(walls), len(centre)), np.arange(len(walls))])
+    owner, item = np.concatenate([near, every], axis=1)
+    order = np.lexsort((item, level[item], owner))
+    return {
+        "bucket_wall": item[order].astype(np.int32),
+        "bucket_start": np.searchsorted(owner[order], np.arange(len(centre) + 2)).astype(np.int32),
+        "buckets_x": int(shape[0]),
+        "buckets_y": int(shape[1]),
+        "bucket_x": float(low[0]),
+        "bucket_y": float(low[1]),
+        "bucket_size": size,
+        "bucket_reach": BUCKET_REACH,
+    }
