@@ -34,7 +34,13 @@ from evac.directions.lengths import (
 )
 from evac.directions.march.marching import Metric
 from evac.directions.march.workers import March, march_all, number_of_workers
-from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes, lead_through_doors
+from evac.directions.raster.grids import (
+    OWN,
+    BuildingGrids,
+    build_grids,
+    count_nodes,
+    lead_through_doors,
+)
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import outward_directions
 from evac.directions.routes import QUICKEST, STRATEGIES, Route
@@ -555,7 +561,7 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit]) -> Fl
         left_out, stand_in, _ = grid.stands_for
         direction[left_out] = direction[stand_in]
         known = pointing & ~halo
-        missing = (~pointing & reached) | (grid.sheet == NOTHING) | ((grid.sheet > OWN) & ~pointing)
+        missing = (~pointing & reached) | grids.is_beside(grid) | ((grid.sheet > OWN) & ~pointing)
         missing.ravel()[left_out - grid.offset] &= ~np.any(direction[stand_in] != 0.0, axis=1)
         # Halo nodes that were left out lead through their portal, as those beside them do.
         leading = pointing & halo

@@ -17,7 +17,7 @@ from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
 from evac.directions.march.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
 from evac.directions.pockets import Pockets
-from evac.directions.raster.grids import NOTHING, OWN, BuildingGrids, lead_through_doors
+from evac.directions.raster.grids import OWN, BuildingGrids, lead_through_doors
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import chain
 
@@ -169,7 +169,7 @@ class Column:
         left_out, stand_in, _ = grid.stands_for
         stands = joins[stand_in]
         to, from_ = [grid.offset + halo, left_out[stands]], [source[halo], stand_in[stands]]
-        missing = sheet == NOTHING
+        missing = self._grids.is_beside(grid).ravel()
         missing[left_out[stands] - grid.offset] = False
         missing[is_halo] = ~joins[source[is_halo]]
         shape = grid.window.shape

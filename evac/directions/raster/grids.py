@@ -98,6 +98,12 @@ class BuildingGrids:
         ground: BoolArray = (grid.sheet != NOTHING) & (grid.sheet <= len(self.building.portals))
         return ground
 
+    def is_beside(self, grid: LevelGrid) -> BoolArray:
+        """Return the mask (nx, ny) of nodes that are not walkable, but at most `margin` nodes from one that is."""
+        walkable: BoolArray = grid.sheet != NOTHING
+        beside: BoolArray = grown(walkable, self.margin) & ~walkable
+        return beside
+
 
 def use_towards(level: Level, segments: FloatArray) -> int:
     """Return the use of a level on the way to a link on it: FLAT, UP or DOWN.

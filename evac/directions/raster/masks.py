@@ -4,14 +4,13 @@ The results agree with `scipy.ndimage`, whose import takes longer than computing
 """
 
 import numpy as np
+import shapely
 
 from evac.base.arrays import BoolArray, IndexArray
 from evac.building.geometry.components import connected_components
 
-#: Nodes that are looked at together, since each takes some 80 bytes.
-CHUNK = 2**21
-
-NONE: IndexArray = np.zeros(0, dtype=np.int64)
+#: Nodes that are looked at together, since each takes some 200 bytes.
+CHUNK = 2**18
 
 
 def parts_of(nodes: BoolArray) -> IndexArray:
@@ -50,50 +49,14 @@ def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, Ind
     (w,) int64, (w,) int64
         First and second indices of the nearest nodes, in the order of the wanted nodes.
     """
-    far = np.int32(sum(nodes.shape))  # larger than any distance
-    along = np.arange(nodes.shape[0], dtype=np.int32)[:, None]
-    before = np.maximum.accumulate(np.where(nodes, along, -far), axis=0)
-    behind = np.minimum.accumulate(np.where(nodes, along, 2 * far)[::-1], axis=0)[::-1]
-    in_line = np.where(along - before <= behind - along, before, behind)
-    del before, behind
-    lines = np.flatnonzero(nodes.any(axis=0))
-    some = max(1, CHUNK // nodes.shape[1])
-    firsts, seconds = [NONE], [NONE]
-    for first in range(0, nodes.shape[0], some):
-        i, j = np.nonzero(wanted[first : first + some])
-        if len(i):
-            away = in_line[first : first + some].astype(np.int64) - along[first : first + some]
-            line = _nearest_lines(away**2, lines)[i, j]
-            firsts.append(in_line[first + i, line].astype(np.int64))
-            seconds.append(line)
-    return np.concatenate(firsts), np.concatenate(seconds)
-
-
-def _nearest_lines(squared: IndexArray, lines: IndexArray) -> IndexArray:
-    """Return, for each node (i, j), the first k of `lines` with the smallest ``(j - k)^2 + squared[i, k]``.
-
-    These are parabolas in j, whose lower envelope is kept in a stack for each i: Felzenszwalb and Huttenlocher,
-    Distance transforms of sampled functions, Theory of Computing 8 (2012) 415-428.
-    """
-    count, length = squared.shape
-    stack = np.zeros((length + 1, count), dtype=np.int64)  # lines
-    since = np.zeros((length + 1, count), dtype=np.int64)  # first j at which each line is the lowest
-    top = np.full(count, -1)
-    for k in lines.tolist():
-        columns = np.arange(count)
-        while columns.size:
-            last, is_first = top[columns], top[columns] < 0
-            other = np.where(is_first, k - 1, stack[last, columns])
-            rise = k**2 - other**2 + squared[columns, k] - squared[columns, other]
-            first = np.where(is_first, 0, rise // (2 * (k - other)) + 1)
-            is_higher = ~is_first & (first <= since[last, columns])
-            kept, place = columns[~is_higher], last[~is_higher] + 1
-            stack[place, kept], since[place, kept], top[kept] = k, first[~is_higher], place
-            columns = columns[is_higher]
-            top[columns] -= 1
-    found = np.empty_like(squared)
-    place, columns = np.zeros(count, dtype=np.int64), np.arange(count)
-    for j in range(length):
-        place += (place < top) & (since[np.minimum(place + 1, top), columns] <= j)
-        found[:, j] = stack[place, columns]
-    return found
+    places = np.argwhere(wanted)
+    # The nearest one is beside a node that is not marked, or is wanted itself.
+    edge = np.argwhere(nodes & (grown(~nodes, 1) | wanted))
+    tree = shapely.STRtree(shapely.points(edge))
+    found = [np.zeros((0, 2), np.int64)]
+    for first in range(0, len(places), CHUNK):
+        owner, near = tree.query_nearest(shapely.points(places[first : first + CHUNK]))
+        order = np.lexsort((edge[near, 0], edge[near, 1], owner))
+        found.append(edge[near[order]][np.unique(owner[order], return_index=True)[1]])
+    i, j = np.concatenate(found).T
+    return i, j
