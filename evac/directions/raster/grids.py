@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.building.model.building import DOWN, FLAT, UP, Building, Door, Exit, Level, Portal
@@ -130,7 +129,9 @@ def build_grids(building: Building, spacing: float, clearance: float, barred: fl
     barred : float
         Gaps, portals and exits narrower than this are treated as closed [m]. The windows do not depend on it.
     """
-    whole, building = building, _without_narrow_links(building, barred)
+    narrow = {portal.index for portal in building.portals if portal.width < barred}
+    narrow |= {building.link_of(exit_) for exit_ in building.exits if exit_.width < barred}
+    whole, building = building, replace(building, closed=building.closed | narrow)
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
     lasting = [_walls_of(building, level, barred) for level in building.levels]
@@ -195,13 +196,6 @@ def _bounds(building: Building, level: Level, spacing: float) -> tuple[float, ..
 def _depth(portal: Portal, spacing: float) -> float:
     """Return the depth of a halo [m]: the portal width, so that waves to all of the portal pass through the halo."""
     return max(portal.width, MARGIN * spacing)
-
-
-def _without_narrow_links(building: Building, barred: float) -> Building:
-    """Return a building with the portals and exits narrower than `barred` [m] closed."""
-    narrow = {portal.index for portal in building.portals if portal.width < barred}
-    narrow |= {building.link_of(exit_) for exit_ in building.exits if exit_.width < barred}
-    return replace(building, closed=building.closed | narrow)
 
 
 def _walls_of(building: Building, level: Level, barred: float) -> FloatArray:
@@ -300,9 +294,12 @@ class _Layers:
         sheet = np.full(window.shape, NOTHING, dtype=np.int32)
         here, there = window.overlap(self.windows[level.index])
         sheet[here][self.nodes[level.index][there]] = OWN
+        taken = [level.polygon]
         for portal in portals:
-            self._add_halo(window, sheet, portal, portal.other(level.index))
-        taken = [level.polygon, *(self._zone(portal, level.index) for portal in portals)]
+            neighbour, depth = portal.other(level.index), _depth(portal, lattice.spacing)
+            self._add_halo(window, sheet, portal, neighbour, depth)
+            behind_it = shapely.buffer(chain(portal.segments), depth)
+            taken.append(self.building.levels[neighbour].polygon.intersection(behind_it))
         for exit_ in self.open_exits(level.index):
             rows = free_rows(exit_.segments, shapely.union_all(taken), lattice.spacing, self.margin - 1)
             self.strip_rows[exit_.index] = rows
@@ -312,17 +309,8 @@ class _Layers:
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
 
-    def _zone(self, portal: Portal, level: int) -> BaseGeometry:
-        """Return the ground behind a portal that its halo may cover."""
-        neighbour = self.building.levels[portal.other(level)].polygon
-        return neighbour.intersection(shapely.buffer(chain(portal.segments), self._depth(portal)))
-
-    def _depth(self, portal: Portal) -> float:
-        return _depth(portal, self.windows[0].lattice.spacing)
-
-    def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int) -> None:
+    def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int, depth: float) -> None:
         """Add the neighbour's nodes that can be reached directly behind a portal to the sheet."""
-        depth = self._depth(portal)
         box = window.box_around(portal.segments, depth)
         part = window.part(box)
         nodes = np.zeros(part.shape, dtype=np.bool_)
