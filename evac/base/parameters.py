@@ -29,7 +29,7 @@ class Parameter:
     ----------
     default : object
         Value used if the case does not set it. Its type is the required type; an int is accepted for a float. That of
-        a tuple is a list of words, each of `choices` if there are any, which becomes a tuple without repetitions; that
+        a tuple of words is a list of words, each of `choices` if there are any, which becomes a tuple without repetitions; that
         of a dictionary is a table.
     doc : str
         One sentence, shown by ``evac plugins`` and in the reference.
@@ -90,7 +90,7 @@ class Parameter:
             if not isinstance(value, str):
                 raise PluginError(f"{key}: expected a word, got {reprlib.repr(value)}")
             return self._check_word(key, value)
-        if isinstance(self.default, tuple):
+        if isinstance(self.default, tuple) and all(isinstance(word, str) for word in self.default):
             if not isinstance(value, list | tuple) or not all(isinstance(word, str) for word in value):
                 raise PluginError(f"{key}: must be a list of words, got {reprlib.repr(value)}")
             return tuple(dict.fromkeys(self._check_word(key, word) for word in value))
