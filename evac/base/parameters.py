@@ -29,8 +29,8 @@ class Parameter:
     ----------
     default : object
         Value used if the case does not set it. Its type is the required type; an int is accepted for a float. That of
-        a tuple of words is a list of words, each of `choices` if there are any, which becomes a tuple without repetitions; that
-        of a dictionary is a table.
+        a tuple of words is a list of words, each of `choices` if there are any, which becomes a tuple without
+        repetitions; that of a dictionary is a table.
     doc : str
         One sentence, shown by ``evac plugins`` and in the reference.
     unit : str
