@@ -200,9 +200,14 @@ def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:
 def _list_below(figure: Figure, listed: list[tuple[int, Finding]]) -> None:
     """Enlarge a figure at the bottom and list findings there."""
     width, height = figure.get_size_inches().tolist()
-    lines = _listing(listed, round(LETTERS * (width - 2 * MARGIN)))
+    lines = list[tuple[str, str]]()
+    for number, finding in listed[:MOST_LISTED]:
+        words, letters = f"{number}  {finding.kind}: {finding}", round(LETTERS * (width - 2 * MARGIN))
+        lines += [(line, MARK[finding.kind]) for line in textwrap.wrap(words, letters, subsequent_indent="     ")]
     if not lines:
         return
+    if len(listed) > MOST_LISTED:
+        lines.append((f"and {len(listed) - MOST_LISTED} more", palette.TEXT))
     below = LINE * len(lines) + MARGIN
     total = height + below
     for axes in figure.axes:
@@ -280,14 +285,3 @@ def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
     axes.annotate(
         labels, (x, y), (6, 6), textcoords="offset points", fontsize=7, color=colour, weight="bold", bbox=box, zorder=9
     )
-
-
-def _listing(listed: list[tuple[int, Finding]], width: int) -> list[tuple[str, str]]:
-    """Return the lines below a picture, with their colours."""
-    lines: list[tuple[str, str]] = []
-    for number, finding in listed[:MOST_LISTED]:
-        wrapped = textwrap.wrap(f"{number}  {finding.kind}: {finding}", width, subsequent_indent="     ")
-        lines += [(line, MARK[finding.kind]) for line in wrapped]
-    if len(listed) > MOST_LISTED:
-        lines.append((f"and {len(listed) - MOST_LISTED} more", palette.TEXT))
-    return lines

@@ -30,17 +30,6 @@ MOST_LINES = 12
 SIZE = (8.0, 5.0)
 
 
-def draw_egress(results: Results, path: Path) -> None:
-    """Draw the egress curve to a PNG file, see `egress_figure`.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written.
-    """
-    save(egress_figure(results), path)
-
-
 def egress_figure(results: Results) -> Figure:
     """Return the egress curve of all people who are to leave, and of each group of them if there are several."""
     people = len(results.leaving)

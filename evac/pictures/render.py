@@ -2,7 +2,7 @@
 
 import importlib.util
 import math
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -228,7 +228,12 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
     images = (renderer.image(k) for k in frames)
     with replacing(path, "the film") as new:
         if path.suffix == ".mp4":
-            _write_mp4(new, images, fps)
+            import imageio.v2 as imageio
+
+            film: Any = imageio.get_writer(new, format="FFMPEG", fps=fps, macro_block_size=2)
+            with film:
+                for image in images:
+                    film.append_data(image)
         else:
             # The palette of a GIF is that of the first picture, and of the first after each change of the building.
             first = {trajectory.building_at(float(trajectory.time[k])).condition: k for k in reversed(frames)}
@@ -263,12 +268,3 @@ def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
 def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
     if path.suffix not in endings:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {' or '.join(endings)}")
-
-
-def _write_mp4(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
-    import imageio.v2 as imageio
-
-    film: Any = imageio.get_writer(path, format="FFMPEG", fps=fps, macro_block_size=2)
-    with film:
-        for image in images:
-            film.append_data(image)

@@ -50,8 +50,5 @@ def _where(point: Point, numbers: dict[str, str], lacking: Collection[str]) -> t
     present = [section for section in point.sections if section in numbers]
     if not present:
         return Cell("not provided", "bad"), left or "add it"
-    return Cell(_links(present, numbers), "open" if left else "good"), left or "nothing"
-
-
-def _links(sections: Sequence[str], numbers: dict[str, str]) -> Markup:
-    return Markup(", ").join(Markup('<a href="#{}">{}</a>').format(key, numbers[key]) for key in sections)
+    links = Markup(", ").join(Markup('<a href="#{}">{}</a>').format(key, numbers[key]) for key in present)
+    return Cell(links, "open" if left else "good"), left or "nothing"

@@ -268,16 +268,13 @@ def _designs(what: Any) -> Iterator[Design]:
 def _of_point(study: Study, point: int) -> Design:
     rows = list(study.rows(point, ("seed", "population_seed", "blocked", "exit_time")))
     label = study.points[point].label
+    times = [np.asarray(row["exit_time"], np.float64) for row in rows]
     return Design(
         f"{study.folder.name}: {label}" if label else study.folder.name,
         tuple((row["seed"], row["seed"] if row["population_seed"] is None else row["population_seed"]) for row in rows),
-        tuple(_of_leaving(np.asarray(row["exit_time"], np.float64), row["blocked"]) for row in rows),
+        tuple(one if row["blocked"] else one[np.isfinite(one)] for one, row in zip(times, rows, strict=True)),
         tuple(not row["blocked"] for row in rows),
     )
-
-
-def _of_leaving(exit_time: FloatArray, is_blocked: bool) -> FloatArray:
-    return exit_time if is_blocked else exit_time[np.isfinite(exit_time)]
 
 
 def _seeds(seeds: Sequence[tuple[int, int]]) -> str:

@@ -32,15 +32,6 @@ def _answer(run: Results, decisive: DesignFlow | None) -> str:
 def _row(one: DesignFlow) -> tuple[object, ...]:
     ratio = None if one.flow is None or not one.hydraulic_flow else one.flow / one.hydraulic_flow
     people = Cell(str(one.people), "bad") if one.people > one.capacity else str(one.people)
-    return (
-        one.kind,
-        one.name,
-        fixed(one.width, 2),
-        people,
-        fixed(one.flow, 2),
-        fixed(one.hydraulic_flow, 2),
-        fixed(ratio, 2),
-        fixed(one.laboratory_flow, 2),
-        str(one.capacity),
-        fixed(one.hydraulic_time, 1),
-    )
+    flows = [fixed(number, 2) for number in (one.flow, one.hydraulic_flow, ratio, one.laboratory_flow)]
+    last = str(one.capacity), fixed(one.hydraulic_time, 1)
+    return one.kind, one.name, fixed(one.width, 2), people, *flows, *last

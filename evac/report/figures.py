@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image
@@ -166,10 +167,7 @@ def doses(columns: Mapping[str, Sequence[float]]) -> Picture:
     for name, colour in (("gas", palette.TEXT), ("heat", palette.CLOSED)):
         axes.plot(columns["time"], columns[f"greatest_{name}"], color=colour, label=f"{name}: greatest")
         axes.plot(columns["time"], columns[f"mean_{name}"], color=colour, linestyle="dashed", label=f"{name}: mean")
-    axes.set(xlim=(0.0, columns["time"][-1]), ylim=(0.0, None))
-    axes.set_xlabel("time [s]", fontsize=8)
-    axes.set_ylabel("dose", fontsize=8)
-    axes.tick_params(labelsize=8)
+    _label_small(axes, columns["time"][-1], "dose")
     axes.legend(frameon=False, fontsize=8)
     return drawing(figure, "Mean and greatest doses of all people who have come, over time.", "doses over time")
 
@@ -197,14 +195,19 @@ def bottleneck(trajectory: Trajectory, queue: Queue, maps: Mapping[str, LevelMap
     axes = figure.add_axes((0.47, 0.24, 0.52, 0.7))
     axes.fill_between(trajectory.time, queue.at_once, step="post", color=palette.CLOSED, alpha=0.3, linewidth=0)
     axes.step(trajectory.time, queue.at_once, where="post", color=palette.CLOSED, linewidth=0.8)
-    axes.set(xlim=(0.0, trajectory.time[-1]), ylim=(0.0, None))
-    axes.set_xlabel("time [s]", fontsize=8)
-    axes.set_ylabel("people who wait", fontsize=8)
+    _label_small(axes, trajectory.time[-1], "people who wait")
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
     words = str(queue)
     return _mapped(figure, f"{number}. {words[0].upper()}{words[1:]}.", "place")
+
+
+def _label_small(axes: Axes, end: float, up: str) -> None:
+    """Label axes for a quantity over time in a small picture."""
+    axes.set(xlim=(0.0, end), ylim=(0.0, None))
+    axes.set_xlabel("time [s]", fontsize=8)
+    axes.set_ylabel(up, fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _mapped(figure: Figure, caption: str, class_: str = "map") -> Picture:

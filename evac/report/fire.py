@@ -38,20 +38,17 @@ def margins_section(run: Results) -> Section | None:
     smoky: Mapping[str, Any] = {} if run.conditions is None else run.conditions["levels"]
     if not given and not smoky:
         return None
+    # Of a run without a trajectory, the storeys are not known.
+    groups = [(name, [name]) for name in run.levels]
+    if run.building_or_none is not None:
+        groups = [(name, [level.name for level in levels]) for name, levels in storeys(run.building)]
     return section(
         "margins",
         "Available and required safe egress times",
-        rows=[_storey(name, levels, given, smoky, run) for name, levels in _storeys(run)],
+        rows=[_storey(name, levels, given, smoky, run) for name, levels in groups],
         tenable=TENABLE,
         smoke=settings["smoke"] if smoky else None,
     )
-
-
-def _storeys(run: Results) -> list[tuple[str, list[str]]]:
-    """Return the names of storeys and of their levels; of a run without a trajectory, of the levels alone."""
-    if run.building_or_none is None:
-        return [(name, [name]) for name in run.levels]
-    return [(name, [level.name for level in levels]) for name, levels in storeys(run.building)]
 
 
 def _storey(

@@ -11,7 +11,7 @@ from evac.base.distributions import told
 from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.answer import time_of_share
-from evac.results.record import FlowUse, PlaceUse
+from evac.results.record import ExitUse, FlowUse, PlaceUse
 from evac.results.results import Results
 
 #: Shares of the people whose times are told [%].
@@ -37,8 +37,7 @@ def times_section(run: Results) -> Section:
     for index, (name, use) in enumerate(record.exits.items()):
         times = exit_time[run.crowd.exit_used == index]
         first = fixed(float(times.min()), 1) if times.size else None
-        flows = fixed(use.width, 2), fixed(use.flow, 2), fixed(use.flow_per_metre, 2)
-        exits.append((name, use.people, first, fixed(use.last_out, 1), *flows))
+        exits.append((name, use.people, first, fixed(use.last_out, 1), *_width_and_flows(use)))
     return section(
         "times",
         "Course and evacuation times",
@@ -47,7 +46,7 @@ def times_section(run: Results) -> Section:
         stuck=[(name, number) for name, number in Counter(one.level for one in record.stuck).items()],
         curve=figures.egress(len(leaving), record.simulated_time, run.egress(), curves, sizes),
         shares=[
-            (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time(time_of_share(exit_time[leaving], share)))
+            (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time_of(share, exit_time[leaving]))
             for share in SHARES
         ],
         groups=groups,
@@ -63,15 +62,7 @@ def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:
     portals.sort(key=lambda use: -(use.flow_per_metre or 0.0))
     chosen = [use for use in flows if use.kind == "line"] + [use for use in flows if use.kind == "door"][:MOST_ROWS]
     return [
-        (
-            use.kind,
-            use.name,
-            use.direction,
-            use.people,
-            fixed(use.width, 2),
-            fixed(use.flow, 2),
-            fixed(use.flow_per_metre, 2),
-        )
+        (use.kind, use.name, use.direction, use.people, *_width_and_flows(use))
         for use in [*chosen, *portals[:MOST_ROWS]]
     ]
 
@@ -97,13 +88,17 @@ def places_section(run: Results, id_: str = "places", name: str = "") -> Section
     )
 
 
-def _time(value: float | None) -> str:
-    return "not reached" if value is None else f"{value:.1f}"
+def _width_and_flows(use: FlowUse | ExitUse) -> tuple[str | None, ...]:
+    return tuple(fixed(number, 2) for number in (use.width, use.flow, use.flow_per_metre))
+
+
+def _time_of(share: float, times: FloatArray) -> str:
+    return fixed(time_of_share(times, share), 1) or "not reached"
 
 
 def _group(name: str, times: FloatArray) -> tuple[object, ...]:
     """Return the row of people with some exit times."""
     out = times[np.isfinite(times)]
     first, mean = (fixed(float(time), 1) for time in (out.min(), out.mean())) if out.size else (None, None)
-    shares = [_time(time_of_share(times, share)) for share in (50, 95, 100)] if times.size else [None] * 3
+    shares = [_time_of(share, times) for share in (50, 95, 100)] if times.size else [None] * 3
     return name, times.size, out.size, first, mean, *shares

@@ -90,7 +90,7 @@ def standard_section(case: CaseTable, keepers: Sequence[str]) -> Section:
         "standard.html",
         columns=["met"] if subject else columns,
         rows=[
-            [*(row[name] for name in TEST_COLUMNS), *(Cell(row[name], _kind_of_test(row[name])) for name in columns)]
+            [*(row[name] for name in TEST_COLUMNS), *(_coloured(row[name]) for name in columns)]
             for row in verdicts["tests"]
         ],
         validation=verdicts["kinds"]["validation"],
@@ -116,7 +116,7 @@ def _subjects() -> list[str]:
 def evidence_section() -> Section:
     """Return the appendix with the verdicts of all kinds of evidence that are not met or undecided."""
     rows = [
-        (name, row["question"], row["measured"], row["wanted"], Cell(row["verdict"], _kind(row["verdict"])))
+        (name, row["question"], row["measured"], row["wanted"], _coloured(row["verdict"]))
         for name, kind in evidence()["kinds"].items()
         for row in kind["verdicts"]
         if row["verdict"].startswith(("not met", "undecided"))
@@ -124,13 +124,8 @@ def evidence_section() -> Section:
     return section(EVIDENCE, f"{APPENDIX}verdicts of the evidence that are not met", rows=rows)
 
 
-def _kind_of_test(words: str) -> str:
-    if words.startswith("NO"):
-        return "bad"
-    return "open" if "not certain" in words else "good"
-
-
-def _kind(verdict: str) -> str:
-    if verdict == "met":
-        return "good"
-    return "bad" if verdict.startswith("not met") else "open"
+def _coloured(words: str) -> Cell:
+    """Return a verdict with the colour of what is met, failed, or neither for certain."""
+    if words.startswith(("NO", "not met")):
+        return Cell(words, "bad")
+    return Cell(words, "open" if "not certain" in words or words.startswith("undecided") else "good")

@@ -320,9 +320,9 @@ def draw_pictures(results: Results, folder: Path) -> None:
     """
     if results.case.output.picture:
         with _optional(folder / EGRESS_PICTURE_NAME):
-            from evac.pictures.pictures import draw_egress
+            from evac.pictures.pictures import egress_figure, save
 
-            draw_egress(results, folder / EGRESS_PICTURE_NAME)
+            save(egress_figure(results), folder / EGRESS_PICTURE_NAME)
     if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
         with _optional(folder / ANIMATION_NAME):
             from evac.export.vtk import export_vtk

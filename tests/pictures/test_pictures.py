@@ -6,11 +6,11 @@ import pytest
 from PIL import Image
 
 from evac.base.errors import ResultError
-from evac.pictures.pictures import draw_egress
+from evac.pictures.pictures import egress_figure, save
 
 
 def test_picture_shows_the_curve_of_everybody(results, tmp_path):
-    draw_egress(results, tmp_path / "egress.png")
+    save(egress_figure(results), tmp_path / "egress.png")
     pixels = np.asarray(Image.open(tmp_path / "egress.png").convert("RGB")).astype(int)
     assert pixels.shape == (750, 1200, 3)
     dark = (np.abs(pixels - [0x1F, 0x29, 0x33]) < 12).all(axis=2)
@@ -20,11 +20,8 @@ def test_picture_shows_the_curve_of_everybody(results, tmp_path):
     assert np.ptp(rows) > 150  # and from nobody to two of five
 
 
-def test_each_group_has_its_own_curve(results, tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr("evac.pictures.pictures.save", lambda figure, path: drawn.append(figure))
-    draw_egress(results, tmp_path / "egress.png")
-    (axes,) = drawn[0].axes
+def test_each_group_has_its_own_curve(results):
+    (axes,) = egress_figure(results).axes
     curves = {line.get_label(): [list(values) for values in line.get_data()] for line in axes.get_lines()[1:]}
     assert curves == {
         "low": [[0.0, 4.0, 9.0, 20.0], [0, 1, 2, 2]],
@@ -36,9 +33,7 @@ def test_each_group_has_its_own_curve(results, tmp_path, monkeypatch):
 @pytest.mark.parametrize("people", [5, 136, 99_999])
 @pytest.mark.parametrize("words", [1, 12, 60])
 @pytest.mark.parametrize("groups", [1, 2, 12])
-def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, words, groups):
-    drawn = []
-    monkeypatch.setattr("evac.pictures.pictures.save", lambda figure, path: drawn.append(figure))
+def test_all_that_is_written_has_room(results, people, words, groups):
     rows = np.array([0, 1])
     many = replace(
         results,
@@ -48,8 +43,7 @@ def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, wo
         groups=[SimpleNamespace(name=f"group {k} with a name", rows=rows) for k in range(groups)],
         title="evacuation " * words,
     )
-    draw_egress(many, tmp_path / "egress.png")
-    (figure,) = drawn
+    figure = egress_figure(many)
     inner = figure.get_tightbbox()
     assert inner.x0 > 0.0
     assert inner.y0 > 0.0
@@ -58,14 +52,11 @@ def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, wo
     assert np.ptp(figure.axes[0].get_position(), axis=0).min() > 0.5
 
 
-def test_a_name_wider_than_the_picture_leaves_half_of_it_to_the_curve(results, tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr("evac.pictures.pictures.save", lambda figure, path: drawn.append(figure))
+def test_a_name_wider_than_the_picture_leaves_half_of_it_to_the_curve(results):
     long = [SimpleNamespace(name=letter * 300, rows=np.array([0, 1])) for letter in "mn"]
-    draw_egress(replace(results, groups=long), tmp_path / "egress.png")
-    assert drawn[0].axes[0].get_position().x1 == 0.5
+    assert egress_figure(replace(results, groups=long)).axes[0].get_position().x1 == 0.5
 
 
 def test_unwritable_place_is_named(results, tmp_path):
     with pytest.raises(ResultError, match="absent"):
-        draw_egress(results, tmp_path / "absent" / "egress.png")
+        save(egress_figure(results), tmp_path / "absent" / "egress.png")

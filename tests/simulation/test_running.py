@@ -316,7 +316,7 @@ def test_titles_and_names_of_groups_are_drawn_as_they_are(tmp_path, title):
 def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earlier_ones(tmp_path, monkeypatch):
     case = evac.load("square_room", {"simulation.duration": 0.1})
     run(case, tmp_path / "r")
-    monkeypatch.setattr("evac.pictures.pictures.draw_egress", Mock(side_effect=ValueError("no picture")))
+    monkeypatch.setattr("evac.pictures.pictures.save", Mock(side_effect=ValueError("no picture")))
     with pytest.warns(FolderWarning, match=r"egress\.png: ValueError: no picture"):
         run(case.change({"simulation.seed": 5}), tmp_path / "r")
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
@@ -326,7 +326,7 @@ def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earl
 def test_an_interrupt_while_pictures_are_drawn_leaves_the_result_in_its_place(tmp_path, monkeypatch):
     case = evac.load("square_room", {"simulation.duration": 0.1})
     run(case, tmp_path / "r")
-    monkeypatch.setattr("evac.pictures.pictures.draw_egress", Mock(side_effect=KeyboardInterrupt))
+    monkeypatch.setattr("evac.pictures.pictures.save", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         run(case.change({"simulation.seed": 5}), tmp_path / "r")
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
