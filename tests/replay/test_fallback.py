@@ -75,11 +75,12 @@ def test_print_is_light_and_has_a_picture_for_the_canvas(browser, room):
     printed = image_of(browser.run("document.getElementById('printed').src"))
     assert printed.mean() > 200
     assert browser.run("document.documentElement.dataset.theme") == "light"
-    browser.send("Emulation.setEmulatedMedia", {"media": "print"})
+    dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+    browser.send("Emulation.setEmulatedMedia", {"media": "print", "features": dark})
     parts = "[...document.querySelectorAll('#printed, #answer, #facts, #exits, #view, #tools')]"
     shown = browser.run(f"{parts}.filter((one) => one.checkVisibility()).map(({{ id }}) => id)")
     assert sorted(shown) == ["answer", "exits", "facts", "printed"]
-    browser.send("Emulation.setEmulatedMedia", {"media": ""})
+    browser.send("Emulation.setEmulatedMedia", {"media": "", "features": dark})
     browser.run("dispatchEvent(new Event('afterprint'))")
     assert browser.run("document.documentElement.dataset.theme") == "dark"
     pages = base64.b64decode(browser.send("Page.printToPDF", {"preferCSSPageSize": True})["data"])
