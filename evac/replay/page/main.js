@@ -64,10 +64,12 @@ async function start() {
     redraw();
   }
 
-  function applyTheme() {
+  function setTheme(theme) {
+    document.documentElement.dataset.theme = theme;
     const style = getComputedStyle(document.documentElement), of = (name) => unit(style.getPropertyValue(`--${name}`).trim());
     look = { background: of("ground"), floors: ["floor", "flight", "landing"].flatMap(of), solids: ["wall", "wall-top", "desk"].flatMap(of), marks: [-1, -1, -1, ...about.colours.marks.flatMap(unit)], mark: of("mark"), rim: of("text") };
-    redraw();
+    recolour();
+    select(state.selected);
   }
 
   function recolour() {
@@ -151,12 +153,12 @@ async function start() {
   // Prints are light, and have a picture in the place of the canvas.
   function preparePrint() {
     const { theme } = document.documentElement.dataset;
-    if (theme === "dark") act.theme();
+    setTheme("light");
     by("printed").src = paint().toDataURL("image/png");
     by("printed").hidden = false;
     addEventListener("afterprint", () => {
       by("printed").hidden = true;
-      if (theme === "dark") act.theme();
+      setTheme(theme);
     }, { once: true });
   }
 
@@ -325,12 +327,7 @@ async function start() {
     service(service) { state.service = service; recolour(); },
     nextLayer() { act.layer(following(layers, state.layer)); },
     layer(layer) { state.layer = layer; showLayer(); },
-    theme() {
-      document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
-      applyTheme();
-      recolour();
-      if (state.selected !== null) select(state.selected);
-    },
+    theme() { setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); },
     select,
     // The next person, after the one selected, who has a number, or is in a group of a name.
     find(text) {
@@ -373,7 +370,7 @@ async function start() {
   };
 
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const follow = () => { document.documentElement.dataset.theme = dark.matches ? "dark" : "light"; applyTheme(); };
+  const follow = () => setTheme(dark.matches ? "dark" : "light");
   dark.addEventListener("change", follow);
   fillChoices();
   listen();
