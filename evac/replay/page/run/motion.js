@@ -51,10 +51,10 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
       }
     }
     for (row = first[k]; row < first[k + 1]; row++) {
-      const { plane: [c, a, b], uneven } = levels[motion.level[row]];
+      const level = levels[motion.level[row]], [c, a, b] = level.plane;
       if (seen[motion.person[row]] < 2) seen[motion.person[row]]++;
       motion.z[row] = c + a * motion.x[row] + b * motion.y[row];
-      if (uneven) motion.z[row] += grain * number(heights[lift++]);
+      if (level.uneven) motion.z[row] += grain * number(heights[lift++]);
     }
     const [speeds, waited, forces, doses] = codes.map(([bytes, last]) => {
       for (row = first[k]; row < first[k + 1]; row++) last[motion.person[row]] += number(bytes[row] ?? 0);
