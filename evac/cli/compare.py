@@ -20,7 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Show the differences, and write the page if wanted."""
     from evac.folder.resultfolder import check_result, find_result
-    from evac.report.comparison import compare, interval
+    from evac.report.comparison import compare
     from evac.report.pages import write_page
 
     folders = [find_result(path) for path in arguments.designs]
@@ -33,7 +33,7 @@ def execute(arguments: argparse.Namespace) -> int:
         rows = []
         for one in own:
             times = (round(time, 2) for time in (one.before, one.after, one.change.value))
-            rows.append((one.measure, *times, interval(one.change), one.verdict))
+            rows.append((one.measure, *times, one.change.bounds(), one.verdict))
         columns = ("measure [s]", "first", "design", "change", "95 % interval", "verdict")
         show_table(f"{design.label}, compared with {first.label}", columns, rows)
         for remark in dict.fromkeys(one.change.note for one in own if one.change.note):

@@ -141,7 +141,7 @@ def show_study(study: "Study") -> int:
     change = study.step_change
     if len(study.points) == 1 or change is not None:
         show_facts(facts | _settled_facts(study))
-        show_table(TITLE, ("statistic", "value", "95 % interval", "over"), _rows(study))
+        show_table(TITLE, ("statistic", "value [s]", "95 % interval", "over"), _rows(study))
     else:
         varied = ", ".join(parameter_keys(study))
         show_facts(facts | {"points": f"{len(study.points)}: {varied}", "seeds": "the same at every point"})
@@ -158,27 +158,29 @@ def show_study(study: "Study") -> int:
 
 def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
     """Return the rows of the table of statistics of a study with one point."""
+    from evac.study.statistics import told_time
+
     one = study.statistics[0]
     everywhere = counted(one.runs, "run")
-    rows = [("minimum", seconds(one.least), "", everywhere)]
+    rows = [("minimum", told_time(one.least), "", everywhere)]
     rows += [_row(found, everywhere) for found in one.percentiles]
-    rows.append(("maximum", seconds(one.greatest), "", everywhere))
+    rows.append(("maximum", told_time(one.greatest), "", everywhere))
     complete = counted(one.runs - one.blocked, "complete run") if one.blocked else everywhere
     rows.append(_row(one.mean, complete))
-    rows.append(("standard deviation", seconds(one.standard_deviation), "", complete))
+    rows.append(("standard deviation", told_time(one.standard_deviation), "", complete))
     names = [found.name for found in (one.mean, *one.percentiles)]
     if study.rule.until is not None and study.rule.statistic not in names:
         rows.append(_row(study.deciding(0), everywhere))
     if study.seeds.repetitions > 1:
         found = study.variation(0)
-        rows.append(("higher than 95 % of times (IMO)", seconds(found.reported), "", everywhere))
-        rows.append(("deviation between populations", seconds(found.between), "", complete))
-        rows.append(("deviation within populations", seconds(found.within), "", complete))
+        rows.append(("higher than 95 % of times (IMO)", told_time(found.reported), "", everywhere))
+        rows.append(("deviation between populations", told_time(found.between), "", complete))
+        rows.append(("deviation within populations", told_time(found.within), "", complete))
     return rows
 
 
 def _row(estimate: "Estimate", over: str) -> tuple[str, str, str, str]:
-    return estimate.name, seconds(estimate.value), interval(estimate), _noted(over, estimate.note)
+    return estimate.name, estimate.told, estimate.bounds(), _noted(over, estimate.note)
 
 
 def _noted(over: str, note: str) -> str:
@@ -187,43 +189,34 @@ def _noted(over: str, note: str) -> str:
 
 def _show_step(study: "Study", change: "Estimate") -> None:
     """Show the effect of half the time step, and what follows from it."""
+    from evac.study.statistics import told_time
+
     mean, half = (estimates.mean for estimates in study.statistics)
     step = study.points[1].parameters["simulation.step"]
     pairs = counted(change.runs, "pair") + " of runs with the same seed"
     rows = [_row(half, counted(half.runs, "complete run"))]
-    rows.append(("change of the mean", signed(change.value), interval(change, signed), _noted(pairs, change.note)))
+    value, bounds = told_time(change.value, "+.2f"), change.bounds("+.2f")
+    rows.append(("change of the mean", value, bounds, _noted(pairs, change.note)))
     share = [100.0 * value / mean.value for value in (change.value, change.low, change.high)]
     percent = [f"{value:+.1f} %" for value in share]
     reach = f"{percent[1]} to {percent[2]}" if change.has_interval else "none"
     rows.append(("change in percent", percent[0] if change.runs else "-", reach, "of the mean"))
-    show_table(f"With half the time step, {step:g} s", ("statistic", "value", "95 % interval", "over"), rows)
+    show_table(f"With half the time step, {step:g} s", ("statistic", "value [s]", "95 % interval", "over"), rows)
 
 
 def _show_points(study: "Study") -> None:
-    from evac.study.outputs import parameter_keys
+    from evac.study.outputs import points_table
 
-    keys = parameter_keys(study)
-    central, percentile = study.central, study.statistics[0].percentiles[-1].name
-    rows = []
-    for point, row in list(zip(study.points, study.statistics, strict=True))[:MOST_SHOWN]:
-        middle, found = row[central], row.percentiles[-1]
-        values = [point.parameters.get(key) for key in keys]
-        blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
-        times = [text for one in (middle, found) for text in (bare(one.value), interval(one, bare))]
-        rows.append([*values, *times, blocked])
-    columns = (*map(_head, keys), f"{central} [s]", "95 % interval", f"{percentile} [s]", "95 % interval", "blocked")
-    show_table(TITLE, columns, rows)
+    columns, rows = points_table(study)
+    percentile = study.statistics[0].percentiles[-1].name
+    heads = [key.rpartition(".")[2] for key in columns]  # the parameters are named in full above the table
+    show_table(TITLE, heads, rows[:MOST_SHOWN])
     if len(study.points) > MOST_SHOWN:
         print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
     for name in ("mean", percentile):
         remarks = dict.fromkeys(row[name].note for row in study.statistics if row[name].note)
         for remark in list(remarks)[:MOST_NOTES]:
             note(f"evac: {name}: {remark}")
-
-
-def _head(key: str) -> str:
-    """Return the last part of a key, as the head of a column; the parameters are named in full above the table."""
-    return key.rpartition(".")[2]
 
 
 def _settled_facts(study: "Study") -> dict[str, object]:
@@ -246,32 +239,6 @@ def _show_rule(study: "Study") -> None:
             where = f" at {point.label}" if len(study.points) > 1 else ""
             runs, half = counted(study.runs_of(point.index), "run"), 100 * decision.relative_half_width
             note(f"evac: interval of the {decision.name} narrow enough{where} after {runs}: half-width {half:.2g} %")
-
-
-def seconds(value: float) -> str:
-    """Format a time; an infinite one as "not reached"."""
-    if math.isnan(value):
-        return "-"
-    return f"{value:.2f} s" if math.isfinite(value) else "not reached"
-
-
-def bare(value: float) -> str:
-    """Format a time without its unit."""
-    return seconds(value).removesuffix(" s")
-
-
-def signed(value: float) -> str:
-    """Format a difference of times."""
-    return "-" if math.isnan(value) else f"{value:+.2f} s"
-
-
-def interval(estimate: "Estimate", told: Callable[[float], str] = seconds) -> str:
-    """Format the interval of an estimate; a bound that the runs do not determine is "open"."""
-    if math.isnan(estimate.low) and math.isnan(estimate.high):
-        return "none"
-    low = "open" if math.isnan(estimate.low) else told(estimate.low)
-    high = told(estimate.high) if math.isfinite(estimate.high) else "open"
-    return f"{low} to {high}"
 
 
 def share(text: str) -> float:

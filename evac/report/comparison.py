@@ -30,6 +30,10 @@ MAPS = ("max_density", "waiting")
 SAMPLES = 400
 
 
+#: Columns of the differences, on the page and in notebooks.
+HEAD = ("design", "measure", "first [s]", "design [s]", "difference [s]", "interval [s]", "pairs", "verdict")
+
+
 @dataclass(frozen=True)
 class Design:
     """A design that is compared: one run, or the runs of a study at one point.
@@ -164,19 +168,8 @@ class Comparison:
             title="Designs compared",
             kind=f"Differences from {self.designs[0].label}",
             designs=[(one.label, len(one.seeds), sum(one.is_complete), _seeds(one.seeds)) for one in self.designs],
-            differences=[
-                (
-                    one.design,
-                    one.measure,
-                    fixed(one.before, 2),
-                    fixed(one.after, 2),
-                    fixed(one.change.value, 2),
-                    interval(one.change),
-                    one.change.runs,
-                    f"{one.verdict} ({one.change.note})" if one.change.note else one.verdict,
-                )
-                for one in self.differences
-            ],
+            head=HEAD,
+            differences=self._table(),
             curve=figures.drawing(self.plot(), caption, "egress curves of the designs"),
             maps=list(self._maps()),
         )
@@ -185,9 +178,22 @@ class Comparison:
         """Return the differences as a table, and the curves, for notebooks."""
         from evac.pictures.notebook import figure_html, table_html
 
-        rows = self.rows()
-        table = table_html(list(rows[0]), (list(row.values()) for row in rows))
+        table = table_html(HEAD, self._table())
         return table + figure_html(self.plot(), "egress curves")
+
+    def _table(self) -> list[tuple[Any, ...]]:
+        """Return the cells below `HEAD`."""
+        return [
+            (
+                one.design,
+                one.measure,
+                *(fixed(time, 2) for time in (one.before, one.after, one.change.value)),
+                one.change.bounds() if one.change.has_interval else "",
+                one.change.runs,
+                f"{one.verdict} ({one.change.note})" if one.change.note else one.verdict,
+            )
+            for one in self.differences
+        ]
 
     def _maps(self) -> Iterator[figures.Picture]:
         """Yield the maps of differences of designs that are single runs with a trajectory."""
@@ -231,11 +237,6 @@ def compare(*what: "str | Path | Results | Study | tuple[Study, int]") -> Compar
                 " chance; run both with the same seeds (--seed)"
             )
     return Comparison(tuple(designs))
-
-
-def interval(change: Estimate) -> str:
-    """Return the bounds of an interval in words; empty if there is none."""
-    return f"{change.low:.2f} to {change.high:.2f}" if change.has_interval else ""
 
 
 def _differences(first: Design, other: Design) -> Iterator[Difference]:

@@ -133,6 +133,18 @@ def statistics_rows(study: "Study") -> list[dict[str, Any]]:
     ]
 
 
+def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:
+    """Return the heads and cells of a table of the points, with evacuation times and their intervals."""
+    keys, percentile = parameter_keys(study), study.statistics[0].percentiles[-1].name
+    rows = []
+    for point, row in zip(study.points, study.statistics, strict=True):
+        found = row[study.central], row.percentiles[-1]
+        times = [f"{one.told} ({bounds})" if (bounds := one.bounds()) else one.told for one in found]
+        blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
+        rows.append([*(point.parameters.get(key) for key in keys), *times, blocked])
+    return [*keys, *(f"{name} [s] (95 % interval)" for name in (study.central, percentile)), "blocked"], rows
+
+
 def parameter_keys(study: "Study") -> list[str]:
     """Return the names of the parameters of a study, in order."""
     return list(dict.fromkeys(key for point in study.points for key in point.parameters))

@@ -64,6 +64,18 @@ class Estimate:
     note: str = ""
 
     @property
+    def told(self) -> str:
+        """The value in words."""
+        return told_time(self.value)
+
+    def bounds(self, form: str = ".2f") -> str:
+        """Return the interval in words, with bounds in a format; "open" where the runs do not determine it."""
+        if math.isnan(self.low) and math.isnan(self.high):
+            return ""
+        low = "open" if math.isnan(self.low) else told_time(self.low, form)
+        return f"{low} to {told_time(self.high, form) if math.isfinite(self.high) else 'open'}"
+
+    @property
     def has_interval(self) -> bool:
         """Whether both bounds are determined; they may be infinite."""
         return not (math.isnan(self.low) or math.isnan(self.high))
@@ -73,6 +85,11 @@ class Estimate:
         """Half the width of the interval divided by the value; infinite if either is not finite."""
         half = 0.5 * (self.high - self.low)
         return half / self.value if math.isfinite(half) and math.isfinite(self.value) and self.value else math.inf
+
+
+def told_time(value: float, form: str = ".2f") -> str:
+    """Return a time [s] in a format; empty if undefined, and "not reached" if infinite."""
+    return "" if math.isnan(value) else f"{value:{form}}" if math.isfinite(value) else "not reached"
 
 
 @dataclass(frozen=True)

@@ -108,13 +108,11 @@ class Study:
         return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
 
     def _repr_html_(self) -> str:
-        """Return the statistics of all points as a table, and their picture, for notebooks."""
+        """Return the evacuation times of all points as a table, and their picture, for notebooks."""
         from evac.pictures.notebook import figure_html, table_html
-        from evac.study.outputs import statistics_rows
+        from evac.study.outputs import points_table
 
-        rows = statistics_rows(self)
-        table = table_html(list(rows[0]), (list(row.values()) for row in rows))
-        return table + figure_html(self.plot(), "evacuation times")
+        return table_html(*points_table(self)) + figure_html(self.plot(), "evacuation times")
 
     def plot(self) -> "Figure":
         """Return a figure of the egress curves over the runs of a single point, or of the statistics of all points."""
