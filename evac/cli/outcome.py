@@ -45,7 +45,10 @@ def show_results(results: Results) -> None:
     summary = results.summary()
     _show_outcome(summary, results)
     _show_places(summary, results)
-    _show_left(summary)
+    if stuck := summary["stuck"]:
+        rows = [(one["person"], one["level"], round(one["x"], 2), round(one["y"], 2)) for one in stuck[:MOST_LISTED]]
+        more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
+        show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)
     _show_contact(summary["contact"])
     wall = summary["wall_time"]
     phases = [*wall.items(), ("all", sum(wall.values()))]
@@ -120,12 +123,3 @@ def _show_contact(contact: dict[str, Any]) -> None:
     if contact["hardened_contacts"]:
         rows.insert(3, ("hardened contacts", f"{contact['hardened_contacts']} of {contact['contacts']}"))
     show_table("Contact", ("quantity", "value"), rows)
-
-
-def _show_left(summary: dict[str, Any]) -> None:
-    """List people without progress."""
-    stuck = summary["stuck"]
-    if stuck:
-        rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]
-        more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
-        show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)

@@ -7,7 +7,6 @@ ends with status 2 if one of them fails.
 import argparse
 import inspect
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,10 @@ def execute(arguments: argparse.Namespace) -> int:
         raise PluginError(f"no plugin is named {arguments.name!r}; {hint}")
     if arguments.name is None and not arguments.verbose:
         for entry in entries:
-            _list(entry)
+            told = f"  ({entry['source']}, {entry['origin']} {entry['version']})"
+            for item in entry["provides"]:
+                doc = item["doc"].partition(". ")[0].rstrip(".") + ("" if entry["origin"] == "built-in" else told)
+                say(f"{item['kind'].replace('_', ' ')} {item['name']}: {doc}", 1)
         return 0
     for entry in entries:
         items = [item for item in entry["provides"] if arguments.name in (None, item["name"])]
@@ -53,14 +55,6 @@ def execute(arguments: argparse.Namespace) -> int:
         for item in items:
             _show(item, None if arguments.name is None else registry.get(item["kind"], item["name"]))
     return 0
-
-
-def _list(entry: Mapping[str, Any]) -> None:
-    """Print a line for each thing that a plugin provides."""
-    origin = "" if entry["origin"] == "built-in" else f"  ({entry['source']}, {entry['origin']} {entry['version']})"
-    for item in entry["provides"]:
-        kind = item["kind"].replace("_", " ")
-        say(f"{kind} {item['name']}: {item['doc'].partition('. ')[0].rstrip('.')}{origin}", 1)
 
 
 def _check(file: str, others: list[str]) -> int:

@@ -27,6 +27,13 @@ from evac.trajectory.trajectory import Trajectory, read_trajectory
 if TYPE_CHECKING:
     from evac.case.case import Case
 
+#: Attributes of results that are those of the summary.
+AS_WRITTEN = (
+    *("title", "ended", "steps", "seed", "metrics", "versions", "entered_barred", "notes", "keeps_distance", "changes"),
+    *("waiting_outside", "resumed", "quickest", "conditions", "source", "places", "routes", "warnings"),
+    *("quality_warnings", "plugins", "files", "plugin_files"),
+)
+
 
 def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Results:
     """Read the results of a run from its folder, also of one that was interrupted or has failed.
@@ -93,7 +100,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
             f"{summary.evacuated}; the files are not of one run: run the case again"
         )
     passages = _crossings(place / CROSSINGS_NAME, summary.people, portals)
-    data = {name: getattr(summary, name) for name in ("title", "ended", "steps", "seed", "metrics", "versions")}
+    data = {name: getattr(summary, name) for name in AS_WRITTEN}
     results = Results(
         **data,
         settings=settings,
@@ -104,7 +111,6 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
             Group(one.name, np.flatnonzero(group == index).astype(np.int32), one.behaviours)
             for index, one in enumerate(summary.table.people)
         ),
-        routes=summary.routes,
         start_position=table.pairs("start_x", "start_y"),
         start_level=start_level,
         crossings=passages,
@@ -114,27 +120,12 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         levels=_dumped(summary.levels),
         stairs=_dumped(summary.stairs),
         doors=[door.model_dump() for door in summary.doors],
-        places=summary.places,
-        entered_barred=summary.entered_barred,
-        notes=summary.notes,
         stuck=tuple(one.person for one in summary.stuck),
-        warnings=tuple(summary.warnings),
-        quality_warnings=tuple(summary.quality_warnings),
-        keeps_distance=summary.keeps_distance,
         report=summary.contact.model_dump(),
         phases=summary.wall_time,
         plan=[(row.part, row.state, row.why) for row in summary.plan],
-        plugins=tuple(summary.plugins),
         folder=place,
-        files=tuple(summary.files),
-        plugin_files=tuple(summary.plugin_files),
-        changes=tuple(summary.changes),
-        waiting_outside=summary.waiting_outside,
-        resumed=summary.resumed,
-        quickest=summary.quickest,
-        conditions=summary.conditions,
         exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
-        source=summary.source,
     )
     # Cached properties, so that the file is not read again.
     vars(results)["trajectory"] = trajectory

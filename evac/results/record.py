@@ -172,8 +172,8 @@ class Summary(Record):
     notes: tuple[str, ...] = ()
     waiting_outside: Count = 0
     stuck: list[StuckPlace]
-    warnings: list[str]
-    quality_warnings: list[str]
+    warnings: tuple[str, ...]
+    quality_warnings: tuple[str, ...]
     simulated_time: Amount
     steps: Count
     exits: dict[str, ExitUse]
@@ -190,14 +190,14 @@ class Summary(Record):
     metrics: dict[str, Any]
     quickest: dict[str, Amount] | None = None
     conditions: dict[str, Any] | None = None
-    changes: list[Annotated[Change, BeforeValidator(Change.from_row)]]
+    changes: tuple[Annotated[Change, BeforeValidator(Change.from_row)], ...]
     resumed: list[dict[str, Any]]
-    files: list[str]
-    plugin_files: list[str]
+    files: tuple[str, ...]
+    plugin_files: tuple[str, ...]
     seed: Count
     source: str
     keeps_distance: list[str]
-    plugins: list[str]
+    plugins: tuple[str, ...]
     versions: dict[str, str]
     table: CaseTable = Field(alias="case")
 

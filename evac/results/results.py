@@ -57,27 +57,9 @@ EGRESS_COLUMNS = ("time", "number_out")
 FLOWS_COLUMNS = ("time", "kind", "name", "direction", "count", "flow", "specific_flow")
 CROSSINGS_COLUMNS = ("person", "portal", "time")
 PEOPLE_COLUMNS = (
-    "person",
-    "group",
-    "start_x",
-    "start_y",
-    "start_level",
-    "radius",
-    "height",
-    "mass",
-    "tau",
-    "speed",
-    "speed_up",
-    "speed_down",
-    "arrival_time",
-    "response_time",
-    "route",
-    "exit",
-    "exit_time",
-    "distance",
-    "end_x",
-    "end_y",
-    "end_level",
+    *("person", "group", "start_x", "start_y", "start_level", "radius", "height", "mass", "tau"),
+    *("speed", "speed_up", "speed_down", "arrival_time", "response_time", "route", "exit", "exit_time"),
+    *("distance", "end_x", "end_y", "end_level"),
 )
 
 #: Columns of people.csv in addition, of a case with conditions of the air: those of `Exposure`.
@@ -450,6 +432,7 @@ class Results:
 
     def summary(self) -> dict[str, Any]:
         """Return the content of ``summary.json``: plain numbers, strings, lists and dictionaries."""
+        levels = list(self.levels)
         summary = {
             "title": self.title,
             "people": self.number_of_people,
@@ -460,7 +443,10 @@ class Results:
             "places": [asdict(place) for place in self.places],
             "entered_barred": {name: list(people) for name, people in self.entered_barred.items()},
             "notes": list(self.notes),
-            "stuck": self._stuck_places(),
+            "stuck": [
+                {"person": int(row), "level": levels[self.crowd.level[row]], "x": x, "y": y}
+                for row, (x, y) in zip(self.stuck, self.crowd.position[list(self.stuck)].tolist(), strict=True)
+            ],
             "not_started": self.not_started,
             "not_arrived": self.not_arrived,
             "waiting_outside": self.waiting_outside,
@@ -545,18 +531,6 @@ class Results:
             The file cannot be written.
         """
         write_json(folder / SUMMARY_NAME, self.summary(), "the results")
-
-    def _stuck_places(self) -> list[dict[str, Any]]:
-        names = list(self.levels)
-        return [
-            {
-                "person": int(p),
-                "level": names[self.crowd.level[p]],
-                "x": self.crowd.position[p, 0],
-                "y": self.crowd.position[p, 1],
-            }
-            for p in self.stuck
-        ]
 
 
 def results_of(
