@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evac.base.distributions import told
@@ -29,14 +29,16 @@ WORDS = {
 }
 
 
-def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[str], seed: str, command: str) -> Section:
+def model_section(
+    case: CaseTable, versions: Mapping[str, str], plugins: Sequence[str], seed: str, command: str
+) -> Section:
     """Return the section on the model.
 
     Parameters
     ----------
     case : CaseTable
     versions : mapping of str to str
-    plugins : list of str
+    plugins : sequence of str
     seed : str
         One seed, or the seeds of a study.
     command : str

@@ -1,7 +1,6 @@
 """What a run answers, in a few lines: who is out, when, by which exits, where people waited, and what to mind."""
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -39,15 +38,13 @@ class Answer(NamedTuple):
 
 def answer_of(results: "Results") -> Answer:
     """Return the answer of a run, from its results and, where there is one, its trajectory."""
-    return Answer(
-        verdict=_verdict(results),
-        times=_times(results),
-        exits=_exits(results),
-        queue=_queue(results),
-        movement=_movement(results.keeps_distance),
-        remarks=results.remarks,
-        warnings=_warnings(results),
-    )
+    queue, keepers = "", ", ".join(results.keeps_distance)
+    if results.trajectory is not None:
+        queue = f"Longest queue, {results.queues[0]}" if results.queues else "Nobody had to wait"
+    movement = f"No distances kept; for them: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+    movement = f"People keep distances ({keepers})" if keepers else movement
+    said = _verdict(results), _times(results), _exits(results), queue, movement
+    return Answer(*said, results.remarks, _warnings(results))
 
 
 def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
@@ -99,19 +96,6 @@ def _exits(results: "Results") -> tuple[str, ...]:
         people = sum(use["people"] for _, use in others)
         lines.append(f"{len(others)} other exits: {counted(people, 'person', 'people')}")
     return tuple(lines)
-
-
-def _queue(results: "Results") -> str:
-    if results.trajectory is None:
-        return ""
-    return f"Longest queue, {results.queues[0]}" if results.queues else "Nobody had to wait"
-
-
-def _movement(keepers: Sequence[str]) -> str:
-    """Describe how people walk, by the behaviours in use that keep distances."""
-    if keepers:
-        return f"People keep distances ({', '.join(keepers)})"
-    return f"No distances kept; for them: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
 
 
 def _warnings(results: "Results") -> str:
