@@ -83,7 +83,7 @@ def test_fields_are_filled_in_or_empty(page):
 
 def test_main_results_are_those_of_the_summary(page, summary):
     assert page.fact("Answer") == f"Everybody out: {summary['evacuated']} of {summary['people']} people out"
-    assert f" {summary['last_out']:.2f} s, 95 % are out after " in page.fact("Evacuation")
+    assert f" {summary['last_out']:.2f} s; 95 % are out after " in page.fact("Evacuation")
     assert page.fact("Quality warnings") == str(len(summary["quality_warnings"]))
     assert page.fact("seed") == str(summary["seed"])
     assert page.fact("numpy") == summary["versions"]["numpy"]
