@@ -18,7 +18,6 @@ from evac.building.geometry.overlays import LEAST_AREA, common, cut, place_of, u
 from evac.building.geometry.segments import between_floors, segment_lengths
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
-from evac.building.plan.doors import placed
 from evac.building.plan.outlines import (
     Strip,
     along,
@@ -27,6 +26,7 @@ from evac.building.plan.outlines import (
     distinct,
     nearest,
     normal,
+    placed,
     strip,
     with_walls,
     written,

@@ -14,8 +14,7 @@ from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.building.geometry.overlays import GRID, flat_parts
 from evac.building.geometry.segments import segment_lengths
-from evac.building.plan.doors import placed
-from evac.building.plan.outlines import normal, strip
+from evac.building.plan.outlines import normal, placed, strip
 from evac.building.surface.welding import weld_points
 
 #: Grid on which lines are noded [m]; lines that were meant to coincide do so on this grid.

@@ -30,7 +30,9 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
     is_bare = ~np.any([np.zeros(len(whole.triangles), dtype=bool), *whole.cell_tags.values()], axis=0)
     named = [group for group in groups if len(group[3])]
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(named))]
-    lines += [f"{dimension} {number} {_quoted(tag)}" for number, (dimension, _, tag, _) in enumerate(named, start=1)]
+    # As meshio reads them, quotes and backslashes in tags follow a backslash.
+    quoted = [tag.replace("\\", "\\\\").replace('"', '\\"') for _, _, tag, _ in named]
+    lines += [f'{named[row][0]} {row + 1} "{tag}"' for row, tag in enumerate(quoted)]
     lines += ["$EndPhysicalNames", "$Nodes", str(len(whole.points))]
     lines += [f"{row} {x!r} {y!r} {z!r}" for row, (x, y, z) in enumerate(whole.points.tolist(), start=1)]
     cells = [f"{TRIANGLE} 2 0 0 {a} {b} {c}" for a, b, c in (whole.triangles[is_bare] + 1).tolist()]
@@ -78,9 +80,3 @@ def tagged_surface(surface: Surface, building: Building) -> SurfaceMesh:
         first += len(corners)
     points = np.concatenate([points, *(corners.reshape(-1, 3) for corners in obstacles)])
     return SurfaceMesh(points, np.concatenate([cells, more]), tags, surface.exit_edges)
-
-
-def _quoted(tag: str) -> str:
-    """Return a tag in quotes, as meshio reads it: with a backslash before quotes and backslashes."""
-    escaped = tag.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -41,13 +42,20 @@ STEEPEST = float(np.cos(np.radians(50.0)))
 LEAST_SIDE = 0.5
 
 
+class Landing(NamedTuple):
+    """A level face of a stair: a landing, or a tread."""
+
+    plan: BaseGeometry
+    z: float
+
+
 @dataclass(frozen=True)
 class Run:
     """Consecutive treads, or an inclined face."""
 
     names: tuple[str, ...]  # names of the bodies that the treads belong to
     # list of (polygon, float [m]): plan and height of each tread, from bottom to top; both ends of an inclined face
-    treads: list[tuple[BaseGeometry, float]]
+    treads: list[Landing]
     edges: FloatArray  # (e, 2, 2) float64 [m]: front edge of each tread and back edge of the last one, right end first
     riser: float  # [m]; 0 for an inclined face
     winds: bool = False  # whether its treads turn
@@ -57,14 +65,6 @@ class Run:
         """Where it is, for findings [m]."""
         x, y = self.treads[len(self.treads) // 2][0].centroid.coords[0]
         return x, y
-
-
-@dataclass(frozen=True)
-class Landing:
-    """A level part of a stair."""
-
-    plan: BaseGeometry
-    z: float
 
 
 @dataclass
@@ -83,7 +83,7 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
     for body in bodies:
         faces = _faces(body)
         if body.kind == "landing":
-            treads.landings += [Landing(plan, z) for plan, z in faces[-1:]]
+            treads.landings += faces[-1:]
             continue
         usual = float(np.median([plan.area for plan, _ in faces])) if faces else 0.0
         landings = [face for face in faces if len(faces) > 2 and face[0].area > LANDING * usual]
@@ -92,32 +92,32 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
         if any(len(chain) > 1 and _run(body.name, chain).winds for chain in chains):
             short = []
             chains = _chains([face for face in faces if face not in landings])
-        treads.short += [Landing(*face) for face in short]
-        treads.landings += [Landing(*face) for face in landings if face not in short]
+        treads.short += short
+        treads.landings += [face for face in landings if face not in short]
         made = [_run(body.name, chain) for chain in chains if len(chain) > 1]
         if not made:
             made = [
-                Run((body.name,), [(plan, z) for z in heights], edges, 0.0)
+                Run((body.name,), [Landing(plan, z) for z in heights], edges, 0.0)
                 for plan, edges, heights in _inclined_faces(body)
             ]
-            treads.landings += [Landing(*face) for face in faces if made and face not in landings]
+            treads.landings += [face for face in faces if made and face not in landings]
         treads.runs += made
         treads.bare += [] if made else [body]
     return treads
 
 
-def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
+def _faces(body: Body) -> list[Landing]:
     """Return the level faces of a stair that people can step on, from bottom to top; nosings belong to their treads.
 
     What is below another face, such as the steps of a stringer on which treads lie, is no part of them.
     """
-    faces: list[tuple[BaseGeometry, float]] = []
+    faces: list[Landing] = []
     tops = [(closed(plan, 0.02), z) for plan, z in body.tops()]
     for row, (plan, z) in enumerate(tops):
         over = [higher for higher, top in tops[row + 1 :] if top - z < CLEAR]
         for part in shapely.get_parts(cut(plan, united(over)) if over else plan):
             if part.area >= LEAST_TREAD and _depth(part) >= LEAST_DEPTH:
-                faces.append((part, z))
+                faces.append(Landing(part, z))
     return sorted(faces, key=lambda face: face[1])
 
 
@@ -127,9 +127,9 @@ def _depth(plan: BaseGeometry) -> float:
     return float(np.hypot(*np.diff(box[:3], axis=0).T).min()) if len(box) == 5 else 0.0
 
 
-def _chains(faces: Sequence[tuple[BaseGeometry, float]]) -> list[list[tuple[BaseGeometry, float]]]:
+def _chains(faces: Sequence[Landing]) -> list[list[Landing]]:
     """Chain the faces: each is one riser above the previous one and adjacent to it."""
-    chains: list[list[tuple[BaseGeometry, float]]] = []
+    chains: list[list[Landing]] = []
     for plan, z in faces:
         below = [
             chain
@@ -137,13 +137,13 @@ def _chains(faces: Sequence[tuple[BaseGeometry, float]]) -> list[list[tuple[Base
             if LEAST_RISER <= z - chain[-1][1] <= MOST_RISER and chain[-1][0].distance(plan) <= APART
         ]
         if below:
-            min(below, key=lambda chain: (z - chain[-1][1], chain[-1][0].distance(plan))).append((plan, z))
+            min(below, key=lambda chain: (z - chain[-1][1], chain[-1][0].distance(plan))).append(Landing(plan, z))
         else:
-            chains.append([(plan, z)])
+            chains.append([Landing(plan, z)])
     return chains
 
 
-def _run(name: str, chain: list[tuple[BaseGeometry, float]]) -> Run:
+def _run(name: str, chain: list[Landing]) -> Run:
     """Return a chain of treads as a run, which winds if its treads turn."""
     treads = [plan for plan, _ in chain]
     middle = np.array([plan.centroid.coords[0] for plan in treads])
