@@ -158,7 +158,7 @@ class Evidence:
     def _rendered(self, block: str, module: str, values: Row) -> list[str]:
         template = templates().get_template(f"{self.kind}/page.md")
         own = {"table": self.table, "data": self.data, "plot": self.plot}
-        context = template.new_context({**vars(sys.modules[module]), **own, **values})
+        context = template.new_context({**vars(import_module(module)), **own, **values})
         return paragraphs("".join(template.blocks[block](context)))
 
     def add(self, text: str) -> None:
