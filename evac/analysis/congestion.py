@@ -23,7 +23,7 @@ SHARE = 0.1
 
 
 @dataclass(frozen=True)
-class Place:
+class CongestedPlace:
     """A connected part of a level that was congested.
 
     Attributes
@@ -65,7 +65,7 @@ class Congestion:
     ----------
     density : float [1/m2]
     least_time : float [s]
-    places : tuple of Place
+    places : tuple of CongestedPlace
         Sorted by duration, the longest first.
     longest : float [s]
         Greatest total time for which the threshold was exceeded in any cell; 0 if it never was.
@@ -75,7 +75,7 @@ class Congestion:
 
     density: float
     least_time: float
-    places: tuple[Place, ...]
+    places: tuple[CongestedPlace, ...]
     longest: float
     greatest_density: float
 
@@ -187,7 +187,7 @@ class _Exceeding:
             self._first[exceeded & np.isnan(self._first)] = self._time[k]
             self._last[exceeded] = self._end[k]
 
-    def places(self, building: Building, level: Level, least_time: float) -> Iterator[Place]:
+    def places(self, building: Building, level: Level, least_time: float) -> Iterator[CongestedPlace]:
         """Yield the connected places in which the threshold was exceeded for longer than the least time."""
         from scipy.ndimage import label
 
@@ -197,7 +197,7 @@ class _Exceeding:
             duration = float(self.total[inside].max())
             row, column = np.nonzero(inside & (self.total == duration))
             centre = self._grid.origin + self._grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
-            yield Place(
+            yield CongestedPlace(
                 level=level.name,
                 near=_nearest(building, level, centre),
                 x=float(centre[0]),

@@ -16,7 +16,7 @@ from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, note_raised
 from evac.jit.processor import Processor, generic, host, missing_features
 from evac.jit.store import Store, user_store
-from evac.jit.workers import Compiling, Task, compile_tasks
+from evac.jit.workers import Compiling, Compilation, compile_tasks
 
 #: Kernels in the wheel, compiled for the generic processor.
 SHIPPED = Store(Path(__file__).parents[1] / "kernels", is_shipped=True)
@@ -54,12 +54,12 @@ def addresses_of(entries: Iterable[Entry], progress: Compiling | None = None) ->
     if INTERPRETED:
         return
     with _lock:
-        store, missing = user_store(), list[Task]()
-        twins: list[Task] = []  # entries with the same code as one that is compiled
+        store, missing = user_store(), list[Compilation]()
+        twins: list[Compilation] = []  # entries with the same code as one that is compiled
         for entry in dict.fromkeys(entries):
             if entry.is_ready:
                 continue
-            task = Task(entry, digest_of(entry, f"{host()}"))
+            task = Compilation(entry, digest_of(entry, f"{host()}"))
             code = store.read(task.file_name, task.digest) if store else None
             if code is not None:
                 _load(task, code)
@@ -73,7 +73,7 @@ def addresses_of(entries: Iterable[Entry], progress: Compiling | None = None) ->
 
 
 def compile_missing(
-    missing: list[Task], processor: Processor, store: Store | None, progress: Compiling | None = None
+    missing: list[Compilation], processor: Processor, store: Store | None, progress: Compiling | None = None
 ) -> None:
     """Compile kernels into a store, load them, and remove old files."""
     if store is None:
@@ -94,14 +94,14 @@ def _load_shipped(entry: Entry) -> bool:
     """Load a kernel of the wheel, if it contains one that this machine can run."""
     if not SHIPPED.folder.is_dir() or missing_features():
         return False
-    task = Task(entry, digest_of(entry, f"{generic()}"))
+    task = Compilation(entry, digest_of(entry, f"{generic()}"))
     code = SHIPPED.read(task.file_name, task.digest)
     if code is not None:
         _load(task, code)
     return code is not None
 
 
-def _load(task: Task, code: bytes) -> None:
+def _load(task: Compilation, code: bytes) -> None:
     """Load object code and bind the entry to it; for entries with the same code, the first one is loaded."""
     if task.symbol not in _addresses:
         engine = _engine()

@@ -29,7 +29,7 @@ _FRONT, _BACK, _START = 3, 1, 15_000
 _TOLD_EVERY = 1.0
 
 
-class Task(NamedTuple):
+class Compilation(NamedTuple):
     """A kernel to be compiled."""
 
     entry: Entry
@@ -47,13 +47,13 @@ class Task(NamedTuple):
 
 
 def compile_tasks(
-    tasks: Sequence[Task], processor: Processor, store: Store | None, progress: Compiling | None = None
-) -> Generator[tuple[Task, bytes], None, None]:
+    tasks: Sequence[Compilation], processor: Processor, store: Store | None, progress: Compiling | None = None
+) -> Generator[tuple[Compilation, bytes], None, None]:
     """Compile kernels, in the estimated optimal number of processes, and yield each with its object code.
 
     Parameters
     ----------
-    tasks : sequence of Task
+    tasks : sequence of Compilation
         Distinct kernels.
     processor : Processor
         Processor that the digests were made for.
@@ -90,26 +90,26 @@ def compile_tasks(
         tell()
 
 
-def divide(tasks: Sequence[Task], most: int) -> list[list[Task]]:
+def divide(tasks: Sequence[Compilation], most: int) -> list[list[Compilation]]:
     """Divide kernels among processes to minimise the total time; shared functions are lowered once in each process.
 
     Parameters
     ----------
-    tasks : sequence of Task
+    tasks : sequence of Compilation
     most : int
         Maximum number of processes; fewer are used if more would save less than a fifth of the time.
 
     Returns
     -------
-    list of list of Task
+    list of list of Compilation
         One list for each process, the smallest kernels first.
     """
     sizes = {task: {k: len(k.function.__code__.co_code) for k in kernels_in(task.entry)} for task in tasks}
     ordered = sorted(tasks, key=lambda task: sum(sizes[task].values()), reverse=True)
-    best: list[list[Task]] = [ordered]
+    best: list[list[Compilation]] = [ordered]
     least = None
     for number in range(1, most + 1):
-        shares: list[list[Task]] = [[] for _ in range(number)]
+        shares: list[list[Compilation]] = [[] for _ in range(number)]
         lowered: list[set[Any]] = [set() for _ in range(number)]
         spent = [_START if number > 1 else 0] * number
         for task in ordered:
@@ -132,7 +132,7 @@ def _source(entry: Entry) -> str | None:
     return str(Path(file).absolute()) if file and entry.__module__ != "__main__" else None
 
 
-def _compile_here(task: Task, processor: Processor, store: Store | None) -> tuple[bytes, str]:
+def _compile_here(task: Compilation, processor: Processor, store: Store | None) -> tuple[bytes, str]:
     """Compile and store a kernel; return its object code, and the reason if it could not be stored."""
     from evac.jit.compiler import compile_entry  # imports numba
 
@@ -151,12 +151,12 @@ def _warn(store: Store | None, problem: str) -> None:
 
 
 def _compile_elsewhere(
-    shares: list[list[Task]], processor: Processor, store: Store | None, tell: Callable[[], None]
-) -> Generator[tuple[Task, bytes], None, None]:
+    shares: list[list[Compilation]], processor: Processor, store: Store | None, tell: Callable[[], None]
+) -> Generator[tuple[Compilation, bytes], None, None]:
     """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
     folder = store and store.folder
     with ExitStack() as ending:
-        futures: dict[Future[tuple[bytes, str]], Task] = {}
+        futures: dict[Future[tuple[bytes, str]], Compilation] = {}
         with suppress(OSError):  # no process can be started
             for share in shares:
                 pool = ending.enter_context(Pool(1, is_quiet=True, replaces=False))
@@ -184,7 +184,7 @@ def _compile_elsewhere(
 def _compile_there(where: tuple[str, str, str, str], processor: Processor, folder: Path | None) -> tuple[bytes, str]:
     """Compile and store the kernel of a module, file, label and digest; see `_compile_here`."""
     entry = _find(*where, processor)
-    return _compile_here(Task(entry, where[-1]), processor, Store(folder) if folder else None)
+    return _compile_here(Compilation(entry, where[-1]), processor, Store(folder) if folder else None)
 
 
 def _find(module: str, file: str, label: str, digest: str, processor: Processor) -> Entry:

@@ -21,7 +21,7 @@ from evac.jit.kernels import NOTE_RAISED
 from evac.jit.loading import addresses_of
 from evac.jit.processor import host
 from evac.jit.store import user_store
-from evac.jit.workers import Task
+from evac.jit.workers import Compilation
 
 #: Functions of libm, of the C library that compilers take for granted, and of evac; nothing of numba's or Python's.
 ALLOWED = {
@@ -53,7 +53,7 @@ def codes_of(entries):
     addresses_of(entries)
     codes, store = {}, user_store()
     for entry in entries:
-        task = Task(entry, digest_of(entry, f"{host()}"))
+        task = Compilation(entry, digest_of(entry, f"{host()}"))
         kept = store.read(task.file_name, task.digest) if store else None
         codes[entry.label] = kept or compile_entry(entry, task.symbol, host())
     return codes

@@ -21,7 +21,7 @@ from evac.jit.kernels import entries_of
 from evac.jit.loading import addresses_of
 from evac.jit.processor import generic, host
 from evac.jit.store import Store
-from evac.jit.workers import Task, compile_tasks, divide
+from evac.jit.workers import Compilation, compile_tasks, divide
 
 SOURCE = """
     from evac.jit import Floats, inner, kernel
@@ -147,7 +147,7 @@ def test_what_is_on_disk_is_not_compiled(plugin, own_cache):
 
 
 def test_the_machine_code_does_not_depend_on_where_it_is_compiled(plugin, processes):
-    tasks = [Task(entry, digest_of(entry, f"{host()}")) for entry in entries_of(plugin)]
+    tasks = [Compilation(entry, digest_of(entry, f"{host()}")) for entry in entries_of(plugin)]
     elsewhere = dict(compile_tasks(tasks, host(), None))
     assert len(processes) == 2
     here = {task: workers._compile_here(task, host(), None)[0] for task in reversed(tasks)}
@@ -254,7 +254,7 @@ def test_a_damaged_kernel_is_compiled_again(plugin, own_cache):
 
 def test_kernels_of_a_wheel_are_used_where_the_processor_fits(plugin, monkeypatch, tmp_path, own_cache):
     shipped = Store(tmp_path / "shipped", is_shipped=True)
-    tasks = [Task(entry, digest_of(entry, f"{generic()}")) for entry in entries_of(plugin)]
+    tasks = [Compilation(entry, digest_of(entry, f"{generic()}")) for entry in entries_of(plugin)]
     loading.compile_missing(tasks, generic(), Store(shipped.folder))
     assert not own_cache.exists()
     monkeypatch.setattr(loading, "SHIPPED", shipped)
@@ -281,7 +281,7 @@ def test_the_generic_processor_is_a_level_of_x86_64_or_a_baseline(monkeypatch):
 
 
 def test_kernels_are_divided_by_what_they_take(plugin, monkeypatch):
-    tasks = [Task(entry, entry.label) for entry in entries_of(plugin)]
+    tasks = [Compilation(entry, entry.label) for entry in entries_of(plugin)]
     assert [set(share) for share in divide(tasks, 1)] == [set(tasks)]
     assert len(divide(tasks, 4)) == 1  # to start a process takes longer
     monkeypatch.setattr(workers, "_START", 0)

@@ -70,7 +70,7 @@ def test_a_script_is_told_what_the_command_tells(tmp_path):
         lines = [str(one.message) for one in told]
         assert lines == [*results.warnings, *results.remarks, *results.quality_warnings]
         assert "simulation.duration is 1 s" in lines[0]
-        assert "20 of 20 " in lines[-1]
+        assert "20 of them had not started" in lines[-1]
         assert {one.filename for one in told} == {__file__}
 
 

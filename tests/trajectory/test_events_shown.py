@@ -39,7 +39,7 @@ def test_the_trajectory_and_the_report_have_all_of_them(results):
     condition = results.trajectory.building_at(4.0)
     assert (len(condition.one_way), condition.slowed, condition.barred) == (2, {("hall", 0.5)}, {"hall"})
     html = str(building_section(results).content)
-    assert all(str(change).replace("'", "&#39;") in html for change in results.changes)
+    assert all(change.words.replace("'", "&#39;") in html for change in results.changes)
 
 
 def test_the_replay_tells_them(results):
