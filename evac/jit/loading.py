@@ -16,7 +16,7 @@ from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, note_raised
 from evac.jit.processor import Processor, generic, host, missing_features
 from evac.jit.store import Store, user_store
-from evac.jit.workers import Compiling, Compilation, compile_tasks
+from evac.jit.workers import Compilation, Compiling, compile_tasks
 
 #: Kernels in the wheel, compiled for the generic processor.
 SHIPPED = Store(Path(__file__).parents[1] / "kernels", is_shipped=True)
