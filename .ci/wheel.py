@@ -73,7 +73,7 @@ def compile_into(code: str) -> None:
     from evac.jit.loading import compile_missing
     from evac.jit.processor import generic
     from evac.jit.store import Store
-    from evac.jit.workers import Task
+    from evac.jit.workers import Compilation
 
     if not Path(evac.__file__).is_relative_to(code):
         raise EvacError(f"evac was imported from {evac.__file__}, not from the wheel; use a virtual environment")
@@ -81,7 +81,7 @@ def compile_into(code: str) -> None:
     with Display() as display:
         Registry()
         entries = [entry for entry in all_entries() if entry.label.startswith(("evac.", "evac_plugins."))]
-        tasks = [Task(entry, digest_of(entry, f"{processor}")) for entry in entries]
+        tasks = [Compilation(entry, digest_of(entry, f"{processor}")) for entry in entries]
         compile_missing(tasks, processor, Store(folder), display.compiling)
     about = {"processor": processor.name, "triple": processor.triple, "versions": versions()}
     (folder / "about.json").write_text(json.dumps(about) + "\n", encoding="utf-8")
