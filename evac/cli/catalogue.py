@@ -1,4 +1,4 @@
-"""evac list: list the cases shipped with evac and installed plugins."""
+"""evac list: list the cases shipped with evac and with installed plugins."""
 
 import argparse
 import tomllib

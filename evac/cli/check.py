@@ -1,7 +1,7 @@
 """evac check: read a case or a building file and show levels, exits, areas and warnings.
 
-Plugin files named in a case are listed but not executed, so names that they provide cannot be checked; --plugin FILE
-executes one.
+A building file can be given instead of a case. Plugin files named in a case are listed but not executed, so names that
+they provide cannot be checked, unless --plugin FILE executes them.
 """
 
 import argparse

@@ -1,8 +1,8 @@
-"""evac conditions: print what a fire simulation has to write for a case.
+"""evac conditions: print the output that a fire simulation must write for a case.
 
 `evac conditions deck CASE` prints the lines for the input file of FDS: slices at the heads of people on every level,
-and volumes on stairs, of the quantities that the case needs. The case needs no data yet; its table [[conditions]] says
-how coordinates are shifted, if there is one.
+and volumes on stairs, of the quantities that the case needs. The data need not exist yet. If the case has a table
+[[conditions]], its `shift` is taken into account.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from evac.contract.builtin import DEFAULT_FIRE
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("what", choices=("deck",), help="deck: lines for the input of the fire simulation")
+    parser.add_argument("what", choices=("deck",), help="deck: lines for the input file of the fire simulation")
     declare_case(parser)
     what = f"source of conditions that will read the data (default: {DEFAULT_FIRE})"
     parser.add_argument("--source", default=DEFAULT_FIRE, metavar="NAME", help=what)

@@ -13,7 +13,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     effort = parser.add_mutually_exclusive_group()
     effort.add_argument("--quick", action="store_true", help="fewer and smaller cases: seconds instead of minutes")
     effort.add_argument("--page-only", action="store_true", help="only write the page again from the files in DIR/KIND")
-    what = "folder; the page goes to DIR/KIND (evidence)"
+    what = "folder; the page is written to DIR/KIND (default: evidence)"
     parser.add_argument("--out", type=Path, default=Path("evidence"), metavar="DIR", help=what)
 
 

@@ -1,7 +1,7 @@
 """evac explain: show which parts of the program a case needs, and why.
 
-Leaving out the others does not change the trajectories in any bit; `evac run --full` includes all parts. Forces and
-behaviours decide themselves whether they are needed: plugin files of the case are executed, as by `evac run`.
+The other parts are left out, which does not change the trajectories; `evac run --full` includes them. Plugin files of
+the case are executed, as by `evac run`, because forces and behaviours decide themselves whether they are needed.
 """
 
 import argparse

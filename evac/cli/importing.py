@@ -27,12 +27,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exit", dest="exits", action="append", default=[], metavar="N,N", help=what)
     many = parser.add_mutually_exclusive_group()
     many.add_argument("--people", type=int, metavar="N", help="number of people, divided among the rooms by area")
-    many.add_argument("--density", type=float, metavar="D", help="people per square metre of every room (0.1)")
-    parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (3 m apart)")
-    parser.add_argument("--plan", metavar="N,N", help="numbers of the plans of a drawing that become storeys (all)")
-    what = "parameters of the importer (`evac plugins` lists them), and scale, up, weld, headroom, treads and angles"
+    many.add_argument("--density", type=float, metavar="D", help="people per square metre of every room (default: 0.1)")
+    parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (default: 3 m apart)")
+    parser.add_argument("--plan", metavar="N,N", help="numbers of the plans of a drawing to import (default: all)")
+    what = "parameters of the importer, see `evac plugins NAME`, and keys of [building], such as scale"
     declare_set(parser, what, option="--option")
-    what = "spacing of the grids of directions [m]; for large buildings, the message about memory proposes one"
+    what = "spacing of the grids of directions [m]; if they do not fit into memory, the message proposes a value"
     parser.add_argument("--spacing", type=float, metavar="S", help=what)
     what = "write a case even if parts of the building are missing; each of its runs has a quality warning"
     parser.add_argument("--partial", action="store_true", help=what)

@@ -40,9 +40,9 @@ EPILOG = """\
 Exit status:
   0    success; for a run: everybody is out
   1    evac verify: a standard test is failed
-  2    bad input: a case, building, plugin, file or command line; the message names it; for a study: runs failed
+  2    invalid input: a case, building, plugin, file or command line; for a study: runs failed
   3    people are left inside
-  70   internal error, or not enough memory; the message names a file to attach to a bug report
+  70   internal error, or not enough memory; attach the file named in the message to a bug report
   130  interrupted by Ctrl-C; 128 + the number of the signal for SIGTERM and SIGHUP
 
 The status does not depend on whether standard output can be written."""
@@ -157,7 +157,7 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
     top = _Parser(
         prog="evac",
-        description="Evacuation of multi-floor buildings, person by person.",
+        description="Simulate the evacuation of buildings of several floors, person by person.",
         epilog=EPILOG,
         formatter_class=_Help,
     )

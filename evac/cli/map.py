@@ -15,10 +15,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
     what = "density, max_density, speed, flow, waiting, time_to_clear, contact_pressure, usage (default: all)"
     parser.add_argument("--of", metavar="MAP,...", default="all", help=what)
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
-    parser.add_argument("--from", dest="start", type=float, metavar="S", help="from this time on [s]")
-    parser.add_argument("--to", dest="end", type=float, metavar="S", help="up to this time [s]")
-    parser.add_argument("--spacing", type=float, metavar="M", help="side of the cells of the grid [m] (0.2)")
-    parser.add_argument("--kernel", type=float, metavar="M", help="radius of the Gaussian kernel [m] (0.7)")
+    parser.add_argument("--from", dest="start", type=float, metavar="S", help="evaluate from this time on [s]")
+    parser.add_argument("--to", dest="end", type=float, metavar="S", help="evaluate up to this time [s]")
+    parser.add_argument("--spacing", type=float, metavar="M", help="width of the cells of the grid [m] (default: 0.2)")
+    parser.add_argument("--kernel", type=float, metavar="M", help="radius of the Gaussian kernel [m] (default: 0.7)")
     declare_service(parser)
     what = "folder, or file for a single map: .png, .jpg, .svg or .pdf (default: RESULT/map_NAME.png)"
     parser.add_argument("--out", type=Path, metavar="PATH", help=what)

@@ -1,4 +1,4 @@
-"""evac plugins: list all registered plugins, with --verbose their parameters, describe one, or check a file.
+"""evac plugins: list all registered plugins, describe one of them, or check a plugin file.
 
 `evac plugins --check FILE` applies the checks of `evac.conformance.check_plugin` to everything in a plugin file, and
 ends with status 2 if one of them fails.
@@ -20,9 +20,9 @@ JOINED = re.compile(r"(?<=[^\s-])\n {0,2}(?=[^\s-])")
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("name", metavar="NAME", nargs="?", help="name of one model, behaviour or other plugin")
+    parser.add_argument("name", metavar="NAME", nargs="?", help="model, behaviour or other plugin to describe")
     parser.add_argument("--check", metavar="FILE", help="check everything in a plugin file")
-    parser.add_argument("--verbose", action="store_true", help="all parameters with their units and defaults")
+    parser.add_argument("--verbose", action="store_true", help="show all parameters with their units and defaults")
     declare_plugin(parser)
 
 

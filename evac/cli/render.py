@@ -19,23 +19,23 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_result(parser)
     what = "file to write: picture (.png, .jpg) or film (.gif, .mp4) (default: picture.png and film.gif in RESULT)"
     parser.add_argument("--out", type=Path, metavar="FILE", nargs="+", help=what)
-    what = "oblique view, or straight from above (3d)"
+    what = "oblique view, or view from above (default: 3d)"
     parser.add_argument("--view", choices=("3d", "plan"), default="3d", help=what)
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
     shown = ("group", "speed", "density", "contact_force", "waiting", "dose", "extinction", "visibility")
-    what = f"what the colours of people show: {', '.join(shown)} (group)"
+    what = f"what the colours of people show: {', '.join(shown)} (default: group)"
     parser.add_argument("--colour-by", metavar="QUANTITY", choices=shown, default="group", help=what)
     declare_service(parser)
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
-    parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
-    parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="simulated seconds per second (5)")
-    what = "pixels (picture 1600 1200, film 960 720)"
+    parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="frames per second (default: 10)")
+    parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="speed-up of the film (default: 5)")
+    what = "width and height in pixels (default: picture 1600 1200, film 960 720)"
     parser.add_argument("--size", type=int, nargs=2, metavar=("W", "H"), help=what)
     camera = parser.add_argument_group("camera of the 3d view")
     camera.add_argument("--azimuth", type=float, metavar="DEG", help="direction of the camera, counterclockwise from x")
     camera.add_argument("--elevation", type=float, metavar="DEG", help="angle of the view above the horizontal")
-    camera.add_argument("--stretch", type=float, metavar="N", help="factor for heights (default: so that storeys show)")
-    camera.add_argument("--zoom", type=float, default=1.0, metavar="N", help="factor for the size (1)")
+    camera.add_argument("--stretch", type=float, metavar="N", help="factor for heights (default: shows all storeys)")
+    camera.add_argument("--zoom", type=float, default=1.0, metavar="N", help="magnification (default: 1)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -1,9 +1,9 @@
 """evac repeat: run a case with many seeds and compute statistics with confidence intervals.
 
-The row of each run is written to ./CASE-runs, or to --out, as soon as it is done; --resume continues a study that was
-killed. At the end runs.parquet and runs.csv contain the rows, statistics.csv and summary.json the statistics,
-egress.csv and egress.png the mean and percentiles of the egress curves over runs; with --replay also
-replay-median.html and replay-worst.html. `evac run CASE --seed N` repeats one of the runs.
+Results are written to ./CASE-runs, or to --out. Each run is saved as soon as it has ended, and --resume continues a
+study that was killed. At the end, runs.parquet and runs.csv contain a row for each run, statistics.csv and summary.json
+the statistics, and egress.csv and egress.png the mean and percentiles of the egress curves. `evac run CASE --seed N`
+repeats one of the runs.
 """
 
 import argparse
@@ -18,7 +18,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_study(parser)
     step = "make all runs with half the time step as well, and show the difference"
     parser.add_argument("--check-step", action="store_true", help=step)
-    replay = "repeat the median and the worst run, and write a replay of each"
+    replay = "repeat the median and the worst run, and write replay-median.html and replay-worst.html"
     parser.add_argument("--replay", action="store_true", help=replay)
 
 

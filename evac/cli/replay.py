@@ -1,4 +1,4 @@
-"""evac replay: write the page that plays a run again.
+"""evac replay: write the replay of a run, a page for the browser.
 
 Every run writes replay.html unless output.replay is false. This command writes it from a recorded trajectory, also of
 a killed run, to another place or with fewer states.

@@ -14,8 +14,8 @@ from evac.cli.inputs import declare_service, maps_of
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of a run or of a study")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="where to write (default: RESULT/report.html)")
-    what = "also write bundle.zip beside the report, from which somebody else repeats the run"
+    parser.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: RESULT/report.html)")
+    what = "also write bundle.zip beside the report, with which somebody else can repeat the run"
     parser.add_argument("--bundle", action="store_true", help=what)
     for name, what in {
         "project": "name of the project",
@@ -24,14 +24,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "date": "date of the report",
     }.items():
         parser.add_argument(f"--{name}", metavar="TEXT", help=what)
-    what = "density above which a place counts as congested [1/m2] (4)"
+    what = "density above which a place counts as congested [1/m2] (default: 4)"
     parser.add_argument("--congestion-density", type=float, metavar="N", help=what)
-    what = "total duration above which a place counts as congested [s] (a tenth of the evacuation time)"
+    what = "total duration above which a place counts as congested [s] (default: a tenth of the evacuation time)"
     parser.add_argument("--congestion-time", type=float, metavar="S", help=what)
-    what = "maps to draw, as for evac map; all or none (six of them by default)"
+    what = "maps to draw, as for `evac map`, or all, or none (default: six of them)"
     parser.add_argument("--maps", metavar="MAP,...", help=what)
     declare_service(parser)
-    what = "result folder of a run of the study whose plans, congestion and maps are shown (may be repeated)"
+    what = "result folder of a run of the study, whose plans, congestion and maps are shown (may be repeated)"
     parser.add_argument("--run", dest="runs", type=Path, metavar="RESULT", action="append", default=[], help=what)
 
 

@@ -18,14 +18,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of the interrupted run")
     declare_set(parser, "change keys of the case from the checkpoint on; requires --out")
-    other = "another result folder, with records from the checkpoint on"
+    other = "another result folder, with the records from the checkpoint on"
     parser.add_argument("--out", type=Path, metavar="DIR", help=other)
-    case = "the case of the run; needed if it names plugin files and does not lie beside RESULT"
+    case = "case of the run; needed if it names plugin files and is not beside RESULT"
     parser.add_argument("--case", type=Path, metavar="FILE", help=case)
     declare_checkpoint(parser, "as the interrupted run")
     declare_threads(parser)
     declare_verbose(parser)
-    differences = "continue even if versions, kernels, plugins or the building's file have changed, which is noted"
+    differences = "continue, with a note, even if versions, kernels, plugins or the file of the building have changed"
     parser.add_argument("--allow-differences", action="store_true", help=differences)
     declare_plugin(parser)
 

@@ -17,7 +17,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_case(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-result)")
-    what = "include parts that the scene does not need: same trajectories, slower"
+    what = "compute also the parts that the case does not need: slower, with the same trajectories"
     parser.add_argument("--full", action="store_true", help=what)
     parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
     parser.add_argument("--tolerance", action=Removed, nargs="?", help=argparse.SUPPRESS)
@@ -55,8 +55,8 @@ def declare_threads(parser: argparse.ArgumentParser) -> None:
         "--threads",
         type=positive,
         metavar="N",
-        help="share steps and set-up among N threads, at most one for each core, and 25,000 people in steps: the same"
-        " results (default: by size)",
+        help="number of threads, at most one for each core and, in steps, for each 25,000 people; the results do not"
+        " depend on it (default: by the number of people)",
     )
 
 

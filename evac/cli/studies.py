@@ -38,21 +38,21 @@ def declare_study(parser: argparse.ArgumentParser) -> None:
     def number(name: str, what: str) -> None:
         parser.add_argument(f"--{name}", type=positive, metavar="N", help=what)
 
-    number("runs", "number of runs of each point (20)")
-    until = "run until half the interval is at most this share, such as 2%%"
+    number("runs", "number of runs, in a sweep of each point (default: 20)")
+    until = "run until half the width of the confidence interval is at most this share of the statistic, such as 2%%"
     parser.add_argument("--until", type=share, metavar="SHARE", help=until)
-    statistic = 'with --until: mean, or "percentile 95" for example'
+    statistic = 'with --until: the statistic, mean or a percentile such as "percentile 95" (default: mean)'
     parser.add_argument("--statistic", metavar="NAME", default="mean", help=statistic)
-    number("least", "with --until: the fewest runs (20, or as needed)")
-    number("most", "with --until: the most runs (1000)")
-    number("repetitions", "runs of the same people from other start positions (1)")
-    imo = "100 populations, 5 repetitions of each: IMO MSC.1/Circ.1533"
+    number("least", "with --until: the smallest number of runs (default: 20, more for outer percentiles)")
+    number("most", "with --until: the greatest number of runs (default: 1000)")
+    number("repetitions", "number of runs of each population, with different start positions (default: 1)")
+    imo = "100 populations with 5 repetitions each, as in IMO MSC.1/Circ.1533"
     parser.add_argument("--imo", action="store_true", help=imo)
-    number("jobs", "processes (default: one for each core)")
+    number("jobs", "number of processes (default: one for each core)")
     dask = "address or file of a Dask scheduler whose workers execute the runs"
     parser.add_argument("--dask", metavar="ADDRESS", help=dask)
     parser.add_argument("--resume", action="store_true", help="continue the study in the result folder")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-runs or ./CASE-sweep)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="result folder")
 
 
 def stopping_rule(arguments: argparse.Namespace) -> "Rule":

@@ -1,4 +1,4 @@
-"""evac verify: put the movement of people to the standard tests of RiMEA, IMO, NIST and ISO.
+"""evac verify: run the standard tests of RiMEA, IMO, NIST and ISO.
 
 Without names, the tests are listed. Names are those of tests, such as RiMEA-9, IMO-4, NIST-2.1 or ISO-12, of whole
 standards (RiMEA, IMO, NIST, ISO), or `all`. Each run leaves its result folder in DIR/TEST, and DIR/verification.html
@@ -27,7 +27,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("tests", metavar="NAME", nargs="*", help="a test, a standard, or all; without: list the tests")
     declare_set(parser, "change keys of all cases, such as simulation.tick=0.05 behaviours.walking.preset=regulation")
     declare_plugin(parser)
-    what = "people walk as in the paper, without the behaviour of new cases; --set adds another one"
+    what = "people walk as in the paper, without the behaviour walking; --set adds another behaviour"
     parser.add_argument("--paper", action="store_true", help=what)
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="first seed (default: 1)")
     what = "folder of the page and of the results (default: ./verification)"

@@ -41,7 +41,7 @@ def answer_of(results: "Results") -> Answer:
     queue, keepers = "", ", ".join(results.keeps_distance)
     if results.trajectory is not None:
         queue = f"Longest queue, {results.queues[0]}" if results.queues else "Nobody had to wait"
-    movement = f"No distances kept; for them: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+    movement = f"People do not keep distances; to change this: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
     movement = f"People keep distances ({keepers})" if keepers else movement
     said = _verdict(results), _times(results), _exits(results), queue, movement
     return Answer(*said, results.remarks, _warnings(results))
