@@ -54,7 +54,7 @@ class Queue:
         """Return a sentence without its end."""
         who = counted(self.people, "person", "people")
         return (
-            f"{self.place}: {who} waited {self.waited / self.people:.1f} s on average, {self.most} at once at "
+            f"{self.place}: {who} waited {self.waited / self.people:.1f} s on average, at most {self.most} at once, at "
             f"{self.time:.1f} s around ({self.x:.1f}, {self.y:.1f}) on {self.level!r}"
         )
 

@@ -159,8 +159,8 @@ class Recount:
         level = Counter(row[4] for row in then).most_common(1)[0][0]
         mean = sum(row[2] for row in rows) / people
         return (
-            f"Longest queue, {place}: {people} people waited {mean:.1f} s on average, {most} at once at {peak:.1f} s "
-            f"around ({x:.1f}, {y:.1f}) on {self.levels[level]['name']!r}"
+            f"Longest queue, {place}: {people} people waited {mean:.1f} s on average, at most {most} at once, "
+            f"at {peak:.1f} s around ({x:.1f}, {y:.1f}) on {self.levels[level]['name']!r}"
         )
 
     def _nearest(self, at, level):

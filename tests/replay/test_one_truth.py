@@ -226,7 +226,7 @@ def test_events_on_the_time_line_are_those_of_the_run(browser, run):
 
 
 def test_the_longest_queue_is_shown_where_and_when_it_was(browser, run):
-    words = r"Longest queue, (.*): \d+ \w+ waited .* average, (\d+) at once at (.*) s around \((.*), (.*)\) on '(.*)'"
+    words = r"Longest queue, (.*): \d+ \w+ waited .*, at most (\d+) at once, at (.*) s around \((.*), (.*)\) on '(.*)'"
     place, most, time, x, y, level = re.fullmatch(words, run.longest_queue()).groups()
     browser.open(run.folder / "replay.html")
     browser.run("document.querySelector('#answer button').click()")
