@@ -24,7 +24,7 @@ def _answer(run: Results, decisive: DesignFlow | None) -> str:
         return "Nobody passed an exit, a door or a stair."
     own = "not everybody left" if run.last_out is None or not run.is_complete else f"{run.last_out:.1f} s"
     return (
-        f"Second opinion: the hydraulic evacuation time of the building is {decisive.hydraulic_time:.1f} s, decided by "
+        f"The hydraulic evacuation time of the building is {decisive.hydraulic_time:.1f} s, determined by "
         f"{decisive.kind} {decisive.name!r}; that of the run is {own}."
     )
 

@@ -54,7 +54,7 @@ def test_available_times_of_the_case_are_beside_required_ones(tmp_path):
 def test_a_run_without_a_dose_says_so_and_one_without_conditions_has_no_section(tmp_path):
     _, text = reported(tmp_path / "smoke")
     assert "No dose was computed" in text
-    assert "with the limits of its section" in text
+    assert "smoke, gases and heat on people are modelled" in text
     evac.run(corridor(), tmp_path / "clear")
     text = run_report(tmp_path / "clear")
     assert "Smoke, gases and heat" not in text
