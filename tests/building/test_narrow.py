@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.model.narrow import PRECISION, gaps_at, gaps_below, gaps_between_walls, narrow_places, necks
+from evac.building.model.narrow import gaps_at, gaps_below, gaps_between_walls, narrow_places
 from tests.directions.conftest import Drawing
 
 DOOR = {"name": "door", "segment": [[0, 1], [0, 2]], "z": 0.0}
@@ -24,8 +24,8 @@ def two_rooms(mesh, width: float, length: float):
 @pytest.mark.parametrize("length", [0.1, 0.5, 3.0])
 def test_a_neck_is_found_with_its_width_and_place(mesh, read, length):
     building = read(two_rooms(mesh, 0.45, length), exits=[DOOR])
-    (found,) = necks(building, building.levels[0], 0.5)
-    assert found[0] == pytest.approx(0.45, abs=3 * PRECISION)
+    (found,) = gaps_at(building, building.levels[0], 0.5, least=0.5)
+    assert found[0] == pytest.approx(0.45, abs=1e-9)
     x, y = found[1]
     assert 3.9 <= x <= 4.1 + length
     assert y == pytest.approx(2.0, abs=0.05)
@@ -41,9 +41,9 @@ def test_a_body_as_wide_as_the_neck_passes(mesh, read):
 def test_obstacles_make_necks_and_niches_do_not(mesh, read):
     counter = {"name": "counter", "polygon": [[3, 0.3], [3.5, 0.3], [3.5, 3.6], [3, 3.6]], "z": 0.0}
     building = read(mesh.rectangle(0, 0, 8, 4), exits=[DOOR], obstacles=[counter])
-    assert necks(building, building.levels[0], 0.28) == []
-    (found,) = necks(building, building.levels[0], 0.45)  # the wider of the two ways round the counter
-    assert found[0] == pytest.approx(0.4, abs=3 * PRECISION)
+    assert gaps_at(building, building.levels[0], 0.28, least=0.28) == []
+    (found,) = gaps_at(building, building.levels[0], 0.45, least=0.45)  # the wider of the two ways round the counter
+    assert found[0] == pytest.approx(0.4, abs=1e-9)
     assert found[1][1] == pytest.approx(3.8, abs=0.05)
 
 
@@ -53,7 +53,7 @@ def test_each_of_three_rooms_in_a_row_is_named_once(mesh, read):
         mesh.rectangle(8.4, y1, 12.4, y2)
     mesh.rectangle(8.2, 1.8, 8.4, 2.2)
     building = read(mesh, exits=[DOOR])
-    places = sorted(place for _, place in necks(building, building.levels[0], 0.5))
+    places = sorted(place for _, place in gaps_at(building, building.levels[0], 0.5, least=0.5))
     np.testing.assert_allclose(places, [(4.1, 2.0), (8.3, 2.0)], atol=0.1)
 
 
@@ -95,7 +95,7 @@ def hall(*boxes, exit_=((8.0, 2.0), (8.0, 3.0)), turned=0.0):
 @pytest.mark.parametrize("turned", [0.0, 7.0, 33.0, 61.0])
 def test_a_gap_beside_a_way_round_is_found_with_its_width_and_place_at_any_angle(turned):
     building = hall((4.0, 0.45, 4.2, 4.8), turned=turned)
-    assert necks(building, building.levels[0], 0.5) == []
+    assert gaps_at(building, building.levels[0], 0.5, least=0.5) == []
     ((width, place),) = gaps_at(building, building.levels[0], 0.5)
     assert width == pytest.approx(0.45, abs=1e-9)
     middle = shapely.affinity.rotate(shapely.Point(4.1, 0.225), turned, origin=(0, 0))

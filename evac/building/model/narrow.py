@@ -11,12 +11,13 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import counted
 from evac.building.geometry.components import connected_components
+from evac.building.geometry.segments import segment_lengths
 from evac.building.model.building import Building, Level
 from evac.building.model.findings import Finding
 
-#: Minimum area of ground behind a constriction that a body's centre can reach [m2]; smaller ground is a niche.
+#: Minimum area of ground behind a gap that a body's centre can reach [m2]; smaller ground is a niche.
 LEAST_PART = 0.05
-#: A constriction that is impassable even for a body of this width is a closed wall, not a narrow place [m].
+#: Gaps narrower than this are errors of the drawing: closed walls, of which nobody is told [m].
 CLOSED = 0.02
 #: Points closer along an outline than this many widths, or closer than the rounding length [m], do not form a gap.
 FAR_ALONG, ROUNDING = 5.0, 1e-7
@@ -26,16 +27,13 @@ PARALLEL = 1e-3
 INNER = 1e-3
 #: Distance within which points and lines are on a wall, a portal or an exit [m].
 JOINED = 1e-6
-#: Accuracy of the width of a constriction [m].
-PRECISION = 1e-3
 
 
 def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
     """Return a warning for each place that is too narrow for some bodies.
 
-    Inside a level, these are the gaps between walls that some bodies fit through and others do not, and the
-    constrictions where the ground falls apart for the widest body: its centre can reach the polygon minus all points
-    nearer to a wall than half the width.
+    Inside a level, these are the gaps between walls that some bodies fit through and others do not, and those at which
+    the ground falls apart for the widest body.
 
     Parameters
     ----------
@@ -56,26 +54,38 @@ def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
             what, on = f"exit {way.name!r} is", building.levels[way.level].name
             notes.append(_note(what, way.width, on, _middle(way.segments), bodies))
     for level in building.levels:
-        gaps = [gap for gap in gaps_at(building, level, widest) if gap[0] >= bodies.min()]
-        near = [shapely.Point(place).buffer(widest) for _, place in gaps]
-        gaps += [neck for neck in necks(building, level, widest) if not shapely.contains_xy(near, *neck[1]).any()]
+        gaps = gaps_at(building, level, widest, float(bodies.min()))
         notes += [_note("a gap that is", width, level.name, place, bodies) for width, place in gaps]
     return tuple(notes)
 
 
-def gaps_at(building: Building, level: Level, width: float) -> list[tuple[float, tuple[float, float]]]:
-    """Return the width [m] and plan position of each gap between walls of a level that is narrower than `width` [m].
+def gaps_at(
+    building: Building, level: Level, width: float, least: float = 0.0
+) -> list[tuple[float, tuple[float, float]]]:
+    """Return the width [m] and plan position of gaps between walls of a level that are narrower than `width` [m].
 
-    Of gaps within `width` of each other, the narrowest one is returned.
+    Of gaps that are closer to each other than `width`, the narrowest counts. Those narrower than `least` [m] are left
+    out, except where the ground falls apart at them: there, the widest one between two parts of the ground counts.
     """
     segments = gaps_between_walls(building, level, width - JOINED)  # a body as wide as the gap passes
-    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    lines, across = shapely.linestrings(segments.reshape(-1, 2, 2)), segment_lengths(segments)
     pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=width).T
     cluster = connected_components(len(lines), pairs)
-    across = shapely.length(lines)
     order = np.lexsort((across, cluster))
     narrowest = order[np.unique(cluster[order], return_index=True)[1]]
-    return [(float(across[index]), _middle(segments[index])) for index in narrowest.tolist()]
+    told: list[int] = narrowest[across[narrowest] >= least].tolist()
+    parts = shapely.get_parts(level.polygon.difference(shapely.union_all(lines).buffer(JOINED)))
+    gap, part = shapely.STRtree(parts).query(lines, "dwithin", distance=2.0 * JOINED)
+    has_room = shapely.area(shapely.buffer(parts, -0.5 * width)) > LEAST_PART
+    joined = np.arange(len(parts))
+    for row in np.argsort(-across, kind="stable").tolist():
+        beside = np.unique(joined[part[gap == row]])
+        is_new = not shapely.dwithin(lines[told], lines[row], width).any()
+        if is_new and across[row] > CLOSED and has_room[beside].sum() > 1:
+            told.append(row)
+        has_room[beside] = has_room[beside].any()
+        joined[np.isin(joined, beside)] = beside.min(initial=len(parts))
+    return [(float(across[row]), _middle(segments[row])) for row in told]
 
 
 def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
@@ -199,58 +209,6 @@ def _pairs(polygon: BaseGeometry, width: float) -> _Pairs:
     ends = shapely.get_coordinates(shapely.shortest_line(corners[one], lines[other])).reshape(-1, 2, 2)
     apart = np.hypot(*(ends[:, 1] - ends[:, 0]).T) > ROUNDING
     return _Pairs(lines, np.concatenate(rings), shapely.length(lines), one[apart], other[apart], ends[apart])
-
-
-def necks(building: Building, level: Level, width: float) -> list[tuple[float, tuple[float, float]]]:
-    """Return the width [m] and plan position of each constriction that a body `width` wide cannot pass."""
-    width -= PRECISION  # a body as wide as the neck passes
-    walls = shapely.multilinestrings(building.walls[building.wall_level == level.index].reshape(-1, 2, 2))
-    walls = shapely.line_merge(walls)  # buffering merged chains of walls is many times faster
-    parts = _reachable(level, walls, width)
-    parts = sorted((part for part in parts if part.area > LEAST_PART), key=lambda part: part.area)
-    widest: dict[tuple[float, float], tuple[float, tuple[float, float]]] = {}
-    for index in range(len(parts) - 1):
-        neck = _neck_of(level, walls, width, parts[index], shapely.union_all(parts[:index] + parts[index + 1 :]))
-        if neck is not None:  # found from both sides, it counts once
-            widest.setdefault((round(neck[1][0], 1), round(neck[1][1], 1)), neck)
-    return list(widest.values())
-
-
-def _neck_of(
-    level: Level, walls: BaseGeometry, width: float, part: BaseGeometry, others: BaseGeometry
-) -> tuple[float, tuple[float, float]] | None:
-    """Find, by bisection, the largest width at which `part` is connected to `others`, and the place."""
-    passes, stops = CLOSED, width
-    joined = _around(level, walls, passes, part)
-    if not joined.intersects(others):
-        return None
-    while stops - passes > PRECISION:
-        middle = 0.5 * (passes + stops)
-        wider = _around(level, walls, middle, part)
-        if wider.intersects(others):
-            passes, joined = middle, wider
-        else:
-            stops = middle
-    ring = _around(level, walls, stops, part)
-    rest = [piece for piece in _reachable(level, walls, stops) if piece.intersects(others)]
-    other = shapely.union_all(rest)
-    reach = 2.0 * PRECISION
-    links = shapely.get_parts(joined.difference(ring.buffer(reach)).difference(other.buffer(reach)))
-    between = [link for link in links if link.dwithin(ring, 2.0 * reach) and link.dwithin(other, 2.0 * reach)]
-    place = min(between, key=lambda link: link.area) if between else shapely.shortest_line(ring, other)
-    x, y = place.centroid.coords[0]
-    return passes, (x, y)
-
-
-def _around(level: Level, walls: BaseGeometry, width: float, part: BaseGeometry) -> BaseGeometry:
-    """Return the ground that a body `width` wide can reach from `part`, which a wider body can reach."""
-    return shapely.union_all([piece for piece in _reachable(level, walls, width) if piece.intersects(part)])
-
-
-def _reachable(level: Level, walls: BaseGeometry, width: float) -> list[BaseGeometry]:
-    """Return the connected parts of a level in which the centre of a body `width` wide can be."""
-    free = level.polygon.difference(walls.buffer(0.5 * width))
-    return [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
 
 
 def _middle(segments: FloatArray) -> tuple[float, float]:
