@@ -96,7 +96,7 @@ def banner(run: Results) -> str:
     left = len(run.leaving) - summary.evacuated
     inside = f"{left} of {summary.people} people were still inside after {summary.simulated_time:.1f} s."
     if run.not_arrived:
-        inside += f" {counted(run.not_arrived, 'person', 'people')} had not come."
+        inside += f" {counted(run.not_arrived, 'person', 'people')} had not entered the building."
     if len(run.stopped):
         inside += f" {counted(len(run.stopped), 'person has', 'people have')} been stopped by gases or heat."
     if summary.ended in STOPPED:

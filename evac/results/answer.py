@@ -1,4 +1,4 @@
-"""What a run answers, in a few lines: who is out, when, by which exits, where people waited, and what to mind."""
+"""The answer of a run in a few lines: who is out, when, by which exits, where people waited, and warnings."""
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,10 +12,10 @@ from evac.contract.builtin import DEFAULT_MOVEMENT
 if TYPE_CHECKING:
     from evac.results.results import Results
 
-#: Share of the people whose time is told beside that of the last one [%].
+#: Share of the people whose time is stated besides that of the last one [%].
 MOST = 95.0
 
-#: Exits that are named; those used most.
+#: Number of exits that are named, those used most.
 MOST_EXITS = 4
 
 
@@ -66,7 +66,7 @@ def _verdict(results: "Results") -> str:
     if results.at_places:
         out += f", {results.at_places} at a safe place"
     if results.staying:
-        out += f", {results.staying} not to leave"
+        out += f", {results.staying} who do not leave"
     if len(results.stopped):
         out += f", {len(results.stopped)} stopped by gases or heat"
     if results.is_complete:
@@ -78,7 +78,7 @@ def _times(results: "Results") -> str:
     if results.last_out is None:
         return ""
     most = time_of_share(results.crowd.exit_time[results.leaving], MOST)
-    share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"{MOST:g} % never are out"
+    share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"{MOST:g} % not reached"
     if results.is_complete:
         return f"Evacuation time {results.last_out:.2f} s; {share}"
     return f"The last who got out left after {results.last_out:.2f} s; {share}"

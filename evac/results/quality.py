@@ -42,14 +42,14 @@ def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[s
         file, _, _ = at.rpartition(", line ")
         warnings.append(
             f"solver {solver!r} failed {counted(report['failed_solves'], 'time')}: its percussions were not finite, or"
-            f" missed the tolerance although it stated a smaller residual ({at}); correct it, a stronger solver takes"
-            f" its place until then; check it with: evac plugins --check {shlex.quote(file)}"
+            f" missed the tolerance although it stated a smaller residual ({at}); a stronger solver was used instead;"
+            f" correct it, and check it with: evac plugins --check {shlex.quote(file)}"
         )
     failed = report["failed_position_corrections"]
     if failed:
         warnings.append(
-            f"overlaps could not be removed {failed} times, for example of a squeezed body; look for places that are "
-            "too narrow, or for people who overlap at the start"
+            f"overlaps could not be removed {failed} times, for example of a squeezed body; check for places that are "
+            "too narrow, and for people who overlap at the start"
         )
     made, taken = energy["contact_creation"], energy["contact_dissipation"]
     if made > taken and made - taken > MADE * energy["driving_work"]:
@@ -87,12 +87,12 @@ def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence
 
 
 def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keepers: Sequence[str] | None) -> tuple[str, ...]:
-    """Return a line for each exit of `exit_table` with a specific flow above measured ones; `keepers` as above."""
+    """Return a line for each exit of `exit_table` whose specific flow is higher than measured; `keepers` as above."""
     advice = "check in egress.csv whether they left within a short time"
     if keepers is not None:
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
     return tuple(
-        f"flow above measured ones: evacuation times may be too short; {advice}. "
+        f"flow higher than measured: evacuation times may be too short; {advice}. "
         f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, at most {LABORATORY} in experiments"
         for name, use in exits.items()
         if (use["flow_per_metre"] or 0.0) > LABORATORY
@@ -128,7 +128,7 @@ def _where(seen: Observation, levels: Sequence[str]) -> str:
 
 
 def remarks_of(results: "Results") -> tuple[str, ...]:
-    """Return one line for each kind of people who did not leave as their route says, and the notes of behaviours."""
+    """Return a line for each kind of people who did not leave by their route, and the notes of behaviours."""
     people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
     stopped = set(results.stopped.tolist())
     leaving = level[[row for row in results.leaving.tolist() if row not in stopped]]
@@ -144,20 +144,20 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
         lines.append(f"{_number(left)} still inside: {where}{wait}")
     if late := results.not_arrived:
         outside = f"; {results.waiting_outside} of them found no free place" if results.waiting_outside else ""
-        lines.append(f"{_number(late)} of {people} had not come at the end{outside}")
+        lines.append(f"{_number(late)} of {people} had not entered the building at the end{outside}")
     if fallen := len(results.stopped):
         first = min(results.exposure["stopped_at"][results.stopped].tolist())
         lines.append(f"{_number(fallen)} stopped by gases or heat, the first at {first:.1f} s; they are still inside")
     if results.staying:
         lines.append(f"{_number(results.staying)} inside did not leave (leave = false)")
     for name, entered in results.entered_barred.items():
-        lines.append(f"{_number(len(entered))} entered {name!r} while it was barred, for want of another way")
+        lines.append(f"{_number(len(entered))} entered {name!r} while it was barred, because they had no other way")
     if pushed := len(results.left_by_other_exits):
-        lines.append(f"{_number(pushed)} left by an exit that is not on the route: theirs closed, or they were pushed")
+        lines.append(f"{_number(pushed)} left by an exit outside their route: their exit closed, or they were pushed")
     if results.stuck:
         first = results.stuck[0]
         x, y = results.crowd.position[first]
-        why = "nobody touches them: look whether a behaviour holds them back, and at the directions there"
+        why = "nobody touches them: check whether a behaviour holds them back, and the directions there"
         if (results.crowd.contact_force[list(results.stuck)] > 0.0).any():
             why = (
                 "bodies in contact can block a narrow passage permanently, because people do not turn or give way; "

@@ -140,7 +140,7 @@ class Results:
     changes : sequence of Change
         Changes of the scene during the run, in order.
     waiting_outside : int
-        Number of people who had not come at the end because there was no free place for them.
+        Number of people who had not entered the building at the end because there was no free place for them.
     resumed : sequence of mapping
         Checkpoints from which the run was resumed, in order.
     quickest : mapping of str to number, optional

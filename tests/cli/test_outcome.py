@@ -137,7 +137,7 @@ def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, bel
     words = "people who did not leave as their route says, in a sentence of more than a line of the terminal " * 2
     answer = Answer(
         verdict="NOT everybody is out (no progress): 7 of 9 people out after 60.00 s",
-        times="The last who got out left after 40.00 s; 95 % never are out",
+        times="The last who got out left after 40.00 s; 95 % not reached",
         exits=(
             "Exit 'a': 4 people, the last after 40.00 s",
             "Exit 'b': 2 people",
@@ -147,7 +147,7 @@ def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, bel
         queue=f"Longest queue, before exit 'a': {words}",
         movement="People keep distances (walking)",
         remarks=(words,) * remarks,
-        warnings="2 quality warnings (flow above measured ones)",
+        warnings="2 quality warnings (flow higher than measured)",
     )
     screen = Terminal()
     monkeypatch.setattr("sys.stdout", screen)
@@ -169,7 +169,7 @@ def test_no_number_of_the_answer_is_cut_off_on_a_narrow_terminal(monkeypatch):
         queue="",
         movement="People keep distances (walking)",
         remarks=(),
-        warnings="2 quality warnings (flow above measured ones), 3 warnings about building and people",
+        warnings="2 quality warnings (flow higher than measured), 3 warnings about building and people",
     )
     for columns in (60, 80):
         screen = Terminal()

@@ -212,7 +212,7 @@ def test_events_on_the_time_line_are_those_of_the_run(browser, run):
     floors = [level["name"] for level in run.levels if level["kind"] == "floor"]
     for name in floors if len(floors) > 1 else ():
         left = run.use_of({name})[2]
-        expected |= {(left, f"{name}: nobody left")} if left else set()
+        expected |= {(left, f"{name}: clear")} if left else set()
     told = [(float(text.removesuffix(" s")), what) for sign, text, what in shown if sign not in "▼◆★"]
     assert sorted(told) == sorted((round(time + TIE, 2), what) for time, what in expected)
     changes = [float(text.removesuffix(" s")) for sign, text, _ in shown if sign == "▼"]
@@ -250,7 +250,7 @@ def answer_of(run):
     """Lines of the answer by kind, as they have to be."""
     times, leaving = run.exit_times(), run.leaving
     most, complete = time_of(times, len(leaving), 95), run.summary["ended"].startswith("everybody")
-    share = "95 % never are out" if most is None else f"95 % are out after {most:.2f} s"
+    share = "95 % not reached" if most is None else f"95 % are out after {most:.2f} s"
     last = "Evacuation time" if complete else "The last who got out left after"
     exits = []
     closed = {one["what"] for one in run.summary["changes"] if one["kind"] == "close"}
@@ -266,7 +266,7 @@ def answer_of(run):
     if run.at_places:
         number += f", {len(run.at_places)} at a safe place"
     if stays := len(run.people) - len(run.leaving) - len(run.at_places):
-        number += f", {stays} not to leave"
+        number += f", {stays} who do not leave"
     ended = run.summary["ended"].capitalize()
     return {
         "Answer": f"{ended}: {number}" if complete else f"NOT everybody is out ({ended.lower()}): {number}",

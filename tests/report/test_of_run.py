@@ -248,7 +248,7 @@ def test_shares_are_of_those_who_are_to_leave(tmp_path):
     assert groups["everybody"][1:3] == ["5", "5"]
     top = page.text.partition("Project")[0]
     assert "0 of 9 people were still inside" in top
-    assert "1 person had not come" in top
+    assert "1 person had not entered the building" in top
     occupants = {row[0]: row[1:] for row in page.table("Groups, their start areas")[1:]}
     assert occupants["train"][:3] == ["2", "arrive: area room, 2 from 0 to 500 s", "-"]
     assert occupants["staff"][3] == "they stay"

@@ -41,7 +41,7 @@ def test_nothing_is_said_of_a_run_that_is_all_right():
 def test_each_number_has_a_warning_of_its_own_and_how_to_fix_it(change, words):
     (line,) = contact_warnings(ALL_RIGHT | change, RIGID)
     assert re.search(words, line)
-    assert re.search("smaller simulation.step|look for", line)
+    assert re.search("smaller simulation.step|check for", line)
     assert ("--set contact.model=stiff" in line) == ("greatest_overlap" in change)
 
 
@@ -73,7 +73,7 @@ def test_only_flows_beyond_measured_ones_have_a_warning_and_the_exit_is_named():
     flows = {"few": None, "slow": LABORATORY, "fast": 2.81}
     exits = {name: {"flow_per_metre": flow} for name, flow in flows.items()}
     (line,) = flow_warnings(exits, ["gaps"])
-    assert line.startswith("flow above measured ones: ")
+    assert line.startswith("flow higher than measured: ")
     assert re.search(r"2\.81 .*'fast'", line)
     assert "--set behaviours.gaps={}" in line
     (line,) = flow_warnings(exits, None)

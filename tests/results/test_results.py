@@ -34,7 +34,7 @@ def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results, ma
     by_first = np.flatnonzero((results.crowd.exit_used == 0) & (results.crowd.route == 0))
     assert by_first.size
     assert pushed.left_by_other_exits.tolist() == by_first.tolist()
-    assert any("not on the route" in line and f"{by_first.size} p" in line for line in pushed.remarks)
+    assert any("outside their route" in line and f"{by_first.size} p" in line for line in pushed.remarks)
 
 
 def test_doors_between_rooms_are_in_the_summary(results, make_results):

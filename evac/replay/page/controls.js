@@ -7,26 +7,26 @@ function keysOf(camera, state, act) {
   const view = (change) => () => { change(); act.look(); };
   return [
     ["Space or K", "play or pause", { " ": act.toggle, k: act.toggle }],
-    ["← →", "one recorded state back or on; with Shift 10 s", { arrowleft: (isLong) => act.step(-1, isLong), arrowright: (isLong) => act.step(1, isLong) }],
+    ["← →", "one recorded state back or forward; with Shift 10 s", { arrowleft: (isLong) => act.step(-1, isLong), arrowright: (isLong) => act.step(1, isLong) }],
     ["Home, End", "to the start, to the end", { home: () => act.seek(-Infinity), end: () => act.seek(Infinity) }],
     ["[ ]", "slower, faster", { "[": () => act.faster(-1), "]": () => act.faster(1) }],
     ["P", "3D, plan or section", { p: act.nextView }],
     ["Page up, Page down", "next level up or down; all levels beyond the last", { pageup: () => act.climb(1), pagedown: () => act.climb(-1) }],
     ["C", "next colour of people", { c: act.recolour }],
     ["L", "next map on the floors", { l: act.nextLayer }],
-    ["M", "measure: draw a line, an area, off", { m: act.nextMeasure }],
-    ["F, 0", "show everything; back to how it opened", { f: act.fit, "0": act.restart }],
+    ["M", "measure with a line, an area, off", { m: act.nextMeasure }],
+    ["F, 0", "show everything; return to the first view", { f: act.fit, "0": act.restart }],
     ["+ −", "zoom", { "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)) }],
     ["W A S D", "move", { w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)) }],
     ["Q E, R V", "turn, tilt", { q: view(() => camera.orbit(0.12, 0)), e: view(() => camera.orbit(-0.12, 0)), r: view(() => camera.orbit(0, 0.1)), v: view(() => camera.orbit(0, -0.1)) }],
     ["I, T, ?", "about this run, light or dark, these keys", { i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal() }],
-    ["N, B", "next event, the one before", { n: () => act.nextEvent(1), b: () => act.nextEvent(-1) }],
-    ["G", "follow whoever is selected", { g: () => act.follow(state.selected !== null && !state.isFollowed) }],
+    ["N, B", "next event, previous event", { n: () => act.nextEvent(1), b: () => act.nextEvent(-1) }],
+    ["G", "follow the selected person", { g: () => act.follow(state.selected !== null && !state.isFollowed) }],
     ["Escape", "deselect, close", { escape: act.deselect }],
     ["Drag, one finger", "turn (in plan and section: move)"],
     ["Shift or right drag, two fingers", "move; two fingers zoom as well"],
     ["Wheel", "zoom to the pointer"],
-    ["Click, tap", "who is it?"],
+    ["Click, tap", "select a person"],
   ];
 }
 

@@ -21,7 +21,7 @@ function findEvents(record, series) {
   if (out.length > 1) leave(order.at(-1), out.length === record.people ? "last person out" : "last of those who got out");
   for (const { name, inside } of series.storeys.length > 1 ? series.storeys : []) {
     const { times, numbers } = inside;
-    if (times.length && numbers.at(-1) === 0) events.push({ time: times.at(-1), kind: "clear", text: `${name}: nobody left` });
+    if (times.length && numbers.at(-1) === 0) events.push({ time: times.at(-1), kind: "clear", text: `${name}: clear` });
   }
   return [...events, ...findJams(record, series)].sort((a, b) => a.time - b.time);
 }

@@ -22,7 +22,7 @@ class Stage {
   constructor(canvas, people) {
     const antialias = people <= SMOOTH || !drawsInSoftware();
     const gl = canvas.getContext("webgl2", { antialias, alpha: false, powerPreference: "high-performance" });
-    if (!gl) throw new Error("This browser has no WebGL 2, which the replay is drawn with. Use a current browser.");
+    if (!gl) throw new Error("The replay requires WebGL 2, which this browser lacks. Use a current browser.");
     Object.assign(this, { canvas, gl, meshes: {} });
     [this.floor, this.solid, this.glow, this.person, this.shadow] = this.programs = [FLOOR, SOLID, GLOW, PERSON, SHADOW].map((code) => this.program(code));
     this.crowd = gl.createVertexArray();
