@@ -5,8 +5,10 @@ async function inflate(name) {
   const text = node.textContent;
   node.remove();
   const bytes = Uint8Array.fromBase64 ? Uint8Array.fromBase64(text) : Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Response(stream).arrayBuffer();
+  const { writable, readable } = new DecompressionStream("deflate"), writer = writable.getWriter();
+  writer.write(bytes).catch(() => {});  // Reading fails as well.
+  writer.close().catch(() => {});
+  return new Response(readable).arrayBuffer();
 }
 
 inflate("scripts").then((data) => {

@@ -175,9 +175,11 @@ async function start() {
     camera.update();
   }
 
+  function drawMeasured() { stage.mesh("measured", measured ? measureMesh(layout, measured, look.mark) : [], [3, 4]); }
+
   function showMeasured() {
     by("measured-section").hidden = !measured;
-    stage.mesh("measured", measured ? measureMesh(layout, measured, look.mark) : [], [3, 4]);
+    drawMeasured();
     by("measured-name").textContent = measured ? capital(measured.name) : "";
     delete chart.curves[MEASURED];
     if (measured) chart.curves[MEASURED] = measured.curves();
@@ -215,7 +217,7 @@ async function start() {
       built = building;
       stage.build(layout, density, building, { exit: unit(about.colours.exit), closed: unit(about.colours.closed), places: Object.fromEntries(Object.entries(about.colours.places).map(([kind, colour]) => [kind, unit(colour)])) });
       select(state.selected);
-      showMeasured();
+      drawMeasured();
     }
     const now = record.at(state.time);
     const isLate = began - felt > TELL_EVERY || !state.isPlaying || now.count < SHADOWED;

@@ -39,11 +39,13 @@ function chooseView(camera, layout, density, record) {
     for (const spread of new Set(CLEARANCES.map((share) => layout.spreadFor(camera, share)))) {
       layout.arrange("3d", -1, spread, camera.aspect);
       camera.fit(layout.corners(), 1);
+      const weight = camera.size ** -SIZE_COUNTS;
+      if (weight <= best.score) continue;  // Even if everybody were seen.
       const seen = crowd.reduce((sum, [level, x, y, z, tall]) => {
         const [px, py, pz] = layout.place(level, x, y, z);
         return sum + (SEEN[floorsBefore(layout, density, camera.position, [px, py, pz + 0.9 * tall], SEEN.length)] ?? 0);
       }, 0) / (crowd.length || 1);
-      const score = seen * camera.size ** -SIZE_COUNTS;
+      const score = seen * weight;
       if (score > best.score * (1 + 1e-9)) best = { score, seen, tilt, azimuth: camera.azimuth, spread };
     }
   }

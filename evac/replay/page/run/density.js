@@ -21,12 +21,16 @@ class Density {
         this.inside[(y + j) * this.width + x + i] = bits[bit >> 3] >> (7 - (bit & 7)) & 1;
       }
     }
-    // Share of the kernel around each cell that lies on the floor.
-    this.cover = Float32Array.from(this.inside);
-    this.blur(this.cover);
-    this.cover = this.cover.map((share) => Math.max(LEAST_COVER, share));
     this.bytes = new Uint8Array(this.width * this.height);
     this.sums = new Float32Array(this.width * this.height);
+  }
+
+  // Share of the kernel around each cell that lies on the floor, found when it is first asked for.
+  get cover() {
+    const cover = Float32Array.from(this.inside);
+    this.blur(cover);
+    Object.defineProperty(this, "cover", { value: cover.map((share) => Math.max(LEAST_COVER, share)) });
+    return this.cover;
   }
 
   // Rectangles of all levels in one texture, row by row.

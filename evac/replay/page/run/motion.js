@@ -18,9 +18,11 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
     person: new Uint32Array(rows), level: new Uint16Array(rows), x: floats(rows), y: floats(rows), z: floats(rows),
     speed: floats(rows), waited: floats(rows), force: floats(rows), dose: floats(streams.doses.length),
   };
-  const levelOf = whole().fill(-1), seen = bytes(), begun = bytes(), turned = bytes(), { first } = motion;
-  const codes = ["speeds", "waited", "forces", "doses"].map((name) => [streams[name], whole()]);
-  const last = [whole(), whole()], before = [whole(), whole()];
+  const { first, person, level, x, y, z, heading } = motion, levelOf = whole().fill(-1), seen = bytes(), begun = bytes(), turned = bytes();
+  const places = [x, y].map((target) => ({ target, last: whole(), before: whole() }));
+  const codes = [["speeds", motion.speed, (code) => pace * code], ["waited", motion.waited, (code) => moment * code],
+                 ["forces", motion.force, forceOf], ["doses", motion.dose, (code) => part * code]]
+    .map(([name, target, of]) => ({ bytes: streams[name], target, of, last: whole() })).filter((one) => one.bytes.length);
   let event = 0, step = 0, lift = 0, wider = 0, turn = 0;
   const number = (byte) => byte === 255 ? wide[wider++] : byte & 1 ? -(byte + 1) / 2 : byte / 2;
 
@@ -32,42 +34,36 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
     for (let i = 0; i < other; i++) begun[events[event + i]] ^= 1;
     event += other;
 
-    let row = first[k];
+    const from = first[k];
+    let end = from;
     for (let p = 0; p < people; p++) {
       if (levelOf[p] < 0) continue;
-      motion.person[row] = p;
-      motion.started[row] = begun[p];
-      motion.level[row++] = levelOf[p];
+      person[end] = p;
+      motion.started[end] = begun[p];
+      level[end++] = levelOf[p];
     }
-    first[k + 1] = row;
-    for (const axis of [0, 1]) {
-      const target = axis ? motion.y : motion.x;
-      for (row = first[k]; row < first[k + 1]; row++) {
-        const p = motion.person[row];
-        const expected = seen[p] > 1 ? 2 * last[axis][p] - before[axis][p] : seen[p] ? last[axis][p] : 0;
-        before[axis][p] = last[axis][p];
-        last[axis][p] = expected + number(steps[step++]);
-        target[row] = grain * (last[axis][p] + 0.5);
+    first[k + 1] = end;
+    for (const { target, last, before } of places) {
+      for (let row = from; row < end; row++) {
+        const p = person[row], expected = seen[p] > 1 ? 2 * last[p] - before[p] : seen[p] ? last[p] : 0;
+        before[p] = last[p];
+        last[p] = expected + number(steps[step++]);
+        target[row] = grain * (last[p] + 0.5);
       }
     }
-    for (row = first[k]; row < first[k + 1]; row++) {
-      const level = levels[motion.level[row]], [c, a, b] = level.plane;
-      if (seen[motion.person[row]] < 2) seen[motion.person[row]]++;
-      motion.z[row] = c + a * motion.x[row] + b * motion.y[row];
-      if (level.uneven) motion.z[row] += grain * number(heights[lift++]);
+    for (let row = from; row < end; row++) {
+      const { plane, uneven } = levels[level[row]];
+      if (seen[person[row]] < 2) seen[person[row]]++;
+      z[row] = plane[0] + plane[1] * x[row] + plane[2] * y[row];
+      if (uneven) z[row] += grain * number(heights[lift++]);
     }
-    const [speeds, waited, forces, doses] = codes.map(([bytes, last]) => {
-      for (row = first[k]; row < first[k + 1]; row++) last[motion.person[row]] += number(bytes[row] ?? 0);
-      return last;
-    });
-    for (row = first[k]; row < first[k + 1]; row++) {
-      const p = motion.person[row];
-      motion.speed[row] = pace * speeds[p];
-      motion.waited[row] = moment * waited[p];
-      motion.force[row] = forceOf(forces[p]);
-      motion.dose[row] = part * doses[p];  // Nothing is kept where there are no doses.
-      if (speeds[p]) turned[p] += headings[turn++];
-      motion.heading[row] = turned[p];
+    for (const { bytes, target, of, last } of codes) {
+      for (let row = from; row < end; row++) target[row] = of(last[person[row]] += number(bytes[row]));
+    }
+    const speeds = codes[0].last;
+    for (let row = from; row < end; row++) {
+      if (speeds[person[row]]) turned[person[row]] += headings[turn++];
+      heading[row] = turned[person[row]];
     }
   }
   return motion;
