@@ -27,17 +27,13 @@ function findEvents(record, series) {
 }
 
 // The first time at which a jam is on each stair, and on the floors of each storey.
-function findJams({ motion, frames, building, people }, { storeys }) {
+function findJams({ motion, frames, building, people }, { storeys, placeOf }) {
   const { first, person, level, x, y, waited, times } = motion, events = [];
-  const places = building.levels.map((one, index) => {
-    const stair = building.stairs.findIndex(({ levels }) => levels.includes(index));
-    return stair < 0 ? one.storey : storeys.length + stair;
-  });
   const names = [...storeys, ...building.stairs].map(({ name }) => name), isTold = names.map(() => false), last = new Float32Array(people);
   for (let k = 0; k < frames; k++) {
     const waiting = names.map(() => []);
     for (let row = first[k]; row < first[k + 1]; row++) {
-      if (waited[row] > last[person[row]]) waiting[places[level[row]]].push(row);
+      if (waited[row] > last[person[row]]) waiting[placeOf[level[row]]].push(row);
       last[person[row]] = waited[row];
     }
     waiting.forEach((rows, place) => {

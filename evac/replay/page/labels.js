@@ -61,8 +61,8 @@ class Labels {
   // of the event at this time, there are name and place in the picture. Styles are written only where they change.
   update(camera, state, selected, event, people, density, width, height) {
     const { cells } = this;
-    const aim = [...camera.matrix, this.layout.spread, this.layout.storey, width, height].join();
-    for (const item of this.items) if (aim !== this.aim) item.boxes = new Map();  // By the side: null where a floor lies before it.
+    const aim = [...camera.matrix, this.layout.spread, this.layout.storey, width, height], isMoved = aim.some((value, k) => value !== this.aim?.[k]);
+    for (const item of this.items) if (isMoved) item.boxes = new Map();  // By the side: null where a floor lies before it.
     this.aim = aim;
     cells.clear(width, height, heightOfTools());
     cells.markPeople(camera, people);

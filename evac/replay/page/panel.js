@@ -5,6 +5,7 @@ const seconds = (time) => `${time.toFixed(1)} s`;
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 const goTo = (time) => time === null ? "" : ` <button type="button" value="${time}">Show ${seconds(time)}</button>`;
 const asTerms = (facts) => facts.map(([name, value]) => `<dt>${name}</dt><dd>${escaped(value)}</dd>`).join("");
+const write = (node, text) => { if (node.told !== text) node.textContent = node.told = text; };  // So that what stays needs no layout.
 const escaped = (text) => String(text).replace(/[&<>"]/g, (sign) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[sign]);
 
 class Panel {
@@ -62,27 +63,27 @@ class Panel {
 
   update(time, now) {
     const { series, record } = this;
-    by("time").textContent = seconds(time);
-    const out = countUpTo(series.out, time);
-    by("inside").textContent = series.inside.at(time);
-    by("outside").textContent = out;
+    write(by("time"), seconds(time));
+    write(by("inside"), series.inside.at(time));
+    write(by("outside"), countUpTo(series.out, time));
     const state = record.stateAt(time);
     series.exits.forEach(({ times, index: exit }, index) => {
-      this.exits[index][0].parentElement.cells[0].dataset.note = record.noteOn(exit, state);
-      this.exits[index][0].textContent = countUpTo(times, time);
-      this.exits[index][1].textContent = flowAt(times, time, record.begin).toFixed(1);
+      if (state !== this.state) this.exits[index][0].parentElement.cells[0].dataset.note = record.noteOn(exit, state);
+      write(this.exits[index][0], countUpTo(times, time));
+      write(this.exits[index][1], flowAt(times, time, record.begin).toFixed(1));
     });
     record.lines.forEach(({ times, width }, index) => {
       const flow = flowAt(times, time, record.begin);
-      this.lines[index][0].textContent = countUpTo(times, time);
-      this.lines[index][1].textContent = flow.toFixed(1);
-      this.lines[index][2].textContent = (flow / width).toFixed(2);
+      write(this.lines[index][0], countUpTo(times, time));
+      write(this.lines[index][1], flow.toFixed(1));
+      write(this.lines[index][2], (flow / width).toFixed(2));
     });
     series.stairs.forEach(({ entered, inside }, index) => {
-      this.stairs[index][0].textContent = countUpTo(entered, time);
-      this.stairs[index][1].textContent = inside.at(time);
+      write(this.stairs[index][0], countUpTo(entered, time));
+      write(this.stairs[index][1], inside.at(time));
     });
-    series.storeys.forEach(({ inside }, index) => { this.storeys[index][0].textContent = inside.at(time); });
+    series.storeys.forEach(({ inside }, index) => write(this.storeys[index][0], inside.at(time)));
+    this.state = state;
   }
 
   // Who somebody is, and where and how fast at the time shown.

@@ -44,7 +44,9 @@ class Stage {
     for (let k = 0; k < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); k++) {
       const { name, type } = gl.getActiveUniform(program, k), place = gl.getUniformLocation(program, name);
       const way = { [gl.FLOAT]: "uniform1f", [gl.FLOAT_VEC3]: "uniform3fv" }[type] ?? "uniform1i";
-      setters[name.replace("[0]", "")] = type === gl.FLOAT_MAT4 ? (value) => gl.uniformMatrix4fv(place, false, value) : (value) => gl[way](place, value);
+      let last = null;
+      setters[name.replace("[0]", "")] = type === gl.FLOAT_MAT4 ? (value) => gl.uniformMatrix4fv(place, false, value)
+                                                                : (value) => { if (value !== last) gl[way](place, last = value); };
     }
     return { program, setters };
   }
@@ -123,7 +125,8 @@ class Stage {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     this.setPeople(people);
     const { matrix: view, right, up, isFlat } = camera, { tallest, marked } = people;
-    for (const program of this.programs) this.use(program, { ...UNITS, view, right, up, tallest, marked, ...look });
+    const common = { ...UNITS, view, right, up, tallest, marked, ...look };
+    for (const program of this.programs) this.use(program, common);
     let isOpaque = true;
     people.parts.forEach((part, storey) => {
       if (!this.meshes[`floor ${storey}`].count) return;
@@ -165,7 +168,7 @@ class Stage {
   // Draws with a program from now on, of which some of the uniforms are given.
   use({ program, setters }, values = {}) {
     this.gl.useProgram(program);
-    for (const name in setters) if (name in values) setters[name](values[name]);
+    for (const name in values) setters[name]?.(values[name]);
   }
 
   show(name) {

@@ -32,24 +32,32 @@ class Series {
       name: exit.name, index, times: timesOf(order.filter((p) => record.outBy[p] === index)),
     })).sort(byName);
     const onStair = levels.map((_, index) => stairs.findIndex((stair) => stair.levels.includes(index)));
-    this.inside = this.place("inside", levels.map(() => true)).inside;
-    this.stairs = stairs.map(({ name }, stair) => this.place(name, onStair.map((of) => of === stair))).sort(byName);
-    this.storeys = storeys.map(({ name }, storey) => this.place(name, levels.map((level, index) => level.storey === storey && onStair[index] < 0)));
+    this.placeOf = levels.map((level, index) => onStair[index] < 0 ? level.storey : storeys.length + onStair[index]);
+    const places = [...storeys, ...stairs].map(({ name }) => ({ name, inside: new Count(0), entered: [] }));
+    this.inside = new Count(0);
+    this.count(places, record.moves);
+    [this.storeys, this.stairs] = [places.slice(0, storeys.length), places.slice(storeys.length).sort(byName)];
   }
 
-  // Who is at a place that consists of levels, and when each person is there for the first time.
-  place(name, isPart) {
-    const { start, person, target, time } = this.record.moves, here = start.map((level) => level >= 0 && isPart[level]);
-    const inside = new Count(here.filter(Boolean).length), entered = start.flatMap((_, p) => here[p] ? [-Infinity] : []), known = here.slice();
-    person.forEach((p, k) => {
-      const enters = target[k] >= 0 && isPart[target[k]];
-      if (enters === here[p]) return;
-      inside.add(time[k] / 100, enters ? 1 : -1);
-      if (enters && !known[p]) entered.push(time[k] / 100);
-      here[p] = enters;
-      known[p] ||= enters;
+  // Counts who is inside and at each place, storeys and stairs, and notes when each person is there for the first time.
+  count(places, { start, person, target, time }) {
+    const at = start.map((level) => this.placeOf[level] ?? -1), known = places.map(() => new Uint8Array(at.length));
+    at.forEach((place, p) => {
+      if (place < 0) return;
+      this.inside.numbers[0]++;
+      places[place].inside.numbers[0]++;
+      places[place].entered.push(-Infinity);
+      known[place][p] = 1;
     });
-    return { name, inside, entered };
+    person.forEach((p, k) => {
+      const [from, to, when] = [at[p], this.placeOf[target[k]] ?? -1, time[k] / 100];
+      if (from === to) return;
+      (places[from] ?? this).inside.add(when, from < 0 ? 1 : -1);
+      (places[to] ?? this).inside.add(when, to < 0 ? -1 : 1);
+      if (to >= 0 && !known[to][p]) places[to].entered.push(when);
+      if (to >= 0) known[to][p] = 1;
+      at[p] = to;
+    });
   }
 }
 
