@@ -226,9 +226,8 @@ def _is_too_stiff(state, own, h, onset):
 class Dem(ContactModel):
     """Spring contact: a force k max(0, -D) along the line of centres; overlap is part of the model.
 
-    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN, contacts
-    harden, see `press`, since a linear spring cannot carry the load of thousands of people: its equilibrium overlap
-    exceeds the radius.
+    Beyond an overlap of `hardening` times the radius of the smaller body and a force of 6 kN, contacts become stiffer,
+    because the overlap at which a linear spring carries the load of thousands of people exceeds the radius.
     """
 
     name = "dem"

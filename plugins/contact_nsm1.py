@@ -107,9 +107,9 @@ def _add_inverse_masses(bodies, contacts):
 class Nsm1(SolvedContactModel):
     """Inelastic contact: the velocity nearest to the free one for which no bodies overlap after the step.
 
-    The variant `inertial` projects u + h f/m in the mass norm. The variant `overdamped` is the original model of Maury
-    and Venel, which projects the desired velocity in the Euclidean norm. It has no inertia, and its multipliers are not
-    forces.
+    The variant `inertial` projects the velocity u + h f/m in the mass norm. The variant `overdamped` is the original
+    model of Maury and Venel, without inertia: it projects the desired velocity in the Euclidean norm, and its
+    multipliers are not forces.
     """
 
     name = "nsm1"

@@ -112,8 +112,8 @@ def _report_reaction(state, own, h):
 class Nsm2(SolvedContactModel):
     """Percussions at mid-step with dissipation K_N: 0 is inelastic, infinity is elastic.
 
-    Contacts are the pairs that the free velocity closes within the step. Bodies move by the mean of the old and
-    new velocity, so overlaps of the order of h|u| are part of the model; they are reported.
+    Percussions act on the pairs whose gap the free velocity would close within the step. Bodies move by the mean of
+    the old and the new velocity, so that overlaps of the order of h|u| are part of the model.
     """
 
     name = "nsm2"
