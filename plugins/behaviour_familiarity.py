@@ -27,25 +27,24 @@ WALKS = 0.3
 
 
 class Familiarity(Behaviour):
-    """People know some exits, learn of others by signs and by sight, and prefer the main entrance.
+    """People know some exits, learn of others from signs and by sight, and prefer the main entrance.
 
-    Each person knows the exits in `main`, and each of the others with the probability in `knows`, which a group may
-    set for itself. A person takes the known exit of least cost: the travel time to it, multiplied by `trust` if the
-    exit is in sight or a sign shows it, and otherwise by `preference` unless it is in `main`, since people tend to
-    leave by the way they came (Sime, 1985). A person decides at the start and every `every`, and learns of
+    Everybody knows the exits in `main`, and each of the others with the probability in `knows`, which a group may set
+    for itself. People take the known exit of least cost. The cost is the travel time, multiplied by `trust` if the exit
+    is in sight or a sign shows it, and otherwise by `preference` unless the exit is in `main`, because people tend to
+    leave by the way they came (Sime, 1985). They decide at the start and after every interval `every`, and learn of
 
-    - the exit of a sign (`[[place]]` of kind "sign") that is in sight within its range. Of all people and signs, the
-      share `notices` is noticed;
-    - an exit that is in sight within `sees`;
-    - with `influence` > 0 the exits to which people walk who are in sight within `sees`. The cost of an exit is
-      multiplied by 1 - `influence` times the share of these people, and of the person itself, who go to it.
+    - the exit of a sign (`[[place]]` of kind "sign") that is in sight within its range. A person notices each sign with
+      the probability `notices`;
+    - exits that are in sight within `sees`;
+    - with `influence` > 0, exits to which people in sight within `sees` walk. The cost of such an exit is multiplied by
+      1 - `influence` times the share of these people, including the person who decides, who go to it.
 
-    People whose group has ``exits`` use these only. People on their way to a refuge or an assembly area keep their way.
-    If all exits that a person knows are closed, it takes any.
+    People whose group has ``exits`` use these only, and people on their way to a refuge or an assembly area do not
+    change it. People whose known exits are all closed take any exit.
 
-    The default of `notices` is the share of people who saw a conventional sign in an experiment by Xie et al., as its
-    authors say in the abstract of Galea, Xie and Lawrence (2014), of whom most followed it; `preference` and `trust`
-    are assumptions.
+    The default of `notices` is the share of people who saw a conventional sign in an experiment by Xie et al., from the
+    abstract of Galea, Xie and Lawrence (2014); most of them followed it. `preference` and `trust` are assumptions.
 
     Raises
     ------
@@ -69,13 +68,13 @@ class Familiarity(Behaviour):
     follows_signs = True
 
     main: Any = Parameter((), "exits that everybody knows and prefers, such as the main entrance")
-    knows: Any = Parameter({}, "share of people who know each other exit, such as { back = 0.3 }")
+    knows: Any = Parameter({}, "shares of people who know other exits, such as { back = 0.3 }")
     preference: Any = Parameter(2.0, "factor of travel times to other known exits", minimum=1.0)
     trust: Any = Parameter(0.5, "factor of travel times to exits in sight or shown by signs", minimum=0.0, maximum=1.0)
     sees: Any = Parameter(10.0, "distance within which exits and people are seen", "m", minimum=0.0)
     notices: Any = Parameter(0.38, "share of signs in sight that people notice", minimum=0.0, maximum=1.0)
     influence: Any = Parameter(0.0, "weight of the choices of others", minimum=0.0, maximum=1.0)
-    every: Any = Parameter(1.0, "period of decisions", "s", above=0.0)
+    every: Any = Parameter(1.0, "time between two decisions", "s", above=0.0)
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)

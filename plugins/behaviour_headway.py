@@ -29,9 +29,7 @@ class Rule(Struct):
 class Headway(Behaviour):
     """Directions and speeds of the collision-free speed model (Tordeux, Chraibi and Seyfried, 2016).
 
-    Without this behaviour, people walk at full speed until bodies touch, so that flows through doors are larger than
-    measured ones, and flows on stairs several times larger. For each visible person at a distance s, a repulsion
-    away from that person is added to the desired direction:
+    For each visible person at a distance s, a repulsion away from that person is added to the desired direction:
 
         a exp((l - s) / D)
 
@@ -44,14 +42,11 @@ class Headway(Behaviour):
     - is ahead, at most l beside the line of walking, and visible, also through portals;
     - has started and wants to walk;
     - is farther ahead on the way, if the angle between both desired directions is below 90 degrees: has a smaller
-      remaining travel time on the same route, or, on another route, is also ahead along the sum of both directions.
-      Therefore, of two people side by side at a door one goes first, and nobody waits for a person who waits for it.
+      remaining travel time on the same route or, on another route, is also ahead along the sum of both directions.
+      Therefore one of two people side by side at a door goes first, and two people never wait for each other.
 
-    People who have left count until they are 2 m behind their exit, seen through open exits. They walk straight on and
-    slow down for those ahead of them outside who walk in a similar direction.
-
-    Bodies wider than l still touch, at a speed of (2 r - l) / T. The behaviour is applied to the speeds and directions
-    that other behaviours have set.
+    People who have left count until they are 2 m behind their exit. They walk straight on and slow down for those ahead
+    of them outside who walk in a similar direction. Bodies wider than l still touch, at a speed of (2 r - l) / T.
 
     References
     ----------

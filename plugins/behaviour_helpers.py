@@ -65,16 +65,15 @@ DEVICES = {
 
 
 class Helpers(Behaviour):
-    """People of groups with the key `fetches` fetch those of the group that it names, and bring them out.
+    """Groups with the key `fetches` are helpers, who bring out the people of the group that it names.
 
-    People of a group with the key `device` do not leave alone. They stand in one of the `areas` where they start, or go
-    to a refuge among these `areas` if the case has one for them, and wait there. As soon as somebody waits, the nearest
-    free helpers go to the area, as many as the device needs (`handlers`), and to the person. After the time
-    `preparation` they go together, at the speeds of the device: the helpers stay with the person, who waits for a
-    helper farther than 3 m away. They leave by one of `exits`, where helpers who are still needed let the person go the
-    last 2 s alone and return, or go to the assembly area in `to`, from where the helpers fetch the next one. Helpers
-    who are not needed any more leave by the exits of their group. Nobody is fetched whom the device cannot bring all
-    the way. The notes of the results say who was fetched when, and by whom.
+    People of a group with the key `device` do not leave alone. They wait in one of the `areas` in which they start, or
+    go to a refuge among these `areas` if the case has one for them. As soon as somebody waits, the nearest free
+    helpers, as many as the device needs (`handlers`), go to that person. After the time `preparation` they go together
+    at the speeds of the device; the person waits for a helper who is more than 3 m away. They leave by one of `exits`,
+    or go to the assembly area in `to`. Helpers who are still needed turn back there, 2 s before an exit, and fetch the
+    next person; the others leave by the exits of their group. People whom the device cannot bring all the way are not
+    fetched. The notes of the results say who was fetched when, and by whom.
 
     | device | flat | up | down | helpers | source |
     |---|---|---|---|---|---|
@@ -83,9 +82,9 @@ class Helpers(Behaviour):
     | `support` | 0.78 | 0.31 | 0.31 | 1 | Boyce et al. 1999; stairs: Peacock et al. 2014, as the preset `accompanied` |
     | `push` | 1.3 | 1.3 | 1.3 | 1 | Boyce et al. 1999, as the preset `pushed_wheelchair`; ramps up to 1:12, no stairs |
 
-    Which of the devices of Hunt et al. is the fastest, and which the slowest, is assumed. Speeds are in m/s, on stairs
-    along the slope. `devices` adds others, such as ``{ sledge = { flat = 0.7, up = 0.0, down = 0.6, handlers = 2 } }``.
-    The default of `preparation` is an assumption.
+    Speeds are in m/s, on stairs along the slope. It is assumed that the evacuation chair is the fastest device of Hunt
+    et al., and carrying the slowest; the default of `preparation` is an assumption, too. `devices` adds others, such as
+    ``{ sledge = { flat = 0.7, up = 0.0, down = 0.6, handlers = 2 } }``.
 
     Raises
     ------
@@ -98,7 +97,7 @@ class Helpers(Behaviour):
     References
     ----------
     Hunt et al.: Simulating movement devices used in hospital evacuation. Fire Technology (2020),
-    10.1007/s10694-020-00971-5, of which the abstract was read: mean speeds on stairs from 0.6 to 0.84 m/s.
+    10.1007/s10694-020-00971-5, abstract: mean speeds on stairs from 0.6 to 0.84 m/s.
     """
 
     name = "helpers"
@@ -106,13 +105,13 @@ class Helpers(Behaviour):
     writes = ("route", "speed_factor", "extra_direction")
     group_keys = ("device", "fetches")
 
-    device = Parameter("", "way in which people of the group are brought")
+    device = Parameter("", "device with which people of the group are brought out")
     fetches = Parameter("", "name of the group that people of this group fetch")
     areas: Any = Parameter((), "areas in which people wait for helpers")
     exits: Any = Parameter((), "exits to which people are brought; empty: any")
     to = Parameter("", "area of a place of kind assembly to which people are brought, instead of exits")
     preparation = Parameter(30.0, "time from the arrival of the helpers until they go", unit="s", minimum=0.0)
-    devices: Any = Parameter({}, "further devices: flat, up, down and handlers of each")
+    devices: Any = Parameter({}, "further devices, with the keys flat, up, down and handlers")
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)

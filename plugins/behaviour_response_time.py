@@ -26,14 +26,13 @@ WALKS = 0.3
 class ResponseTime(Behaviour):
     """Draws the time at which each person starts to walk; before, the desired speed is zero.
 
-    Times are drawn before the first step. The response time t_r of the paper (Tables 2, 4 and 5)
-    is ``time`` with ``per = "person"``. Occupants of one room often react together (``"place"``), and
-    so do families and classes (``"group"``).
+    Times are drawn before the first step. The response time t_r of the paper (Tables 2, 4 and 5) is ``time`` with
+    ``per = "person"``. The occupants of a room often react together (``"place"``), and so do families and classes
+    (``"group"``).
 
-    With ``begin = "cue"``, the response time counts from the first cue that a person gets: an alarm in its place (a
-    change of the scene of kind "alarm"), people who walk within ``sees`` on the same level and are not hidden by walls,
-    or a field of a behaviour that has reached its threshold at the person, such as smoke. A group may have its own
-    ``begin``.
+    With ``begin = "cue"``, which a group may set for itself, the response time counts from the first cue that a person
+    gets: an alarm at the place of the person (an event of kind "alarm"), people who walk within ``sees`` on the same
+    level and are not hidden by walls, or a field, such as smoke, that has reached its threshold at the person.
 
     Raises
     ------
@@ -69,8 +68,8 @@ class ResponseTime(Behaviour):
     )
 
     begin: Any = Parameter("start", "what response times count from: the start of the run, or a cue", choices=BEGIN)
-    sees: Any = Parameter(0.0, "distance within which people who walk are a cue; 0: they are none", "m", 0.0)
-    fields: Any = Parameter({}, "fields of behaviours that are a cue from a value on, such as { smoke = 0.1 }")
+    sees: Any = Parameter(0.0, "distance within which walking people are a cue; 0: they are none", "m", 0.0)
+    fields: Any = Parameter({}, "fields that are a cue, with their thresholds, such as { smoke = 0.1 }")
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)

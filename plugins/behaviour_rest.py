@@ -18,10 +18,9 @@ ONWARDS = 0.6
 class Rest(Behaviour):
     """People of the groups with the key ``after`` rest on landings and floors between flights of stairs.
 
-    When a person has walked the length `after` on flights since the last rest, it goes 0.6 m on the next landing or
-    floor, stands there for `pause`, and goes on. Others walk around it if they use the behaviour `walking`. The values
-    are assumptions: there are observations of people who rest, but no measured lengths and times that are generally
-    valid.
+    Once they have walked the length `after` on flights since the last rest, they walk 0.6 m onto the next landing or
+    floor and stand there for `pause`. With the behaviour `walking`, others walk around them. The defaults are
+    assumptions, because measured lengths and times that are generally valid do not exist.
     """
 
     name = "rest"

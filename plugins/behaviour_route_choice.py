@@ -45,17 +45,17 @@ class _Choosers:
 class RouteChoice(Behaviour):
     """People choose routes by their own speeds on the flat and up and down stairs.
 
-    Fields are computed with reference speeds, which are the same for all people; the path lengths (flat,
-    up, down) are known everywhere. A person who is slow on stairs can thus prefer another exit or a path
-    without stairs. The cost of a route is
+    Directions are computed with reference speeds, which are the same for all people. With this behaviour, people who
+    are slow on stairs can prefer another exit or a path without stairs. The cost of a route follows from the lengths of
+    its path on the flat, up and down stairs:
 
     - flat + up + down, if "shortest" is the only strategy;
     - flat / v_flat + c (up / v_up + down / v_down), if "comfortable" is the only strategy, with the
       comfort factor c of the case;
     - flat / v_flat + up / v_up + down / v_down, if "fastest" or "quickest" is the only strategy, or if there are
-      several. Lengths are those of the empty building: the choice does not depend on the crowd.
+      several.
 
-    People whose group has ``exits`` in the case choose among these exits only.
+    The choice does not depend on the crowd. People whose group has ``exits`` choose among these only.
 
     Raises
     ------
@@ -75,9 +75,9 @@ class RouteChoice(Behaviour):
     writes = ("route",)
     group_keys = ("exits", "strategies", "change_at")
 
-    exits: Any = Parameter((), "exits to choose between; empty: any exit, by the strategy")
+    exits: Any = Parameter((), "exits to choose between; empty: all exits")
     strategies: Any = Parameter(("fastest",), "strategies to choose between", choices=STRATEGIES)
-    every: Any = Parameter(0.0, "period of choices; 0: only at the start", "s", minimum=0.0)
+    every: Any = Parameter(0.0, "time between two choices; 0: only at the start", "s", minimum=0.0)
     change_at: Any = Parameter(math.inf, "time at which `change_to` replaces the strategies", "s", 0.0, infinite=True)
     change_to: Any = Parameter("", "strategy after `change_at`; empty: no change", choices=("", *STRATEGIES))
 

@@ -51,31 +51,28 @@ class Rules(Struct):
 
 
 class TeacherFollowing(Behaviour):
-    """Groups follow the person that their key ``teacher`` names (a group of one person).
+    """Groups follow their teacher, the group of one person that their key ``teacher`` names.
 
-    Positions are compared by the remaining travel time T, which is defined across doors, stairs and storeys. With the
-    lead L = T_teacher - T_member of a member:
+    Positions are compared by the remaining travel time T. With the lead L = T_teacher - T_member of a member:
 
-    - Members take the route of their teacher and do not start before it: they start at the later of both start
-      times.
+    - Members take the route of their teacher, and start at the later of both start times.
     - A member more than `trail` behind (L < -trail) walks at full speed. From there, its speed decreases to zero at
       L = 0: the speed factor is -L / trail, limited to [0, 1].
-    - The teacher and the members behind it form a line. D is the longest time that a member needs, at its own speed,
-      to the present position of the next person ahead in the line, or the travel time of the teacher to the exit if
-      that is shorter. The teacher walks at full speed up to D = lag / 2. From there, its speed decreases to zero at
+    - The teacher and the members behind form a line. The gap D is the longest time that a member needs to reach the
+      next person ahead in the line, at most the travel time of the teacher to the exit, so that teachers do not stop
+      in front of it. The teacher walks at full speed up to D = lag / 2. From there, the speed decreases to zero at
       D = lag: the speed factor is 2 (1 - D / lag), limited to [0, 1].
     - On the way to an area, such as one at which the class gathers, members walk at full speed as soon as the teacher
       is within `trail` of its middle.
-    - A teacher that has waited for `patience` without progress of its last member continues until the gaps are closed
+    - A teacher who has waited for `patience` without progress of the last member continues until the gaps are closed
       (D <= lag / 2).
-    - If a teacher has wanted to walk for more than `stuck` without progress, the members ahead of it give way: each
-      walks independently until it is `trail` ahead, or behind again. After another `patience` without progress, and
-      after the teacher has left, all members walk independently.
+    - If a teacher has wanted to walk for more than `stuck` without progress, the members ahead give way: each walks
+      independently until `trail` ahead, or behind again. After another `patience` without progress, and after the
+      teacher has left, all members walk independently. This prevents permanent blocking by classes that wait for each
+      other on a stair, or by members in the way of their teacher.
 
-    A teacher waits for gaps in the line and not for the length of its class, since a class in a queue is long, and a
-    teacher that walks slowly ahead of it would be overtaken and pushed aside. It does not wait for gaps longer than its
-    own remaining travel time, so that it does not stop in front of the exit. The last rule prevents permanent blocking
-    by classes that wait for each other on a stair, or by members in the way of their teacher.
+    Teachers wait for gaps in the line and not for the length of the class, because a class is long in a queue, where a
+    teacher who walked slowly ahead of it would be overtaken and pushed aside.
 
     Raises
     ------
@@ -89,7 +86,7 @@ class TeacherFollowing(Behaviour):
     group_keys = ("teacher",)
 
     trail = Parameter(3.0, "time behind the teacher below which members slow down", unit="s", above=0.0)
-    lag = Parameter(4.0, "gap in the line of a class at which the teacher stops", unit="s", above=0.0)
+    lag = Parameter(4.0, "gap in the line of the class at which the teacher stops", unit="s", above=0.0)
     patience = Parameter(10.0, "time for which a teacher waits without progress", unit="s", minimum=0.0, infinite=True)
     stuck = Parameter(10.0, "time without progress after which members give way", unit="s", minimum=0.0)
 

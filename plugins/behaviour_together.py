@@ -25,17 +25,17 @@ GATHERS, COUNTS, LEAVES = range(3)
 
 
 class Together(Behaviour):
-    """Families and other units keep together: those ahead wait for the last, and they may gather at a place first.
+    """Families and other units stay together: those ahead wait for the last, and they may gather at a place first.
 
-    The groups with one of the keys take part. Each `size` people of a group are a unit, or all people of the groups
-    with the same `unit`. Positions are compared by the remaining travel time T. A member that is ahead of the last one
-    by dT = T_last - T, or by its own T if that is less, walks at the share 2 (1 - dT / lag) of its speed, limited to
-    [0, 1]; nobody waits any longer for a last member that has made no progress for `patience`.
+    A unit consists of `size` people of a group, or of all people of the groups with the same `unit`. Positions are
+    compared by the remaining travel time T. A member who is ahead of the last one by dT = T_last - T, or by T if that
+    is less, walks at the share 2 (1 - dT / lag) of the speed, limited to [0, 1]. Nobody waits for a last member who has
+    made no progress for `patience`.
 
-    A unit with the key `gather`, the name of an area in `places`, goes there first. When all members have arrived, or
-    `patience` after the last arrival, they are counted, which takes the time `count`, and leave. A class and its
-    teacher are such a unit, which the teacher counts; the notes of the results name who was missing. With
-    `teacher_following` the class walks behind the teacher to the area, and from there.
+    A unit with the key `gather`, the name of an area in `places`, goes there first. Once all members have arrived, or
+    `patience` after the last arrival, they are counted, which takes the time `count`, and leave. An example is a class
+    that its teacher counts; with `teacher_following`, the class also walks behind the teacher. The notes of the results
+    name who was missing.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class Together(Behaviour):
     gather = Parameter("", "area at which a unit gathers, one of `places`; empty: none")
     places: Any = Parameter((), "areas at which units gather")
     lag = Parameter(3.0, "lead over the last member at which the others stop", unit="s", above=0.0)
-    count = Parameter(10.0, "time for which a unit stays when all have gathered", unit="s", minimum=0.0)
+    count = Parameter(10.0, "time for which a unit stays once all have gathered", unit="s", minimum=0.0)
     patience = Parameter(30.0, "time without progress after which nobody waits", unit="s", minimum=0.0, infinite=True)
 
     def routes(self) -> tuple[Route, ...]:

@@ -89,54 +89,55 @@ class Motion(Struct):
 
 
 class Walking(Behaviour):
-    """People keep a distance, anticipate the motion of others, step aside, and do not push.
+    """People keep distances, anticipate the motion of others, step aside, and do not push.
 
-    The direction and speed of each person follow from what it sees within `sight`, through portals too, but not behind
-    walls. At each tick, it steps aside for all people j who walk ahead of its desired direction e or its heading, by
+    At every tick, people choose a heading and a speed from what they see within `sight`, also through portals, but not
+    behind walls. For a person i and another person j, e is the desired direction of i, h and h_j are the headings, u_j
+    is the velocity of j, s is the distance of centres, and r are contact radii.
+
+    Heading: A person steps aside for everybody who walks ahead of e or of the present heading, by
 
         k (1 + (1 - e.h_j) / 2) exp(-max(0, s - r_i - r_j - c t_s) / D)
 
-    each, away from the side on which j will be after the time t_s: s is the distance, r are contact radii, c is the
-    speed at which the two approach each other, and h_j is the heading of j. Of people who come towards it (e.h_j < 0),
-    it passes on the right: they are taken to be `right` farther to the left. From the nearest wall on either side, it
-    steps away by k_w (1 - d / d_w), where d is its distance. The sum S of all side steps is at most `side_limit`, and
-    the heading h turns towards e + S n, with n normal to e, within the reaction time. The speed becomes
+    away from the side on which j will be after the time t_s. Here c is the speed at which the two approach each other.
+    Oncoming people (e.h_j < 0) are taken to be `right` farther to the left, so that people pass on the right. A person
+    also steps away from the nearest wall on either side, by k_w (1 - d / d_w) at the distance d. The sum S of all side
+    steps is at most `side_limit`. The heading turns towards e + S n, with n normal to e, with the time constant
+    `reaction_time`.
+
+    Speed: With the previous desired speed v, the speed becomes
 
         min(v, max(V, (s - g l + T_a max(0, u_j.h)) / (g T)))
 
-    with the previous desired speed v, the least such speed for any person who is
+    for that j for whom it is least, among all people who are
 
-    - ahead of the heading, and of e or the heading before, within `sight`, and visible: g is 1 up to the distance
-      `width` beside the line of the heading, and falls to 0 within the next `edge`. People walk in lanes about as wide
-      as shoulders, and follow those of their own lane;
-    - farther ahead on the way: has a smaller remaining travel time on the same route, or, on another route, is ahead
-      along the sum of both desired directions. Oncoming people count with the parameters of their own, and g = 1;
+    - seen ahead of h, and of e or the previous heading. The weight g is 1 up to the distance `width` beside the line of
+      the heading and decreases to 0 over the distance `edge`, so that people follow those in their own lane;
+    - farther ahead on the way: with a smaller remaining travel time on the same route or, on another route, ahead along
+      the sum of both desired directions. Oncoming people count with the parameters for them, and g = 1.
 
-    and the velocity u_j of that person. V is `creep`, so that nobody waits for ever; it is 0 behind people on the same
-    route, of whom the first one never waits: queues keep their distances, and nobody pushes. People follow in single
-    file at l + (T - T_a) u if all have the speed u, and closer where those ahead walk off faster, as behind a door.
+    The least speed V is `creep`, so that nobody waits for ever. Behind people on the same route it is 0, so that queues
+    keep their distances and nobody pushes. If all people in a file have the speed u, their distance is l + (T - T_a) u.
 
-    People who stand, because they have not started yet or wait for others, are walked around: if one of them is in the
-    way, the heading turns instead towards the direction in which the person comes farthest, of those up to 90 degrees
-    from e + S n, with a gap of 0.05 m to their bodies and up to walls. If there is no such way, it waits for those who
-    have not started, and creeps on if those who stand never start or wait for others. Beside those who stand, people
-    also slow down before they run into others who walk, on either side. Before they start, people stand firm: forces
-    between people do not act on them.
+    Standing people, who have not started yet or wait for others, are walked around. If one of them is in the way, the
+    heading turns towards the direction in which the person gets farthest, up to 90 degrees from e + S n, with a gap of
+    0.05 m to bodies and walls. If there is none, the person waits for those who have not started, and creeps past those
+    who wait for others or never start. Near standing people, everybody also slows down for people who walk beside them.
+    Before people start, forces between people do not move them.
 
-    Bodies that touch have half the depth of the chest as radius, because shoulders turn. If two have wider bodies, such
-    as wheelchairs, the distances at which they stop and the widths are greater by what they are wider together, and of
-    two on the same route who meet the one behind waits; wide bodies step away from walls where their sides are, and
-    none towards a wall that they touch. People who have left count until they are 2 m behind their exit, and wait for
-    each other likewise, without side steps.
+    Bodies that touch have half the depth of the chest as radius, because shoulders turn. For wider bodies, such as
+    wheelchairs, the distances and widths increase by the excess width of both. Of two wide bodies that meet on the same
+    route, the one behind waits. They keep their sides away from walls, and do not step towards a wall that they touch.
+    People who have left count until they are 2 m behind their exit; they keep distances, but do not step aside.
 
     Notes
     -----
-    In single file, people follow at 0.43 m + 0.73 s u; experiments found 0.36 m + 1.06 s u (Seyfried et al.), the same
-    where they queue. `length`, `time_gap`, `anticipation`, side steps, steps from walls, `width`, `edge` and
-    `chest_depth` are fitted to measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, speeds in a corridor below 2
-    per square metre and in a corridor of two directions ([people](evidence/people/README.md)), and to the speeds of
-    Weidmann's diagram from 2 to 3.5 per square metre in a corridor of 2.4 m with narrow ends; `stair_time_gap` and
-    `stair_length` to the flow down a stair.
+    In single file, the distance is 0.43 m + 0.73 s u. Seyfried et al. measured 0.36 m + 1.06 s u, which agrees at the
+    speeds of queues. `length`, `time_gap`, `anticipation`, side steps, steps away from walls, `width`, `edge` and
+    `chest_depth` are fitted to measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, to speeds below 2 people per
+    square metre in a corridor and in a corridor with two directions ([people](evidence/people/README.md)), and to
+    Weidmann's diagram from 2 to 3.5 per square metre in a corridor of 2.4 m with narrow ends. `stair_time_gap` and
+    `stair_length` are fitted to the flow down a stair.
 
     References
     ----------
@@ -145,8 +146,8 @@ class Walking(Behaviour):
     revisited. Journal of Statistical Mechanics (2005) P10002, for distances in single file; Xu, Chraibi, Seyfried:
     Anticipation in a velocity-based model for pedestrian dynamics. Transportation Research C 133 (2021) 103464, for
     side steps; Moussaid, Helbing, Theraulaz: How simple rules determine pedestrian behavior and crowd disasters. PNAS
-    108 (2011) 6884-6888, for ways around those who stand; Weidmann: Transporttechnik der Fussgaenger, ETH Zurich
-    (1993). Lanes, steps from walls, the reaction time and creeping are additions.
+    108 (2011) 6884-6888, for ways around standing people; Weidmann: Transporttechnik der Fussgaenger, ETH Zurich
+    (1993). Lanes, steps away from walls, the reaction time and creeping are additions.
     """
 
     name = "walking"
@@ -159,21 +160,21 @@ class Walking(Behaviour):
 
     preset = Parameter(
         "measured",
-        "measured: as in experiments; regulation: no anticipation of those ahead, for flows through doors that "
-        "standard tests prescribe",
+        "measured: as in experiments; regulation: without anticipation, with the flows through doors that standard "
+        "tests prescribe",
         choices=("measured", "regulation"),
     )
     chest_depth = Parameter(
         0.30, "depth of the chest, the diameter of bodies that touch", "m", minimum=0.02, maximum=2.0
     )
-    time_gap = Parameter(1.95, "time gap T to a person ahead who stands", "s", above=0.0, maximum=60.0)
+    time_gap = Parameter(1.95, "time gap T to a standing person ahead", "s", above=0.0, maximum=60.0)
     length = Parameter(0.43, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
     anticipation = Parameter(
         1.22, "time T_a for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
     )
     width = Parameter(0.25, "distance beside the heading up to which people are ahead", "m", minimum=0.0, maximum=4.0)
     edge = Parameter(
-        0.15, "farther distance beside the heading at which people are not ahead any more", "m", above=0.0, maximum=4.0
+        0.15, "distance beyond `width` over which the weight of people decreases to zero", "m", above=0.0, maximum=4.0
     )
     stair_time_gap = Parameter(1.92, "time gap on stairs", "s", above=0.0, maximum=60.0)
     stair_length = Parameter(0.5, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
@@ -187,15 +188,15 @@ class Walking(Behaviour):
     side_time = Parameter(0.6, "time for which motion is anticipated in side steps", "s", minimum=0.0, maximum=10.0)
     side_limit = Parameter(2.0, "greatest side step", minimum=0.0, maximum=100.0)
     right = Parameter(
-        0.3, "how far oncoming people are taken to be on the left of where they are", "m", minimum=-5.0, maximum=5.0
+        0.3, "distance by which oncoming people are taken to be farther to the left", "m", minimum=-5.0, maximum=5.0
     )
     wall_step = Parameter(10.0, "strength k_w of steps away from walls", minimum=0.0, maximum=100.0)
     wall_distance = Parameter(
-        0.31, "distance d_w from walls below which people step away", "m", above=0.0, maximum=BUCKET_REACH
+        0.31, "distance d_w below which people step away from walls", "m", above=0.0, maximum=BUCKET_REACH
     )
-    reaction_time = Parameter(0.3, "time within which the heading turns", "s", minimum=0.0, maximum=10.0)
+    reaction_time = Parameter(0.3, "time constant with which the heading turns", "s", minimum=0.0, maximum=10.0)
     creep = Parameter(0.1, "least speed of people who are blocked by others", "m/s", minimum=0.0, maximum=1.0)
-    sight = Parameter(2.0, "distance up to which people heed others", "m", minimum=0.1, maximum=20.0)
+    sight = Parameter(2.0, "distance within which people react to others", "m", minimum=0.1, maximum=20.0)
 
     def contact_radius(self, radius: FloatArray, settings: Mapping[str, Any]) -> FloatArray:
         """Return half the depth of the chest, since shoulders turn; at most the radius."""

@@ -30,15 +30,15 @@ class SocialForce(Force):
 
         A exp(-D / B) [Lambda + (1 - Lambda) (1 + cos phi) / 2]
 
-    Table 5 of the paper gives Lambda = 0 and phi = 90 degrees. Read literally (``isotropic``), the bracket is
-    the constant 1/2. With ``anisotropic``, phi is the angle to the desired direction.
+    Table 5 of the paper gives Lambda = 0 and phi = 90 degrees. Taken literally (``isotropic``), the bracket is the
+    constant 1/2. With ``anisotropic``, phi is the angle to the desired direction.
     """
 
     name = "social"
     pair = social
     strength = Parameter(2000.0, "interaction strength A", unit="N", minimum=0.0)
     range = Parameter(0.08, "range of the interaction B", unit="m", above=0.0)
-    anisotropy = Parameter(0.0, "Lambda, weight of a person behind relative to one ahead", minimum=0.0, maximum=1.0)
+    anisotropy = Parameter(0.0, "weight Lambda of a person behind, relative to one ahead", minimum=0.0, maximum=1.0)
     reading = Parameter("isotropic", "interpretation of phi in table 5", choices=("isotropic", "anisotropic"))
     tolerance = Parameter(1.0, "force below which the interaction is neglected", unit="N", above=0.0)
 
