@@ -35,7 +35,8 @@ def cores() -> int:
 class Pool:
     """Local worker processes. Each is started when a task is submitted and no other process is idle.
 
-    A process that dies breaks its task alone. The processes end with this one, for whatever reason it ends.
+    A process that dies breaks its task alone, and another one takes its place. The processes end with this one, for
+    whatever reason it ends.
 
     Parameters
     ----------
@@ -45,9 +46,6 @@ class Pool:
         Call that each process makes before its first task, for what all tasks need.
     is_quiet : bool
         Whether what the processes print and their errors are discarded, instead of shown beside those of this one.
-    replaces : bool
-        Whether another process is started for one that has died; otherwise the others do its tasks, and the tasks that
-        are left when all have died are broken.
     """
 
     def __init__(
@@ -56,16 +54,14 @@ class Pool:
         first: tuple[Callable[..., object], tuple[Any, ...]] | None = None,
         *,
         is_quiet: bool = False,
-        replaces: bool = True,
     ) -> None:
         self.workers = workers
         self._first = first
-        self._is_quiet, self._replaces = is_quiet, replaces
+        self._is_quiet = is_quiet
         self._tasks: SimpleQueue[tuple[Future[Any], Any] | None] = SimpleQueue()
         self._left: set[Future[Any]] = set()
         self._threads: list[threading.Thread] = []
         self._processes: list[subprocess.Popen[bytes]] = []
-        self._alive = 0
         self._is_open, self._lock = True, threading.Lock()
 
     def __enter__(self) -> Self:
@@ -139,7 +135,6 @@ class Pool:
             if not self._is_open:
                 raise OSError("closed")
             self._processes.append(start_worker(self._is_quiet))
-            self._alive += 1
             return self._processes[-1]
 
     def _attend(self, process: "subprocess.Popen[bytes]") -> None:
@@ -161,19 +156,10 @@ class Pool:
                 answer = asked(process, question)
             except Exception as error:  # of any kind: what a process writes before it dies may be cut off
                 future.set_exception(BrokenExecutor(in_one_line(error)))
-                if self._replaces:
-                    with suppress(OSError):
-                        process, is_new = self._started(), True
-                elif self._is_dispensable():
-                    return
+                with suppress(OSError):
+                    process, is_new = self._started(), True
                 continue
             _settle(future, answer)
-
-    def _is_dispensable(self) -> bool:
-        """Return whether other threads do the tasks of one whose process has died; the last one breaks what is left."""
-        with self._lock:
-            self._alive = max(self._alive - 1, 0)
-            return self._alive > 0
 
 
 def start_worker(is_quiet: bool) -> "subprocess.Popen[bytes]":

@@ -159,7 +159,7 @@ def _compile_elsewhere(
         futures: dict[Future[tuple[bytes, str]], Compilation] = {}
         with suppress(OSError):  # no process can be started
             for share in shares:
-                pool = ending.enter_context(Pool(1, is_quiet=True, replaces=False))
+                pool = ending.enter_context(Pool(1, is_quiet=True))
                 for task in share:
                     where = task.entry.__module__, _source(task.entry), task.entry.label, task.digest
                     futures[pool.submit(_compile_there, where, processor, folder)] = task

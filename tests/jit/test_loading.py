@@ -169,7 +169,7 @@ def test_a_kernel_that_cannot_be_compiled_in_a_process_is_named(tmp_path, proces
 def test_a_kernel_that_other_processes_cannot_import_is_compiled_here(plugin, processes):
     Path(plugin.__file__).write_text("raise SystemExit")
     addresses_of(entries_of(plugin))
-    assert len(processes) == 2
+    assert len(processes) > 2  # each of its kernels ends one, whose place another one takes
     _check(plugin)
 
 

@@ -66,7 +66,7 @@ def march_all(
     workers : int
         Number of processes that march at the same time; 1 means that this process does.
     """
-    with Pool(workers, (_take, (grids, order)), is_quiet=True, replaces=False) as pool:
+    with Pool(workers, (_take, (grids, order)), is_quiet=True) as pool:
         futures: deque[Future[FloatArray]] = deque()
         with suppress(OSError):  # no process can be started
             for metric, exits, barred in marches if workers > 1 else ():
