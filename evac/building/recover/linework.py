@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
 
+import networkx
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
@@ -327,7 +328,7 @@ def _closings(pieces: Lines, gap: float) -> FloatArray:
         return np.empty((0, 4))
     nodes, at, count = _nodes(pieces)
     ends = np.flatnonzero(count == 1)
-    way = _along_walls(len(nodes), at, shapely.length(pieces), ends, DETOUR * gap)
+    way = _along_walls(at, shapely.length(pieces), ends, DETOUR * gap)
     one, piece = shapely.STRtree(pieces).query(shapely.points(nodes[ends]), predicate="dwithin", distance=gap)
     start = ends[one]
     across = shapely.shortest_line(shapely.points(nodes[start]), pieces[piece])
@@ -355,23 +356,15 @@ def _closings(pieces: Lines, gap: float) -> FloatArray:
     return np.array(sorted(one for one in closed if one[:2] != one[2:])).reshape(-1, 4)
 
 
-def _along_walls(
-    count: int, at: IndexArray, length: FloatArray, ends: IndexArray, reach: float
-) -> dict[tuple[int, int], float]:
+def _along_walls(at: IndexArray, length: FloatArray, ends: IndexArray, reach: float) -> dict[tuple[int, int], float]:
     """Return the distances along walls from ends to the nodes within a reach [m]."""
-    beside: list[list[tuple[int, float]]] = [[] for _ in range(count)]
-    for (a, b), far in zip(at.tolist(), length.tolist(), strict=True):
-        beside[a].append((b, far))
-        beside[b].append((a, far))
-    way: dict[tuple[int, int], float] = {}
-    for end in ends.tolist():
-        todo = [(0.0, end)]
-        while todo:
-            far, node = todo.pop()
-            if far < way.get((end, node), math.inf):
-                way[end, node] = far
-                todo += [(far + more, other) for other, more in beside[node] if far + more <= reach]
-    return way
+    walls = networkx.Graph()
+    walls.add_weighted_edges_from((a, b, far) for (a, b), far in zip(at.tolist(), length.tolist(), strict=True))
+    return {
+        (end, node): far
+        for end in ends.tolist()
+        for node, far in networkx.single_source_dijkstra_path_length(walls, end, cutoff=reach).items()
+    }
 
 
 def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray, FloatArray]]:

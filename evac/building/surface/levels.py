@@ -144,17 +144,12 @@ def _parts_that_turn(surface: Surface, label: IndexArray, one: IndexArray, other
         if (along >= np.cos(np.radians(MOST_TURN)) * np.hypot(*mean)).all():
             continue
         first = cells[surface.vertices[surface.triangles[cells], 2].mean(axis=1).argmin()]
-        beside = defaultdict[int, list[int]](list)
-        for a, b in pairs[label[pairs[:, 0]] == index].tolist():
-            beside[a].append(b)
-            beside[b].append(a)
-        turned, waiting = {int(first): 0.0}, [int(first)]
-        while waiting:
-            cell = waiting.pop(0)
-            for near in beside[cell]:
-                if near not in turned:
-                    turned[near] = turned[cell] + float(np.angle(np.exp(1j * (heading[near] - heading[cell]))))
-                    waiting.append(near)
+        import networkx  # takes 0.1 s, and few buildings need it
+
+        beside = networkx.Graph(pairs[label[pairs[:, 0]] == index].tolist())
+        turned = {int(first): 0.0}
+        for cell, near in networkx.bfs_edges(beside, int(first)):
+            turned[near] = turned[cell] + float(np.angle(np.exp(1j * (heading[near] - heading[cell]))))
         # The cells of a tread, which have the same heights, stay together.
         z = surface.vertices[surface.triangles[cells], 2]
         tread = np.unique(np.round([z.min(axis=1), z.max(axis=1)], 6), axis=1, return_inverse=True)[1].ravel()
