@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from evac.base.errors import ResultError
-from evac.folder.manifest import MANIFEST_NAME, TEMPORARY, note_written
+from evac.folder.manifest import TEMPORARY, note_written
 from evac.folder.records import MARK, PREFIX
 
 TRAJECTORY_NAME = "trajectory.evac"
@@ -46,15 +46,8 @@ FRAMES_FOLDER = "frames"
 #: Pattern of the files of single frames, see `frame_name`.
 FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
 
-#: Pattern of the files of the parts of a building.
-BUILDING_PARTS = f"{BUILDING_FOLDER}/*.vtp"
-
-#: Default folder of `evac export`, and the patterns of the files in it.
+#: Default folder of `evac export`.
 EXPORT_FOLDER = "export"
-EXPORTS = (f"{EXPORT_FOLDER}/*.*", f"{EXPORT_FOLDER}/*/*.*")
-
-#: Pattern of the pictures of maps, see `map_name`.
-MAPS = "map_*.png"
 
 #: Default files of `evac render`.
 PICTURE_NAME = "picture.png"
@@ -65,44 +58,6 @@ REPORT_NAME = "report.html"
 
 #: Key of a summary that lists the files of plugins, relative to the folder.
 PLUGIN_FILES = "plugin_files"
-
-#: Files that evac writes to a result folder; the summary lists those of plugins.
-WRITTEN = (
-    EGRESS_NAME,
-    EGRESS_PICTURE_NAME,
-    PEOPLE_NAME,
-    CROSSINGS_NAME,
-    FLOWS_NAME,
-    RUNS_NAME,
-    RUNS_STREAM_NAME,
-    RUNS_PARQUET_NAME,
-    RUNS_DIGEST_NAME,
-    f"{RUNS_DIGEST_NAME}.new",
-    "runs.new",
-    STATISTICS_NAME,
-    CONVERGENCE_NAME,
-    SWEEP_PICTURE_NAME,
-    REPLAY_NAME,
-    MEDIAN_REPLAY_NAME,
-    WORST_REPLAY_NAME,
-    ANIMATION_NAME,
-    BUILDING_NAME,
-    BUILDINGS,
-    BUILDING_PARTS,
-    FRAMES,
-    MAPS,
-    *EXPORTS,
-    PICTURE_NAME,
-    FILM_NAME,
-    STUDY_NAME,
-    f"{STUDY_NAME}.new",
-    REPORT_NAME,
-    f"{TEMPORARY}*",
-    CHECKPOINT_NAME,
-    MANIFEST_NAME,
-    SUMMARY_NAME,  # these two are removed last, since they identify a result folder
-    TRAJECTORY_NAME,
-)
 
 
 def frame_name(k: int) -> str:
@@ -117,7 +72,7 @@ def building_name(k: int) -> str:
 
 def map_name(quantity: str) -> str:
     """Return the path of the map of a quantity, relative to the result folder."""
-    return MAPS.replace("*", quantity)
+    return f"map_{quantity}.png"
 
 
 def sync_file(path: Path) -> None:

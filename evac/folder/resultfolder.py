@@ -25,7 +25,6 @@ from evac.folder.files import (
     RUNS_STREAM_NAME,
     SUMMARY_NAME,
     TRAJECTORY_NAME,
-    WRITTEN,
     content_of,
     is_trajectory,
     sync_file,
@@ -324,20 +323,6 @@ def check_folder(folder: Path) -> None:
             f"{folder}: contains files, but is not a result folder of evac (neither {SUMMARY_NAME} nor "
             f"{TRAJECTORY_NAME} exists); choose a new or empty folder for the results (--out)"
         )
-
-
-def files_of_others(folder: Path) -> set[str]:
-    """Return the files in a folder that evac does not write itself, relative to it."""
-    written = {path for pattern in WRITTEN for path in folder.glob(pattern) if not _is_folder(path)}
-    others = (path for path in folder.rglob("*") if path not in written and not _is_folder(path))
-    return {path.relative_to(folder).as_posix() for path in others}
-
-
-def is_written(name: str) -> bool:
-    """Return whether a name, relative to a result folder, is one of the files that evac writes itself."""
-    return any(
-        PurePath(name).match(pattern) and len(PurePath(name).parts) == pattern.count("/") + 1 for pattern in WRITTEN
-    )
 
 
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:

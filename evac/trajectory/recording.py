@@ -13,8 +13,7 @@ from evac.base.errors import EvacError, PluginError, ResultError, plugin_code
 from evac.base.saved import part_of, state_of
 from evac.folder.digests import RunningDigest
 from evac.folder.files import sync_file, writing
-from evac.folder.manifest import note_written
-from evac.folder.resultfolder import files_of_others, is_written
+from evac.folder.manifest import MANIFEST_NAME, TEMPORARY, note_written, read_manifest
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -114,9 +113,10 @@ class Recording:
     def plugin_files(self) -> list[str]:
         """Return the files of plugins: those named by recorders, and those created when plugins started or finished.
 
-        Files that evac writes itself are not included.
+        Files that evac writes itself, which are in the manifest, are not included.
         """
-        return sorted(name for name in {*self._made, *self.files()} if not is_written(name))
+        own = set(read_manifest(self._folder).files) if self._folder is not None else set()
+        return sorted({*self._made, *(name for name in self.files() if name not in own)})
 
     @contextmanager
     def _noting_files(self) -> Iterator[None]:
@@ -127,11 +127,17 @@ class Recording:
         finally:
             self._made |= self._files_there() - before
             if self._folder is not None and self._folder.is_dir():
+                self._made.update(self.plugin_files())
                 with writing("the manifest", self._folder):
-                    note_written(self._folder / name for name in self.plugin_files())
+                    note_written(self._folder / name for name in self._made)
 
     def _files_there(self) -> set[str]:
-        return files_of_others(self._folder) if self._folder is not None and self._folder.is_dir() else set()
+        """Return the files in the folder that evac has not written."""
+        if self._folder is None:
+            return set()
+        own = {MANIFEST_NAME, *read_manifest(self._folder).files}
+        there = (path.relative_to(self._folder).as_posix() for path in self._folder.rglob("*") if not path.is_dir())
+        return {name for name in there if name not in own and TEMPORARY not in name}
 
     def sync(self) -> dict[str, dict[str, Any]]:
         """Flush the files to disk and return the length [bytes] and the SHA-256 of each."""

@@ -10,7 +10,7 @@ import pytest
 
 from evac.base.errors import ResultError
 from evac.folder.manifest import COMPLETE, MANIFEST_NAME, RUNNING, mark, note_written
-from evac.folder.resultfolder import ResultFolder, files_of_others, find_result, is_written
+from evac.folder.resultfolder import ResultFolder, find_result
 
 SUMMARY = json.dumps({"versions": {"evac": "1"}, "plugin_files": ["inside.csv", "sub/more.csv"]})
 
@@ -49,7 +49,6 @@ def run_into(folder):
         place.start()
         before = contents(folder) if folder.exists() else {}
         write_noted(place.running, summary_json=SUMMARY, people_csv="new", notes_txt="of a plugin", deep="new")
-        assert files_of_others(place.running) == {"notes.txt", "deep"}
         assert not before or contents(folder) == before
         place.publish()
 
@@ -232,11 +231,3 @@ def test_folders_that_cannot_be_replaced_are_refused(tmp_path, monkeypatch, name
     monkeypatch.chdir(tmp_path / "within")
     with pytest.raises(ResultError, match=rf"^{re.escape(name)}: "), ResultFolder(Path(name)):
         pass
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [("people.csv", True), ("frames/frame_00012.vtp", True), ("frames/own.vtp", False), ("sub/people.csv", False)],
-)
-def test_files_of_evac_are_told_by_their_names(name, expected):
-    assert is_written(name) is expected
