@@ -9,11 +9,9 @@ from evac.base.errors import counted
 from evac.conformance.contact_models import PLAIN, WALLS, walk
 from evac.conformance.failures import examining, require, require_close, scene
 from evac.evidence.models import plugins
-from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.rows import BEFORE, SPRING, call_solver, renew_velocity, row_residual
 from evac.physics.contact.solver import Solver
-from evac.physics.parts import load_solver
 from evac.physics.state import Problem, make_crowd
 
 #: Tolerance of the residual [m/s] and maximum number of iterations of the solves.
@@ -85,7 +83,6 @@ def _problem(elastic: bool = False) -> Problem:
 def _solve(solver: Solver, problem: Problem, tolerance: float, limit: int) -> int:
     """Solve a problem, check percussions, velocities and residual, and return the number of iterations."""
     exact, n = copy.deepcopy(problem), problem.bodies
-    problem.on_blocks, problem.make_phase = make_on_blocks.address, load_solver(type(solver)).make_phase
     made = int(solver.solve(problem, tolerance, limit))
     changed = [name for name in GIVEN if not np.array_equal(getattr(exact, name), getattr(problem, name))]
     told = f"changes problem.{', '.join(changed)}, which solvers must not change; use a work array"

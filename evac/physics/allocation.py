@@ -7,7 +7,6 @@ import numpy as np
 from evac.jit import Struct
 from evac.jit.structs import Array
 from evac.physics import tallies as at
-from evac.physics.contact.blocks import BLOCKS, WALLS
 from evac.physics.contact.cells import make_cells
 from evac.physics.state import (
     CHUNK,
@@ -73,7 +72,7 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
 
 def no_solver() -> LoadedSolver:
     """Return a solver that is not loaded."""
-    return LoadedSolver(solve=0, make_phase=0, is_checked=0)
+    return LoadedSolver(solve=0, is_checked=0)
 
 
 def make_lists(people: int, pairs: int, walls: int, levels: int) -> Lists:
@@ -106,10 +105,8 @@ def make_kept(capacity: int, width: int) -> Kept:
 def make_problem(people: int, contacts: int) -> Problem:
     """Return a packed problem for given numbers of people and contacts, with two rows for each contact."""
     bodies = ("free", "velocity", "image_a", "image_b", "image_c", "image_d")
-    given: dict[str, Any] = {name: np.zeros((people + WALLS, 2)) for name in bodies}
-    given |= {name: np.zeros(BLOCKS + 2, np.int64) for name in ("first_row", "first_body", "taken")}
-    given |= {"inverse_root": np.zeros(people + WALLS), "sums": np.zeros((BLOCKS + 1, 8)), "team": allocate(Team, 0)}
-    return allocate(Problem, 2 * contacts, **given)
+    given = {name: np.zeros((people + 1, 2)) for name in bodies}
+    return allocate(Problem, 2 * contacts, inverse_root=np.zeros(people + 1), **given)
 
 
 def make_room_for_contacts(state: State, capacity: int) -> None:

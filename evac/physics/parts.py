@@ -7,7 +7,6 @@ from evac.base.parameters import did_you_mean
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry, call_body_force, call_pair_force
 from evac.physics import driver
-from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.memory import recall, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
@@ -36,9 +35,9 @@ def entries_of_loop(
     else:
         entries.append(driver.advance)
     if isinstance(model, SolvedContactModel):
-        entries += entries_of_solver(solver_of(model, solvers))
+        entries.append(solver_of(model, solvers).solve)
         if full:
-            entries += entries_of_solver(solver_of(model, solvers, stronger=True))
+            entries.append(solver_of(model, solvers, stronger=True).solve)
         if full and model.separates:
             entries.append(separate)
     for force in forces:
@@ -51,8 +50,6 @@ def entries_of_parts(model: ContactModel, forces: Sequence[Force], has_seams: bo
     entries = {"phase": make_alone, "drive": drive_overdamped if model.overdamped else drive}
     if model.law is not None:
         entries["law"] = model.law
-    if isinstance(model, SolvedContactModel):
-        entries["on_blocks"] = make_on_blocks
     if model.memory:
         entries |= {"recall": recall, "retain": retain}
     if has_seams:
@@ -88,15 +85,9 @@ def functions_of(force: Force) -> list[Entry]:
     return functions
 
 
-def entries_of_solver(solver: type[Solver]) -> list[Entry]:
-    """Return the kernels of a solver."""
-    return [solver.solve] if solver.make_phase is None else [solver.solve, solver.make_phase]
-
-
 def load_solver(solver: type[Solver]) -> LoadedSolver:
     """Return a solver as kernels call it."""
-    make_phase = solver.make_phase.address if solver.make_phase else 0
-    return LoadedSolver(solve=solver.solve.address, make_phase=make_phase, is_checked=int(is_foreign(solver)))
+    return LoadedSolver(solve=solver.solve.address, is_checked=int(is_foreign(solver)))
 
 
 def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:

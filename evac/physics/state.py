@@ -270,8 +270,6 @@ class Team(Struct):
     threads: int
     rest: int  # address of the system's function that sleeps
     turn: Longs  # (8 threads,) word of a phase: of thread 0 that to be done, of the others the last one done
-    begun: Longs  # (8 blocks,) word of the last phase in which a thread has begun with a block
-    made: Longs  # (8 blocks,) word of the last phase that was made on a block
     found: Counts  # (threads, 8) what each has found
     result: Floats  # (8 threads,) what the phase has returned: a status, or the greatest speed [m/s]
 
@@ -280,22 +278,13 @@ class Problem(Struct):
     """The contact problem packed for solvers, one row for each unknown percussion, see `evac.physics.contact.rows`.
 
     A solver changes percussions and velocities consistently; arrays with ``work`` and ``image`` in their names are
-    scratch. Walls are represented by bodies of infinite mass behind the people.
+    scratch. Walls are represented by one body of infinite mass behind the people.
     """
 
     size: int  # number of rows
     bodies: int
-    ends: int  # number of bodies and walls
-    blocks: int  # number of blocks, see `evac.physics.contact.blocks`
-    first_row: Longs  # (blocks + 2,) of each block, of the rows between blocks, and `size`
-    first_body: Longs  # (blocks + 2,)
-    taken: Longs  # (blocks + 1,) scratch: rows given to unknowns
+    ends: int  # number of bodies and of the wall behind them
     row: Ints  # row of each unknown, in the order of contacts
-    sums: FloatGrid  # (blocks + 1, 8) what a solver finds in each block
-    share: float  # extrapolation factor of a sweep
-    on_blocks: int  # address of the kernel that makes a phase of the solver on all blocks, see `blocks.on_all_blocks`
-    make_phase: int  # address of the solver's kernel for a phase on one block, see `evac.physics.contact.solver`
-    team: Team
     rigid: int  # 1: every row is rigid and pushes only
     residual: float  # residual of the percussions, set by the solver [m/s]
     iterations: int  # iterations made, including those of a second solve
@@ -425,7 +414,6 @@ class LoadedSolver(Struct):
     """A solver as kernels call it, see `evac.physics.contact.solver`."""
 
     solve: int  # address, 0: not loaded
-    make_phase: int  # address, 0: the solver does not work on blocks
     is_checked: int  # 1: it is not part of evac, so that its results are checked
 
 
@@ -437,7 +425,6 @@ class Parts(Struct):
     parameters: Struct  # of the law
     solver: LoadedSolver
     stronger: LoadedSolver  # for solves that fail
-    on_blocks: int  # makes a phase of the solver on all blocks, see `evac.physics.contact.blocks`
     separation: int
     drive: int
     forces: int

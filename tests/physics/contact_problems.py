@@ -4,7 +4,6 @@ import numpy as np
 
 from evac.jit import Pairs, kernel
 from evac.physics.allocation import make_contacts, make_problem, make_state
-from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.packing import pack_forces
 from evac.physics.contact.percussions import pack, solve_once
 from evac.physics.contact.rows import row_residual
@@ -58,7 +57,7 @@ def make_problem_state(inverse_mass, contacts):
 def run_solver(solver, state, free, velocity, compliance, tangential, tolerance, limit):
     """Solve by the solver of a name, from the percussions in the contacts; return (iterations, residual [m/s])."""
     state.problem.iterations = 0
-    state.parts.solver, state.parts.on_blocks = load_solver(SOLVERS[solver]), make_on_blocks.address
+    state.parts.solver = load_solver(SOLVERS[solver])
     do_solve(state, free, velocity, compliance, tangential, tolerance, limit)
     return state.problem.iterations, state.problem.residual
 

@@ -1,7 +1,6 @@
 """Threads that share the step loop: no bit tells how many there are, and all end with the run."""
 
 import gc
-import math
 import os
 import threading
 from unittest.mock import Mock
@@ -10,17 +9,14 @@ import numpy as np
 import pytest
 
 from evac.base.errors import ScenarioError, SimulationError
-from evac.jit import Longs, kernel
 from evac.jit.kernels import INTERPRETED
 from evac.physics import driver
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
-from evac.physics.contact.solver import Solver
 from evac.physics.engine import CompiledEngine
 from evac.physics.order import rows_by_place
 from evac.physics.phases import make_alone
-from evac.physics.state import CHUNK, Events, Problem, copy_of, make_crowd
+from evac.physics.state import CHUNK, Events, copy_of, make_crowd
 from evac.physics.threads import threads
-from evac.physics.threads.atomics import claim
 from evac.physics.threads.team import conduct
 from evac.physics.threads.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads, unused_threads
 from evac.physics.world import make_world
@@ -28,7 +24,7 @@ from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
 from evac_plugins.force_social import SocialForce
-from tests.physics.scenes import SOLVERS, fields_towards, make_building, make_engine, random_crowd
+from tests.physics.scenes import fields_towards, make_building, make_engine, random_crowd
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="kernels that are not compiled have one thread")
 
@@ -103,7 +99,7 @@ def test_the_number_of_threads_changes_no_bit(name):
 
 
 @pytest.mark.parametrize("name", ["nsm1", "nsm2"])
-def test_blocks_of_a_large_problem_are_solved_to_the_same_bits(name):
+def test_a_large_problem_is_solved_to_the_same_bits(name):
     """Also where threads come late, since there are more of them than cores."""
     places = np.stack(np.meshgrid(np.arange(0.2, 10.9, 0.2), np.arange(0.2, 9.9, 0.2)), axis=2).reshape(-1, 2)
     crowd = make_crowd(places, radius=0.103, level=(places[:, 0] > 6.0).astype(np.int32))
@@ -113,37 +109,9 @@ def test_blocks_of_a_large_problem_are_solved_to_the_same_bits(name):
         engine = make_engine(walked_crowd, ROOMS, fields_towards((13.0, 5.0), 2), threads=number)
         engine.advance(MODELS[name], walked_crowd, 0, 3, 0.01, False, True)
         engine.close()
-        assert engine.state.problem.blocks > 1
         found.append((walked_crowd, [], engine.contact_report(MODELS[name])))
     for other in found[1:]:
         assert_same(other, found[0])
-
-
-@kernel
-def spoil(rows: Problem, phase: int, block: int) -> int:
-    rows.sums[block, 0] = rows.sums[block, 1] = rows.sums[block, 2] = -1.0
-    return 0
-
-
-@kernel
-def give_up(rows: Problem, tolerance: float, limit: int) -> int:
-    rows.residual = math.inf
-    return 1
-
-
-class Weak(Solver):
-    """Solves nothing, and has phases that would spoil the work of a solver that takes them for its own."""
-
-    name = "weak"
-    solve = give_up
-    make_phase = spoil
-    stronger = "accelerated_sweeps"
-
-
-def test_threads_do_not_make_the_phases_of_one_solver_for_another(monkeypatch):
-    """The stronger solver of this one has phases too."""
-    monkeypatch.setitem(SOLVERS, "weak", Weak)
-    assert_same(walked(Nsm1(solver="weak"), 2, 20), walked(Nsm1(solver="weak"), 1, 20))
 
 
 def test_forces_at_a_distance_are_the_same_with_threads():
@@ -306,33 +274,6 @@ def test_threads_serve_while_enough_people_are_inside(share, ticks, monkeypatch)
     assert phases.count(conduct.address) == ticks
     assert engine.state.parts.phase == make_alone.address
     engine.close()
-
-
-@kernel
-def claim_all(words: Longs, number: int, won: Longs, place: int) -> None:
-    for value in range(1, number + 1):
-        won[place] += claim(words, 8, value)
-
-
-def test_what_is_claimed_goes_to_one_thread():
-    """Four threads claim 100,000 numbers in turn: a number can be missed where a later one was faster, never twice."""
-    words, won = np.zeros(16, np.int64), np.zeros(32, np.int64)
-    racing = [threading.Thread(target=claim_all, args=(words, 100_000, won, 8 * k)) for k in range(4)]
-    for thread in racing:
-        thread.start()
-    for thread in racing:
-        thread.join()
-    assert words[8] == 100_000
-    assert 0 < won.sum() <= 100_000
-    assert np.count_nonzero(words) == 1
-
-
-def test_a_value_is_claimed_once_and_no_lower_one_afterwards():
-    words, won = np.zeros(9, np.int64), np.zeros(1, np.int64)
-    claim_all(words, 5, won, 0)
-    assert (words[8], won[0]) == (5, 5)
-    claim_all(words, 6, won, 0)
-    assert (words[8], won[0]) == (6, 6)
 
 
 def test_no_thread_is_refused():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evac.jit import kernel
+from evac.jit import Floats, kernel
 from evac.physics.contact.rows import BIAS, INELASTIC, sweep_down, sweep_up
 from evac.physics.state import Problem
-from evac_plugins.solver_sweeps import BACK, CHANGE, ENERGY, EVALUATE, ON, SLOPE, make_phase
+from evac_plugins.solver_sweeps import energy_of, sweep_back, sweep_on
 from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, run_solver
 from tests.physics.scenes import SOLVERS
 
@@ -93,11 +93,12 @@ def test_rises_between_sweeps_back_and_forth_cost_little(seed):
     assert iterations < 800
 
 
-def do_sweep(rows, share, back, found):
-    """Sweep over the one block of a problem."""
-    rows.share = share
-    make_phase(rows, BACK if back else ON, 0)
-    found[:] = rows.sums[0, SLOPE], rows.sums[0, CHANGE]
+@kernel
+def do_sweep(rows: Problem, share: float, back: bool, found: Floats) -> None:
+    if back:
+        found[0], found[1] = sweep_back(rows)
+    else:
+        found[0], found[1] = sweep_on(rows, share)
 
 
 @kernel
@@ -105,9 +106,9 @@ def do_relax(rows: Problem, back: bool) -> float:
     return sweep_down(rows) if back else sweep_up(rows)
 
 
-def find_energy(rows):
-    make_phase(rows, EVALUATE, 0)
-    return rows.sums[0, ENERGY]
+@kernel
+def find_energy(rows: Problem) -> float:
+    return energy_of(rows)
 
 
 def crowd(seed, dissipation=0.0, people=40):

@@ -10,7 +10,6 @@ from evac.evidence.accuracy.reference import PRECISION, ContactLaw, gradient_mat
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
 from evac.evidence.models import COARSE, plugins
 from evac.jit import kernel
-from evac.physics.contact.blocks import make_on_blocks
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.percussions import solve_once
 from evac.physics.contact.rows import INELASTIC
@@ -98,8 +97,7 @@ class ContactProblem:
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
         """Solve to a residual [m/s] in at most `limit` iterations; return (iterations, residual)."""
-        parts = self.state.parts
-        parts.solver, parts.on_blocks = load_solver(plugins().solvers[solver]), make_on_blocks.address
+        self.state.parts.solver = load_solver(plugins().solvers[solver])
         return run_solver(self.state, self.law.compliance, tolerance, limit), self.state.problem.residual
 
     def reference(self, precision: float = PRECISION) -> FloatArray:

@@ -14,7 +14,6 @@ import math
 
 from evac.jit import inner
 from evac.physics import tallies as at
-from evac.physics.contact.blocks import WALL, block_of_contact, divide, next_row
 from evac.physics.contact.rows import (
     AX,
     AY,
@@ -32,6 +31,9 @@ from evac.physics.contact.rows import (
 
 #: Rounding error of a residual, as a share.
 SHARE = 1e-6
+
+#: Distance in packed rows of consecutive unknowns.
+APART = 8
 
 
 @inner
@@ -84,7 +86,6 @@ def solve_once(state, solver, free, velocity, compliance, tangential, tolerance,
     """Solve the problem once by a loaded solver; the compliance is 2/K_N [1/kg], or INELASTIC."""
     problem = state.problem
     pack(state, free, compliance, tangential)
-    problem.make_phase, problem.on_blocks = solver.make_phase, state.parts.on_blocks
     problem.iterations += call_solver(solver.solve, problem, tolerance, limit)
     if solver.is_checked:
         _check_solution(state, tolerance)
@@ -128,28 +129,38 @@ def pack(state, free, compliance, tangential):
     if tangential > 0.0:
         for c in range(contacts.number):
             problem.size += 1 if contacts.sticky[c] else 0  # a byte, whose sum would overflow in Python
-    divide(problem, contacts, tangential)
-    for i in range(n, problem.ends):
-        problem.inverse_root[i] = problem.free[i, 0] = problem.free[i, 1] = 0.0
+    problem.ends = n + 1
+    problem.inverse_root[n] = problem.free[n, 0] = problem.free[n, 1] = 0.0
     used = 0
     for c in range(contacts.number):
         omega = contacts.omega[c]
         spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         bias, before, start = contacts.bias[c], contacts.velocity_before[c], contacts.percussion[c]
-        block = block_of_contact(problem, contacts, c)
-        wall = n + WALL * block
-        j = contacts.other[c] if contacts.other[c] >= 0 else wall
-        r = problem.row[used] = next_row(problem, block)
+        j = contacts.other[c] if contacts.other[c] >= 0 else n
+        r = problem.row[used] = interleaved(used, problem.size)
         _pack_row(problem, contacts, c, r, j, nx, ny, bias, before, spring, 0.0, start)
         used += 1
         if contacts.sticky[c] and tangential > 0.0:
             spring = omega / (omega + 2.0 / tangential)
             before, start = contacts.slide_before[c], contacts.friction[c]
-            r = problem.row[used] = next_row(problem, block)
+            r = problem.row[used] = interleaved(used, problem.size)
             _pack_row(problem, contacts, c, r, j, -ny, nx, math.inf, before, spring, -math.inf, start)
             used += 1
     renew_velocity(problem)
+
+
+@inner
+def interleaved(k, rows):
+    """Return the row of the k-th unknown: in each full part, consecutive unknowns are `APART` rows apart.
+
+    Unknowns of a body are consecutive; in a sweep over adjacent rows, each would wait for the velocity just written.
+    """
+    within = k % (APART * APART)
+    part = k - within
+    if part + APART * APART > rows:
+        return k
+    return part + APART * (within % APART) + within // APART
 
 
 @inner

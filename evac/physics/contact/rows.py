@@ -123,15 +123,9 @@ def sweep_down(rows):
 @inner
 def row_residual(rows):
     """Return max omega |P - P_local| over the rows [m/s]."""
-    return residual_of(rows, 0, rows.size)
-
-
-@inner
-def residual_of(rows, first, last):
-    """Return max omega |P - P_local| over some rows [m/s]."""
     worst = 0.0
     rigid = rows.rigid == 1
-    for r in range(first, last):
+    for r in range(rows.size):
         change = law(rows, r, rows.percussion[r], rigid)
         worst = max(worst, abs(change) * rows.scale[r])
     return worst

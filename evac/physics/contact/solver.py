@@ -19,14 +19,9 @@ class Solver(Configurable):
     ----------
     solve : Entry
         The kernel.
-    make_phase : Entry or None
-        A kernel ``make_phase(problem: Problem, phase: int, block: int) -> int`` that does a part of the work of `solve`
-        on a block, with phases from 0 to 50. `solve` has it called on all blocks, by all threads of the run, with
-        `evac.physics.contact.blocks.on_all_blocks`. The returned number is not used.
     stronger : str
         Name of the solver that solves the problem again, without warm start, if this one did not converge.
     """
 
     solve: ClassVar[Entry]
-    make_phase: ClassVar[Entry | None] = None
     stronger: ClassVar[str] = DEFAULT_STRONGER_SOLVER

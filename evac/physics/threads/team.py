@@ -5,20 +5,19 @@ and events to arrays of its own. These are joined in the order of pieces, which 
 announces a phase, does its piece, and waits for the others. These kernels are loaded only if a run has several threads.
 """
 
-from evac.jit import AddressCall, Struct, inner, kernel
-from evac.physics.contact.blocks import call_on_block
+from typing import Any
+
+from evac.jit import AddressCall, Intrinsic, Struct, inner, kernel
 from evac.physics.contact.contacts import copy_contact
 from evac.physics.phases import make_phase
-from evac.physics.state import CHUNK, DRIVE, FIND, LIST, MOVE, Problem, State
+from evac.physics.state import CHUNK, DRIVE, FIND, LIST, MOVE, State
 from evac.physics.status import CONTACTS_FULL, EVENTS_FULL, OK, PAIRS_FULL, WALLS_FULL
-from evac.physics.threads.atomics import acquire, claim, pause, release
 
-#: Phases of the team behind those of `evac.physics.phases`; those of a solver follow behind `SOLVE`.
-JOIN_LISTS, JOIN_CONTACTS, JOIN_EVENTS, LEAVE, SOLVE = range(8, 13)
+#: Phases of the team behind those of `evac.physics.phases`.
+JOIN_LISTS, JOIN_CONTACTS, JOIN_EVENTS, LEAVE = range(8, 12)
 
-#: The word of a phase is (number MOST_BLOCKS + blocks) PHASES + phase, with the number of phases before and the number
-#: of blocks of a contact problem (`evac.physics.contact.blocks`), so that threads read all three at once.
-PHASES, MOST_BLOCKS = 64, 16
+#: The word of a phase is number PHASES + phase, with the number of phases before, so that threads read both at once.
+PHASES = 64
 
 #: Columns of `Team.found`: numbers of pairs, walls, contacts and events, room for pairs, body that failed.
 PAIRS, WALLS, CONTACTS, EVENTS, ROOM, FAILED = range(6)
@@ -31,6 +30,34 @@ LOOKS, NAP = 10000, 50
 call_rest = AddressCall([int], (int,))
 
 
+def _compile_release(builder: Any, place: Any, value: Any) -> Any:
+    builder.store_atomic(value, place, "release", 8)
+    return value
+
+
+def _compile_pause(builder: Any) -> Any:
+    from llvmlite import ir
+
+    number, triple = ir.IntType(32), builder.module.triple
+    if triple.startswith(("x86", "i686")):
+        kind = ir.FunctionType(ir.VoidType(), [])
+        builder.call(builder.module.declare_intrinsic("llvm.x86.sse2.pause", (), kind), [])
+    elif triple.startswith(("aarch64", "arm64")):
+        kind = ir.FunctionType(ir.VoidType(), [number])
+        builder.call(builder.module.declare_intrinsic("llvm.aarch64.hint", (), kind), [number(1)])
+    return ir.IntType(64)(0)
+
+
+#: Read and write number k of an array that another thread writes and reads: what it wrote before is seen after.
+acquire = Intrinsic(
+    "acquire", lambda array, k: array[k], lambda builder, place: builder.load_atomic(place, "acquire", 8)
+)
+release = Intrinsic("release", lambda array, k, value: array.__setitem__(k, value), _compile_release)
+
+#: Let the processor rest for a moment in a loop that waits for another thread.
+pause = Intrinsic("pause", lambda: 0, _compile_pause)
+
+
 class Member(Struct):
     """A thread beside the first."""
 
@@ -41,10 +68,10 @@ class Member(Struct):
 
 
 @inner
-def _wait(team, words, place, word):
-    """Wait until another thread has raised a word of `words` to a value, or beyond."""
+def _wait(team, number, word):
+    """Wait until a thread has raised its word to a value, or beyond."""
     looks = 0
-    while acquire(words, place) < word:
+    while acquire(team.turn, 8 * number) < word:
         pause()
         looks += 1
         if looks == LOOKS:
@@ -59,14 +86,12 @@ def serve(member: Member) -> None:
     team = main.team
     last = acquire(team.turn, 8 * number)
     while True:
-        _wait(team, team.turn, 0, last + 1)
+        _wait(team, 0, last + 1)
         last = acquire(team.turn, 0)
         phase = last % PHASES
         if phase == LEAVE:
             break
-        if phase >= SOLVE:
-            _make_blocks(main.problem, last, number)
-        elif phase >= JOIN_LISTS:
+        if phase >= JOIN_LISTS:
             _hand_over(member, phase)
         else:
             if phase == LIST:
@@ -82,7 +107,7 @@ def serve(member: Member) -> None:
 def conduct(state: State, phase: int) -> float:
     """Make a phase on all bodies with all threads; return as `make_phase`."""
     team = state.team
-    word = _begin(team, phase, 0)
+    word = _begin(team, phase)
     if phase == LEAVE:
         return 0.0
     _do(state, team, phase, 0)
@@ -123,10 +148,9 @@ def piece_of(bodies, number, threads):
 
 
 @inner
-def _begin(team, phase, blocks):
+def _begin(team, phase):
     """Let the other threads begin a phase; return its word, see `PHASES`."""
-    number = acquire(team.turn, 0) // (PHASES * MOST_BLOCKS) + 1
-    word = (number * MOST_BLOCKS + blocks) * PHASES + phase
+    word = (acquire(team.turn, 0) // PHASES + 1) * PHASES + phase
     release(team.turn, 0, word)
     return word
 
@@ -134,33 +158,7 @@ def _begin(team, phase, blocks):
 @inner
 def _wait_for_all(team, word):
     for number in range(1, team.threads):
-        _wait(team, team.turn, 8 * number, word)
-
-
-@kernel
-def conduct_blocks(rows: Problem, phase: int) -> int:
-    """Make a phase of the solver with all threads; a thread that is late finds that others have done its blocks."""
-    team = rows.team
-    word = _begin(team, SOLVE + phase, rows.blocks)
-    _make_blocks(rows, word, 0)
-    for block in range(rows.blocks):
-        _wait(team, team.made, 8 * block, word)
-    return 0
-
-
-@inner
-def _make_blocks(rows, word, number):
-    """Make a phase of the solver on the blocks that no thread has begun, a thread's own share first.
-
-    A thread may come when the phase is over and the problem is another one. Then all blocks of the phase have begun.
-    """
-    team, phase, blocks = rows.team, word % PHASES, word // PHASES % MOST_BLOCKS
-    first = blocks * number // team.threads
-    for k in range(blocks):
-        block = (first + k) % blocks
-        if claim(team.begun, 8 * block, word):
-            call_on_block(rows.make_phase, rows, phase - SOLVE, block)
-            release(team.made, 8 * block, word)
+        _wait(team, number, word)
 
 
 @inner
@@ -204,7 +202,7 @@ def _hand_over(member, phase):
 @inner
 def _join(team, phase):
     """Let the other threads hand over what they have found."""
-    _wait_for_all(team, _begin(team, phase, 0))
+    _wait_for_all(team, _begin(team, phase))
 
 
 @inner

@@ -16,10 +16,9 @@ from evac.base.processes import cores
 from evac.jit import Entry
 from evac.jit.kernels import INTERPRETED
 from evac.physics.allocation import allocate, make_contacts
-from evac.physics.contact.blocks import BLOCKS
-from evac.physics.contact.model import ContactModel, SolvedContactModel
+from evac.physics.contact.model import ContactModel
 from evac.physics.state import Events, Lists, State, Team
-from evac.physics.threads.team import LEAVE, Member, conduct, conduct_blocks, serve
+from evac.physics.threads.team import LEAVE, Member, conduct, serve
 
 #: People for each thread below which further threads take longer, since a phase waits for threads that do not run
 #: because other programs use the same cores. docs/evidence/scaling has the times.
@@ -74,8 +73,6 @@ class Threads:
             threads=number,
             rest=_address_of_rest(),
             turn=np.zeros(8 * number, np.int64),
-            begun=np.zeros(8 * BLOCKS, np.int64),
-            made=np.zeros(8 * BLOCKS, np.int64),
             found=np.zeros((number, 8), np.int64),
             result=np.zeros(8 * number),
         )
@@ -93,9 +90,7 @@ class Threads:
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels by which threads share the steps of a model: none of a model whose loop is in Python."""
-        if not self._members or model.law is None:
-            return []
-        return [conduct, serve, conduct_blocks] if isinstance(model, SolvedContactModel) else [conduct, serve]
+        return [conduct, serve] if self._members and model.law is not None else []
 
     @contextmanager
     def serving(self, model: ContactModel) -> Generator[None, None, None]:
@@ -110,17 +105,15 @@ class Threads:
         for member in self._members:
             _align(member, self._state)
         parts = self._state.parts
-        alone = parts.phase, parts.on_blocks
+        alone = parts.phase
         self._is_serving = True
         try:
             parts.phase = conduct.address
-            if parts.on_blocks:
-                parts.on_blocks, self._state.problem.team = conduct_blocks.address, self._state.team
             for call in self._calls:
                 call.put(True)
             yield
         finally:
-            parts.phase, parts.on_blocks = alone
+            parts.phase = alone
             conduct(self._state, LEAVE)
         for _ in self._threads:
             self._done.get()
@@ -139,7 +132,7 @@ class Threads:
     def _begin(self) -> None:
         """Begin threads that wait to be called."""
         team = self._state.team
-        team.turn[:] = team.begun[:] = team.made[:] = 0
+        team.turn[:] = 0
         self._calls = [SimpleQueue() for _ in self._members]
         self._done = SimpleQueue()
         run = ctypes.CFUNCTYPE(None, ctypes.c_int64)(serve.address)

@@ -1,10 +1,10 @@
-"""Blocks of the contact problem: each body is in one of them, and the rows between blocks are behind them."""
+"""The rows of the packed contact problem: their order, and the same solution by all solvers for many of them."""
 
 import numpy as np
 import pytest
 
 from evac.jit import Longs, kernel
-from evac.physics.contact.blocks import APART, BLOCKS, ROWS_OF_MOST, ROWS_OF_TWO, WALL, interleaved
+from evac.physics.contact.percussions import APART, interleaved
 from evac.physics.contact.rows import INELASTIC
 from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, run_solver
 
@@ -56,48 +56,19 @@ def lattice(lines, width, tangential=0.0):
     return state, free
 
 
-@pytest.mark.parametrize(("lines", "blocks"), [(30, 1), (60, 2), (900, BLOCKS)])
-@pytest.mark.parametrize("tangential", [0.0, 50.0])
-def test_rows_of_a_block_have_bodies_of_no_other_block(lines, blocks, tangential):
-    state, _ = lattice(lines, 40, tangential)
-    rows, contacts = state.problem, state.contacts
-    assert rows.blocks == blocks
-    assert (rows.size >= ROWS_OF_TWO) == (blocks > 1)
-    assert (rows.size >= ROWS_OF_MOST) == (blocks == BLOCKS)
-    first_row, first_body = rows.first_row[: blocks + 2], rows.first_body[: blocks + 2]
-    assert (first_row[0], first_row[-1]) == (0, rows.size)
-    assert (first_body[0], *first_body[-2:]) == (0, rows.bodies, rows.bodies)
-    np.testing.assert_array_equal(np.sort(rows.row[: rows.size]), np.arange(rows.size))
-    block_of_body = np.searchsorted(first_body[1:-1], np.arange(rows.bodies), side="right")
-    block_of_row = np.searchsorted(first_row[1:-1], np.arange(rows.size), side="right")
-    own, other = rows.body[: rows.size], rows.other[: rows.size].astype(np.int64)
-    is_wall = other >= rows.bodies
-    wanted = block_of_body[own]
-    partner = np.where(is_wall, wanted, block_of_body[np.minimum(other, rows.bodies - 1)])
-    wanted = np.where(wanted == partner, wanted, blocks)
-    np.testing.assert_array_equal(block_of_row, wanted)
-    np.testing.assert_array_equal(other[is_wall], rows.bodies + WALL * wanted[is_wall])
-    sizes = np.diff(first_row)
-    if blocks > 1:
-        assert sizes[:-1].max() < 1.2 * sizes[:-1].min()
-        assert sizes[-1] < 0.1 * sizes[0]
-    unknowns = 1 + (contacts.sticky if tangential > 0.0 else 0 * contacts.sticky).astype(np.int64)
-    np.testing.assert_array_equal(rows.body[rows.row[: rows.size]], np.repeat(contacts.body, unknowns))
-
-
 def test_rows_are_the_same_in_python_as_compiled():
     """There are more tangential rows than a byte can count."""
     (compiled, free), (interpreted, _) = lattice(30, 40, 50.0), lattice(30, 40, 50.0)
     assert compiled.contacts.sticky.sum() > 255
     do_pack.function(interpreted, free, INELASTIC, 50.0)
     assert interpreted.problem.size == compiled.problem.size
-    for name in ("row", "body", "other", "first_row", "first_body"):
+    for name in ("row", "body", "other"):
         np.testing.assert_array_equal(getattr(interpreted.problem, name), getattr(compiled.problem, name))
     np.testing.assert_allclose(interpreted.problem.data, compiled.problem.data, rtol=0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize("solver", ["accelerated_sweeps", "conjugate_faces"])
-def test_solvers_find_the_same_in_blocks_as_sweeps_over_all_rows(solver):
+def test_solvers_find_the_same_as_sweeps_in_a_large_problem(solver):
     """Percussions need not be unique; velocities are."""
     found = []
     for name in ("gauss_seidel", solver):
