@@ -57,9 +57,7 @@ def test_a_picture_has_what_is_shown_with_labels_and_legend(browser, room):
     shown = np.array(Image.open(io.BytesIO(browser.picture())).convert("RGB")).astype(int)
     box = browser.run("replay.stage.canvas.getBoundingClientRect().toJSON()")
     x, y, width, height = (round(box[name]) for name in ("x", "y", "width", "height"))
-    browser.run("HTMLCanvasElement.prototype.toBlob = function () { window.saved = this.toDataURL(); }")
-    browser.run("document.getElementById('save-picture').click()")
-    saved = image_of(browser.run("saved"))
+    saved = image_of(browser.saved())
     assert saved.shape[1] == width
     top = browser.run("document.getElementById('tools').offsetHeight") + 20
     part = shown[y + top : y + height - 40, x : x + width]  # without tools and the bar of the scale
@@ -107,10 +105,12 @@ def test_without_webgl_there_are_the_results_and_a_poster(chromium, room):
     chromium.open(folder / "replay.html")
     script = "HTMLCanvasElement.prototype.getContext = () => null"
     number = chromium.send("Page.addScriptToEvaluateOnNewDocument", {"source": script})["identifier"]
-    chromium.send("Page.reload")
-    chromium.wait("/WebGL/.test(document.getElementById('loading')?.textContent)")
-    check_plain(chromium, results)
-    chromium.send("Page.removeScriptToEvaluateOnNewDocument", {"identifier": number})
+    try:
+        chromium.send("Page.reload")
+        chromium.wait("/WebGL/.test(document.getElementById('loading')?.textContent)")
+        check_plain(chromium, results)
+    finally:
+        chromium.send("Page.removeScriptToEvaluateOnNewDocument", {"identifier": number})
 
 
 def check_plain(browser, results):

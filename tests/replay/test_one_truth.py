@@ -148,7 +148,7 @@ def counted_at(run, time):
 
 
 def test_numbers_of_the_replay_are_those_of_the_run(browser, run):
-    browser.open(run.folder / "replay.html")
+    browser.show(run.folder / "replay.html")
     shown, computed = {}, {}
     for k in np.linspace(0, len(run.frames) - 2, 8).astype(int).tolist():
         time = run.frames[k][0] + 0.125  # the page has hundredths: nobody is told apart by rounding
@@ -163,7 +163,7 @@ def test_numbers_of_the_replay_are_those_of_the_run(browser, run):
 
 
 def test_people_of_the_replay_and_of_pictures_have_the_measures_of_the_trajectory(browser, run):
-    browser.open(run.folder / "replay.html")
+    browser.show(run.folder / "replay.html")
     trajectory = evac.read_trajectory(run.folder)
     colours = {name: colouring(trajectory, name) for name in ("speed", "contact_force", "waiting")}
     random, shown, computed = np.random.default_rng(1), {}, {}
@@ -202,7 +202,7 @@ def test_people_of_the_replay_and_of_pictures_have_the_measures_of_the_trajector
 
 
 def test_events_on_the_time_line_are_those_of_the_run(browser, run):
-    browser.open(run.folder / "replay.html")
+    browser.show(run.folder / "replay.html")
     shown = browser.run(
         "[...document.querySelectorAll('#events button')].map(({ innerText }) => innerText.split('\\n'))"
     )
@@ -228,7 +228,7 @@ def test_events_on_the_time_line_are_those_of_the_run(browser, run):
 def test_the_longest_queue_is_shown_where_and_when_it_was(browser, run):
     words = r"Longest queue, (.*): \d+ \w+ waited .*, at most (\d+) at once, at (.*) s around \((.*), (.*)\) on '(.*)'"
     place, most, time, x, y, level = re.fullmatch(words, run.longest_queue()).groups()
-    browser.open(run.folder / "replay.html")
+    browser.show(run.folder / "replay.html")
     browser.run("document.querySelector('#answer button').click()")
     browser.settle()
     assert browser.run("replay.state.time") == pytest.approx(float(time), abs=0.051)

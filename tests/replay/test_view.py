@@ -126,7 +126,7 @@ def test_people_are_seen_in_the_first_view_and_labels_cover_nobody(browser, page
 
 @pytest.mark.parametrize(("width", "view"), [(1280, "3d"), (1280, "section"), (390, "3d")])
 def test_the_building_is_in_the_picture_and_names_of_storeys_are_at_their_heights(browser, page, width, view):
-    browser.open(page, width, 800)
+    browser.show(page, width, 800)
     browser.run(f"replay.act.view('{view}'); replay.act.seek(20)")
     browser.settle()
     corners = np.array(browser.run("replay.layout.corners().map((corner) => replay.camera.project(corner))"))
@@ -157,14 +157,14 @@ def test_the_building_is_in_the_picture_and_names_of_storeys_are_at_their_height
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080)])
 def test_tools_are_in_one_row_and_the_clock_is_in_sight(browser, page, width, height):
-    browser.open(page, width, height)
+    browser.show(page, width, height)
     boxes = browser.run("[...document.getElementById('tools').children].map((one) => one.getBoundingClientRect().top)")
     assert len(set(boxes)) <= 2  # those of a storey alone are hidden, at the top
     assert browser.run("document.getElementById('time').getBoundingClientRect().bottom") < height
 
 
 def test_every_storey_is_named_in_plan_and_section(browser, page):
-    browser.open(page)
+    browser.show(page)
     for view in ("plan", "section"):
         browser.run(f"replay.act.view('{view}')")
         browser.settle()
@@ -173,7 +173,7 @@ def test_every_storey_is_named_in_plan_and_section(browser, page):
 
 
 def test_labels_away_from_what_they_name_have_a_line_to_it(browser, page):
-    browser.open(page)
+    browser.show(page)
     browser.run("replay.act.seek(20); replay.act.select(7)")
     browser.settle()
     drawn, at = browser.run(
@@ -193,7 +193,7 @@ def test_labels_away_from_what_they_name_have_a_line_to_it(browser, page):
 
 
 def test_what_scrolls_can_be_reached_with_keys_and_the_page_has_a_title(browser, page):
-    browser.open(page, 390, 800)
+    browser.show(page, 390, 800)
     unreachable = browser.run(
         """[...document.querySelectorAll("body *")].filter((one) => one.scrollHeight > one.clientHeight + 1
              && one.clientHeight && /auto|scroll/.test(getComputedStyle(one).overflowY)
@@ -205,7 +205,7 @@ def test_what_scrolls_can_be_reached_with_keys_and_the_page_has_a_title(browser,
 
 
 def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser, page):
-    browser.open(page)
+    browser.show(page)
     browser.run("replay.act.view('section'); replay.act.seek(40)")
     browser.settle()
     shown = browser.run(
@@ -226,7 +226,7 @@ def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser
 
 
 def test_60_groups_and_12_exits_are_told_apart_and_in_the_order_of_numbers(browser, page):
-    browser.open(page)
+    browser.show(page)
     legend = "[...document.querySelectorAll('#legend button')]"
     assert browser.run(f"{legend}.map(({{ innerText }}) => innerText)") == [f"group {k + 1}" for k in range(60)]
     swatches = browser.run(f"{legend}.map((one) => one.querySelector('.swatch').style.background)")
@@ -250,7 +250,7 @@ def test_60_groups_and_12_exits_are_told_apart_and_in_the_order_of_numbers(brows
 
 
 def test_ticks_of_the_chart_reach_over_the_whole_range(browser, page):
-    browser.open(page)
+    browser.show(page)
     at = browser.run(
         "[...document.querySelectorAll('#chart .at')].map((text) => [Number(text.getAttribute('x')), text.textContent])"
     )
