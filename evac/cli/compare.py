@@ -22,6 +22,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.folder.resultfolder import check_result, find_result
     from evac.report.comparison import compare
     from evac.report.pages import write_page
+    from evac.report.templates import fixed
 
     folders = [find_result(path) for path in arguments.designs]
     for folder in folders:
@@ -32,7 +33,7 @@ def execute(arguments: argparse.Namespace) -> int:
         own = [one for one in found.differences if one.design == design.label]
         rows = []
         for one in own:
-            times = (round(time, 2) for time in (one.before, one.after, one.change.value))
+            times = (fixed(time, 2) for time in (one.before, one.after, one.change.value))
             rows.append((one.measure, *times, one.change.bounds(), one.verdict))
         columns = ("measure [s]", "first", "design", "change", "95 % interval", "verdict")
         show_table(f"{design.label}, compared with {first.label}", columns, rows)

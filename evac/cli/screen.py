@@ -32,11 +32,16 @@ def show_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[objec
     cells = [[column, *(shown(row[k]) for row in rows)] for k, column in enumerate(columns)]
     widths = _widths(cells, to.width - EDGES - GAP * (len(columns) - 1))
     for index, column in enumerate(columns):
-        numeric = bool(rows) and all(isinstance(row[index], (int, float)) for row in rows)
+        numeric = bool(rows) and all(_is_numeric(row[index]) for row in rows)
         table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold", width=widths[index])
     for row in rows:
         table.add_row(*(Text(shown(value)) for value in row))
     to.print(table)
+
+
+def _is_numeric(value: object) -> bool:
+    """Return whether a value is a number, in figures too, or nothing."""
+    return value is None or isinstance(value, int | float) or str(value).lstrip("-").replace(".", "", 1).isdigit()
 
 
 def _widths(cells: Sequence[Sequence[str]], room: int) -> list[int]:

@@ -39,7 +39,7 @@ MARK = {"missing": "#c0392b", "warning": "#c0392b", "repaired": "#1f77b4", "assu
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
 
 #: Size of names that would cover others at their own size [points].
-SMALL = 4.5
+SMALL = 6.0
 
 #: Height of a line of the list and margin around it [inches], and number of letters per inch.
 LINE, MARGIN, LETTERS = 0.17, 0.3, 13.5
@@ -126,7 +126,7 @@ def _show_coordinates(axes: Axes) -> None:
     """Show the coordinates that messages name."""
     axes.set_axis_on()
     axes.patch.set_alpha(0.0)
-    axes.tick_params(labelsize=6, direction="in", pad=2, colors=palette.EDGE)
+    axes.tick_params(labelsize=6.5, direction="in", pad=2, colors=palette.EDGE)
     axes.ticklabel_format(useOffset=False, style="plain")
     for spine in axes.spines.values():
         spine.set_color("#d5dae0")

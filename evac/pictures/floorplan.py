@@ -14,6 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from matplotlib.text import Text
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
@@ -35,6 +36,7 @@ class Plans:
     figure: Figure
     axes: tuple[Axes, ...]  # axes of each storey, from the bottom to the top, with x and y in plan [m]
     levels: tuple[tuple[Level, ...], ...]  # the levels in each of them
+    names: tuple[Text, ...]  # of the storeys
     # (4,) float: left, bottom, width and height of the space for a legend or a colour bar, as fractions of the figure
     side: tuple[float, float, float, float]
 
@@ -95,7 +97,7 @@ def draw_plans(
     size = MARGIN + columns * cell[0] + side, above + rows * cell[1] + BAR
     figure = Figure(figsize=size, dpi=dpi)
     FigureCanvasAgg(figure)
-    axes = []
+    axes, names = [], []
     for k, (name, shown) in enumerate(panels):
         column, row = k % columns, k // columns
         left, top = MARGIN + column * cell[0], above + row * cell[1] + HEAD
@@ -103,15 +105,28 @@ def draw_plans(
         panel = figure.add_axes(box)
         panel.set_axis_off()
         panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
-        panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, y=1.0, pad=3, parse_math=False)
         draw_levels(panel, building, shown, is_filled, has_widths)
+        names.append(_name(panel, name))
         axes.append(panel)
     if title is not None:
         _write_title(figure, title, size)
     if has_scale_bar:
         _draw_scale_bar(figure, scale, size)
     room = 1.0 - (side - 0.2) / size[0], BAR / size[1], (side - 0.3) / size[0], rows * cell[1] / size[1]
-    return Plans(figure, tuple(axes), tuple(shown for _, shown in panels), room)
+    return Plans(figure, tuple(axes), tuple(shown for _, shown in panels), tuple(names), room)
+
+
+def _name(axes: Axes, name: str) -> Text:
+    """Write the name of a storey above its plan, at the first of three places where it covers no other text."""
+    renderer = FigureCanvasAgg(axes.figure).get_renderer()
+    written = [text.get_window_extent(renderer) for text in axes.texts]
+    for place in ("left", "right", "center"):
+        title = axes.set_title(name, fontsize=10, loc=place, color=palette.TEXT, y=1.0, pad=3, parse_math=False)
+        if not title.get_window_extent(renderer).count_overlaps(written):
+            return title
+        title.set_text("")
+    title.set_text(name)
+    return title
 
 
 def _arrangement(count: int, width: float, height: float, greatest: tuple[float, float]) -> tuple[int, int, float]:

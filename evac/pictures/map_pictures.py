@@ -40,6 +40,9 @@ MOST_SAID = 80
 #: Number of letters of a line of the title per inch.
 LETTERS = 13
 
+#: What is written beside lines on maps of the flow.
+FLOW_LABELS = "labels: people who passed the line, and people per second and metre"
+
 #: The formats that a picture of a map can have.
 FORMATS = (".png", ".svg", ".pdf", ".jpg", ".jpeg")
 
@@ -96,6 +99,7 @@ def draw_maps(
     service: str = "",
     flows: Iterable[LineFlow] | None = None,
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
+    has_title: bool = True,
 ) -> Iterator[Figure]:
     """Draw the maps of several quantities on the same plans, one after the other.
 
@@ -108,6 +112,8 @@ def draw_maps(
         Passages through lines, for the map of the flow; by default those of the results beside the trajectory.
     greatest : tuple of float
         Greatest width and height of all plans together [inches].
+    has_title : bool
+        Without a title, what it says has to be said beside the picture.
 
     Yields
     ------
@@ -124,20 +130,19 @@ def draw_maps(
     any_map = next(iter(maps.values()))
     said = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
     said = textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
-    title = f"{trajectory.header.get('title', '')}\n"
+    title = f"{trajectory.header.get('title', '')}\n" if has_title else None
     plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False, greatest=greatest)
-    subtitle, nearest = plans.figure.texts[-1], {name: _nearest_cells(one) for name, one in maps.items()}
+    nearest = {name: _nearest_cells(one) for name, one in maps.items()}
     lasting = set(_artists(plans))
     for quantity in quantities:
         for artist in set(_artists(plans)) - lasting:
             artist.remove()
         grids = {name: level_map.array(quantity) for name, level_map in maps.items()}
         what, scale = QUANTITIES[quantity], SCALES[quantity].with_service(service)
-        explained = (
-            "; labels: people who passed the line, and people per second and metre" if quantity == "flow" else ""
-        )
+        explained = f"; {FLOW_LABELS}" if quantity == "flow" else ""
         words = f"{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s{explained}{said}"
-        subtitle.set_text(textwrap.fill(words, round(LETTERS * plans.figure.get_figwidth())))
+        for subtitle in plans.figure.texts[1:2]:
+            subtitle.set_text(textwrap.fill(words, round(LETTERS * plans.figure.get_figwidth())))
         _draw_values(plans, grids, maps, nearest, scale)
         if quantity == "flow":
             _label_lines(plans, recorded_flows(trajectory) if flows is None else flows)
@@ -186,12 +191,14 @@ def draw_cut(
     draw_levels(axes, building, shown, is_filled=False, has_widths=False)
     for text in axes.texts:
         text.set_clip_on(True)
-    plans = Plans(figure, (axes,), (tuple(shown),), (left + 0.8 * width, bottom, 0.2 * width, height))
+    plans = Plans(figure, (axes,), (tuple(shown),), (), (left + 0.8 * width, bottom, 0.2 * width, height))
     nearest = {one.name: _nearest_cells(maps[one.name]) for one in shown}
     _draw_values(plans, {name: one.array(quantity) for name, one in maps.items()}, maps, nearest, SCALES[quantity])
 
 
-def draw_difference(first: Trajectory, other: Trajectory, quantity: str, dpi: int = 120) -> Figure:
+def draw_difference(
+    first: Trajectory, other: Trajectory, quantity: str, dpi: int = 120, greatest: tuple[float, float] = (WIDTH, HEIGHT)
+) -> Figure:
     """Draw the difference of the maps of a quantity of two runs, other - first, on the plans of the first.
 
     Levels are those with the same name; cells on the floor of only one of the two have no colour.
@@ -202,6 +209,8 @@ def draw_difference(first: Trajectory, other: Trajectory, quantity: str, dpi: in
     quantity : str
         One of `evac.analysis.maps.QUANTITIES`.
     dpi : int
+    greatest : tuple of float
+        Greatest width and height of all plans together [inches].
     """
     maps, others = level_maps(first), level_maps(other)
     grids = {
@@ -211,8 +220,7 @@ def draw_difference(first: Trajectory, other: Trajectory, quantity: str, dpi: in
     }
     scale = SCALES[quantity]
     most = round_up(high_value([np.abs(grid) for grid in grids.values()]))
-    title = f"{first.header.get('title', '')}\n{scale.label} [{scale.unit}], difference"
-    plans = draw_plans(first.building, title, dpi=dpi, is_filled=False)
+    plans = draw_plans(first.building, None, dpi=dpi, is_filled=False, greatest=greatest)
     colours, norm = colormaps["PuOr_r"], Normalize(-most, most)
     _draw_grids(plans, grids, maps, colours, norm)
     _add_bar(plans, ScalarMappable(norm, colours), f"{scale.label}, difference [{scale.unit}]")
@@ -335,7 +343,7 @@ def _add_bar(plans: Plans, colours: ScalarMappable, label: str) -> Colorbar:
     """Add a colour bar at the right."""
     left, bottom, _, height = plans.side
     inch = 1.0 / plans.figure.get_size_inches()
-    tall = min(height, 4.0 * inch[1])
+    tall = min(height - 0.2 * inch[1], 4.0 * inch[1])  # with room for the numbers at both ends
     axes = plans.figure.add_axes((left + 0.1 * inch[0], bottom + 0.5 * (height - tall), 0.16 * inch[0], tall))
     bar = plans.figure.colorbar(colours, cax=axes)
     bar.outline.set_linewidth(0.5)

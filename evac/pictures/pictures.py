@@ -48,7 +48,13 @@ def egress_figure(results: Results) -> Figure:
 
 
 def curves_figure(
-    title: str, people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]
+    title: str,
+    people: int,
+    end: float,
+    everybody: Curve,
+    groups: Mapping[str, Curve],
+    sizes: Mapping[str, int],
+    size: tuple[float, float] = SIZE,
 ) -> Figure:
     """Return a figure of egress curves: of all people, and of each group if there are several, but not too many.
 
@@ -66,8 +72,10 @@ def curves_figure(
     groups : mapping of str to such tuples
     sizes : mapping of str to int
         Number of people of each group.
+    size : tuple of float
+        Width and height [inches].
     """
-    figure, axes = new_axes(title, people)
+    figure, axes = new_axes(title, people, size)
     if 1 < len(groups) <= MOST_GROUPS:
         for (name, (time, number)), colour in zip(groups.items(), group_colours(len(groups)), strict=False):
             if sizes[name] > 1:
@@ -124,7 +132,7 @@ def designs_figure(title: str, people: int, time: FloatArray, curves: Mapping[st
     for (name, number), colour in zip(curves.items(), group_colours(len(curves)), strict=False):
         axes.plot(time, number, label=name, color=colour, linewidth=1.8)
     axes.set_xlim(0.0, float(time[-1]))
-    for text in axes.legend(frameon=False, loc="lower right", fontsize=8).get_texts():
+    for text in axes.legend(frameon=False, loc="lower right", fontsize=9).get_texts():
         text.set_parse_math(False)
     return figure
 
@@ -180,23 +188,25 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
+def new_axes(title: str, people: int, size: tuple[float, float] = SIZE) -> tuple[Figure, Axes]:
     """Return a figure and axes for people out over time, up to `people`."""
-    figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)))
+    figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)), size)
     axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
     axes.set_ylim(0.0, 1.06 * max(people, 1))
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
     return figure, axes
 
 
-def new_plain_axes(title: str, along: str, up: str, left: float) -> tuple[Figure, Axes]:
+def new_plain_axes(
+    title: str, along: str, up: str, left: float, size: tuple[float, float] = SIZE
+) -> tuple[Figure, Axes]:
     """Return a figure and axes with a title and axis labels; `left` is the space for numbers [inches]."""
-    figure = Figure(figsize=SIZE, dpi=150)
+    figure = Figure(figsize=size, dpi=150)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     # Fixed margins, because the automatic layouts of matplotlib take as long as drawing.
     top = 0.12 + 0.18 * (1 + title.count("\n"))
-    figure.subplots_adjust(left / SIZE[0], 0.48 / SIZE[1], 1.0 - 0.2 / SIZE[0], 1.0 - top / SIZE[1])
+    figure.subplots_adjust(left / size[0], 0.48 / size[1], 1.0 - 0.2 / size[0], 1.0 - top / size[1])
     axes.set(xlabel=along, ylabel=up)
     axes.set_title(title, fontsize=11, loc="left", parse_math=False)
     axes.grid(alpha=0.25)

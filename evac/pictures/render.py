@@ -20,7 +20,7 @@ from evac.pictures.palette import SMOKE
 from evac.pictures.pawns import draw_people
 from evac.pictures.smoke import Smoke
 from evac.pictures.view import View
-from evac.pictures.writing import Pen
+from evac.pictures.writing import Pen, font
 from evac.trajectory.trajectory import Trajectory
 
 PICTURES = (".png", ".jpg", ".jpeg")
@@ -62,6 +62,9 @@ class Renderer:
         `evac.pictures.colouring.colouring`.
     service : str
         ``"fruin"`` or ``"weidmann"``: levels of service as colours of densities.
+    letters : int
+        Size of the letters of a picture on a page, which has the title, the time and the legend of groups beside it
+        [pixels]; 0 for a picture by itself.
 
     Raises
     ------
@@ -83,6 +86,7 @@ class Renderer:
         levels: Sequence[str | int] | None = None,
         colour_by: str = "group",
         service: str = "",
+        letters: int = 0,
     ) -> None:
         if not len(trajectory):
             raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
@@ -93,6 +97,8 @@ class Renderer:
         self._colouring = colouring(trajectory, colour_by, service)
         self._smoke = Smoke(trajectory) if SMOKE in [field.name for field in trajectory.level_fields] else None
         self._size, self._kind, self._camera, self._levels = size, view, camera or Camera(), levels
+        self._letters = letters
+        self._has_legend = self._colouring.has_legend and not (letters and self._colouring.legend)
         self._drawn: dict[Hashable, _Drawn] = {}
         largest = float(trajectory.radius.max(initial=0.0)) * self.view_at(float(trajectory.time[0])).scale
         if largest > MOST_RADIUS:
@@ -115,6 +121,8 @@ class Renderer:
         out = trajectory.out_at(k)
         picture = Image.fromarray(image)
         picture.paste(names, (0, 0), names)
+        if self._letters:
+            return np.array(picture)
         so_far = [change for change in trajectory.changes if change.time <= frame["time"]]
         latest = f"      {so_far[-1]}" if so_far else ""
         smoke = "" if self._smoke is None else f"      smoke up to {self._smoke.greatest(k):.1f} 1/m"
@@ -130,46 +138,50 @@ class Renderer:
         building = self.trajectory.building_at(time)
         if building.condition not in self._drawn:
             view = self._look_at(building)
-            self._drawn[building.condition] = _Drawn(view, self._with_writing(view), _in_front(view))
+            self._drawn[building.condition] = _Drawn(view, self._with_writing(view), self._in_front(view))
         return self._drawn[building.condition]
 
     def _look_at(self, building: Building) -> View:
         """Draw a building."""
-        has_legend = self._colouring.has_legend
         if self._kind == "plan":
             from evac.pictures.planview import plan_view
 
-            return plan_view(building, self._size, self._levels, 1.6 if has_legend else 0.3)
-        from evac.pictures.scene import view_of
+            return plan_view(building, self._size, self._levels, 1.6 if self._has_legend else 0.3)
+        from evac.pictures.scene import LEGEND_WIDTH, MARGIN, view_of
 
         chosen = [level_of(building, level) for level in self._levels] if self._levels is not None else building.levels
-        return view_of(building, self._size, self._camera, chosen, has_legend)
+        margin = MARGIN | {"right": MARGIN["right"] + LEGEND_WIDTH if self._has_legend else MARGIN["left"]}
+        if self._letters:
+            names = [level.name for level in chosen if level.kind == "floor"]
+            widest = max((font(self._letters, is_bold=True).getlength(name) for name in names), default=0.0)
+            margin |= {"left": widest / self._size[0] + 0.02, "right": 0.04, "top": 0.05}
+            margin |= {"bottom": 0.16} if self._smoke is not None else {}
+        return view_of(building, self._size, self._camera, chosen, margin)
 
     def _with_writing(self, view: View) -> NDArray[np.uint8]:
         """Return the building with all constant text: title, legend, scales."""
         picture = Image.fromarray(view.image)
-        pen = Pen(picture)
-        pen.title(str(self.trajectory.header.get("title", "")))
-        colours = self._colouring
+        pen, colours = Pen(picture, self._letters), self._colouring
+        if not self._letters:
+            pen.title(str(self.trajectory.header.get("title", "")))
         if colours.scale is not None:
             pen.colour_bar(view.side, colours.scale, colours.top)
-        elif colours.has_legend:
+        elif self._has_legend:
             pen.legend(view.side, colours.legend)
         pen.scale_bar(view.scale)
         if self._smoke is not None:
             pen.swatches("smoke at the mean height of heads [1/m]", self._smoke.scale())
         return np.array(picture)
 
-
-def _in_front(view: View) -> Image.Image:
-    """Return a transparent image of what is in front of people: names of floors and exits, outlines of exits."""
-    picture = Image.new("RGBA", view.image.shape[1::-1], (255, 255, 255, 0))
-    pen = Pen(picture)
-    for colour, corners in view.outlines:
-        pen.outline(corners, colour)
-    for label in view.labels:
-        pen.label(label.text, label.place, label.anchor, label.colour)
-    return picture
+    def _in_front(self, view: View) -> Image.Image:
+        """Return a transparent image of what is in front of people: names of floors and exits, outlines of exits."""
+        picture = Image.new("RGBA", view.image.shape[1::-1], (255, 255, 255, 0))
+        pen = Pen(picture, self._letters)
+        for colour, corners in view.outlines:
+            pen.outline(corners, colour)
+        for label in view.labels:
+            pen.label(label.text, label.place, label.anchor, label.colour)
+        return picture
 
 
 def _check_size(size: tuple[int, int]) -> None:

@@ -1,6 +1,6 @@
 """The building of a trajectory in three dimensions, drawn off screen by VTK: floors, low walls, stairs, exits."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -32,7 +32,7 @@ ROOM_FOR_PEOPLE = 1.9  # above the floors, within the picture [m]
 
 
 def view_of(
-    building: Building, size: tuple[int, int], camera: Camera, levels: Sequence[Level], has_legend: bool
+    building: Building, size: tuple[int, int], camera: Camera, levels: Sequence[Level], margin: Mapping[str, float]
 ) -> View:
     """Draw levels of a building.
 
@@ -44,10 +44,10 @@ def view_of(
     camera : Camera
     levels : sequence of Level
         Levels that are drawn.
-    has_legend : bool
-        Whether to leave space for a legend.
+    margin : mapping of str to float
+        Space for text at each side, as `MARGIN`.
     """
-    scene = _Scene(building, size, camera, levels, has_legend)
+    scene = _Scene(building, size, camera, levels, margin)
     try:
         with quiet_vtk():
             return scene.view()
@@ -82,7 +82,12 @@ class _Scene:
     """An off-screen VTK window with the building."""
 
     def __init__(
-        self, building: Building, size: tuple[int, int], camera: Camera, levels: Sequence[Level], has_legend: bool
+        self,
+        building: Building,
+        size: tuple[int, int],
+        camera: Camera,
+        levels: Sequence[Level],
+        margin: Mapping[str, float],
     ) -> None:
         self.building, self.size, self.levels = building, size, levels
         self.rows = np.array([level.index for level in levels], np.int32)
@@ -90,15 +95,14 @@ class _Scene:
         # Single precision on graphics cards is too coarse far from the origin.
         zero = np.append(np.round(corners[:, :2].mean(axis=0)), corners[:, 2].min())
         aimed = aim(building, levels, camera)
-        right_side = MARGIN["right"] + LEGEND_WIDTH if has_legend else MARGIN["left"]
         flat = _InSpace(self.rows, aimed.axes, zero, aimed.stretch, 1.0, np.zeros(2))
         placed = flat.place(corners)
         placed = np.concatenate([placed, placed + np.array([0.0, 0.0, ROOM_FOR_PEOPLE])])
         across, along, _ = aimed.axes @ placed.T
         width, height = size
-        free = width * (1.0 - MARGIN["left"] - right_side), height * (1.0 - MARGIN["top"] - MARGIN["bottom"])
+        free = width * (1.0 - margin["left"] - margin["right"]), height * (1.0 - margin["top"] - margin["bottom"])
         scale = camera.zoom * min(free[0] / np.ptp(across), free[1] / np.ptp(along))
-        middle = MARGIN["left"] * width + 0.5 * free[0], MARGIN["top"] * height + 0.5 * free[1]
+        middle = margin["left"] * width + 0.5 * free[0], margin["top"] * height + 0.5 * free[1]
         corner = np.array(
             [
                 0.5 * (across.min() + across.max()) - middle[0] / scale,
@@ -239,13 +243,16 @@ class _Scene:
             yield np.concatenate([ground, ground[::-1] - np.array([0.0, up, 0.0])])
 
     def _floor_labels(self) -> Iterator[Label]:
-        """Yield the name of every floor, left of its leftmost corner."""
+        """Yield the name of every floor at the height of its leftmost corner, left of all stairs."""
+        lefts = []
         for level in self.levels:
+            rows = np.unique(level.triangles)
+            places = self.project(np.full(len(rows), level.index), self.building.vertices[rows])
+            lefts.append(places[places[:, 0].argmin(), :2])
+        column = np.min(lefts, axis=0)[0] - 0.008 * self.size[0]
+        for level, (_, row) in zip(self.levels, lefts, strict=True):
             if level.kind == "floor" or len(self.levels) == 1:
-                rows = np.unique(level.triangles)
-                places = self.project(np.full(len(rows), level.index), self.building.vertices[rows])
-                place = places[places[:, 0].argmin(), :2] - np.array([0.008 * self.size[0], 0.0])
-                yield Label(level.name, place, "rm", palette.TEXT)
+                yield Label(level.name, np.array([column, row]), "rm", palette.TEXT)
 
     def _exit_label(self, exit_: Exit) -> Label:
         """Return the name of an exit, outside the middle of its line."""

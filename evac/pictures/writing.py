@@ -30,12 +30,14 @@ class Pen:
     ----------
     image : Image
         Modified in place.
+    letters : int
+        Size of letters; with 0 it follows from that of the picture.
     """
 
-    def __init__(self, image: Image.Image) -> None:
+    def __init__(self, image: Image.Image, letters: int = 0) -> None:
         self.draw = ImageDraw.Draw(image)
         self.width, self.height = image.size
-        self.unit = max(8, round(min(image.width / 1.33, image.height) / 52))  # font size
+        self.unit = letters or max(8, round(min(image.width / 1.33, image.height) / 52))  # font size
 
     def title(self, words: str) -> None:
         """Write the title, in a smaller font or shortened if it is long."""
@@ -117,10 +119,10 @@ class Pen:
         self.draw.text((end + 0.6 * self.unit, y), f"{length:g} m", palette.TEXT, font(round(0.95 * self.unit)), "lm")
 
     def swatches(self, words: str, steps: Sequence[tuple[str, tuple[int, ...]]]) -> None:
-        """Draw fields of colours, each with its text, at the lower right, and words before them."""
+        """Draw fields of colours, each with its text, at the lower right, and words above them."""
         wide, letters = 2.6 * self.unit, font(round(0.95 * self.unit))
         left, y = self.width - self.unit - wide * len(steps), self.height - 2.6 * self.unit
-        self.draw.text((left - 0.6 * self.unit, y + 0.5 * self.unit), words, palette.TEXT, letters, "rm")
+        self.draw.text((self.width - self.unit, y - 0.4 * self.unit), words, palette.TEXT, letters, "rs")
         for k, (text, colour) in enumerate(steps):
             x = left + k * wide
             self.draw.rectangle((x, y, x + wide, y + self.unit), colour)

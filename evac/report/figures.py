@@ -22,18 +22,18 @@ from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import draw_cut, draw_difference, draw_maps
+from evac.pictures.map_pictures import FLOW_LABELS, draw_cut, draw_difference, draw_maps
 from evac.pictures.pictures import Curve, curves_figure, runs_figure
 from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
 from evac.results.answer import time_of_share
 from evac.trajectory.trajectory import Trajectory
 
-#: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
-PLANS = (6.8, 5.4)
+#: Greatest width and height of all plans together, so that they are printed as large as they are drawn [inches].
+PLANS = (6.7, 5.4)
 
-#: The same of maps, of which two are beside each other [inches].
-MAPS = (5.4, 4.2)
+#: The same of maps, which have a colour bar beside them [inches].
+MAPS = (5.4, 3.6)
 
 #: Greatest number of storeys in a picture.
 TOGETHER = 6
@@ -41,14 +41,17 @@ TOGETHER = 6
 #: Shares of the people out at which the course of a run is shown [%].
 SHARES_OUT = (25, 50, 75, 95)
 
-#: Sizes of rendered pictures [pixels].
-COVER_SIZE, COURSE_SIZE = (820, 560), (640, 480)
+#: Width and height of rendered pictures, and of the egress curve, which has a table beside it [inches].
+COVER, COURSE, CURVE = (3.3, 2.0), (3.4, 2.4), (4.5, 2.8)
+
+#: Pixels of rendered pictures per inch, and size of their letters [pixels].
+SHARPNESS, LETTERS = 200, 18
 
 #: Distance from the middle of a bottleneck to the edges of its map [m].
 REACH = 5.0
 
 #: Of maps, which are made of cells, when they are printed [1/inch].
-DPI = 120
+DPI = 150
 
 
 class Picture(NamedTuple):
@@ -58,11 +61,14 @@ class Picture(NamedTuple):
     caption: str
     words: str  # what it shows, for those who cannot see it
     kind: str  # class of the page: "drawing", "plans", "map", "place", "cover" or "course"
+    width: float | None = None  # where it is printed, if the picture does not have it [inches]
 
 
-def _picture(file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing") -> Picture:
+def _picture(
+    file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing", width: float | None = None
+) -> Picture:
     data = base64.b64encode(file.getvalue()).decode()
-    return Picture(f"data:image/{kind};base64,{data}", caption, words, class_)
+    return Picture(f"data:image/{kind};base64,{data}", caption, words, class_, width)
 
 
 def drawing(figure: Figure, caption: str, words: str, class_: str = "drawing") -> Picture:
@@ -98,7 +104,7 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
     exit_times : (n,) float [s]
         Of the people who are to leave, NaN for those who did not.
     """
-    draw = Renderer(trajectory, COURSE_SIZE)
+    draw = _renderer(trajectory, COURSE)
     found = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
     return [
         _rendered(draw, trajectory.nearest(time), f"{share} % of the people are out, at {time:.1f} s", "course")
@@ -109,13 +115,24 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
 
 def cover(trajectory: Trajectory) -> Picture:
     """Return the picture of the building and the people at the first recorded time."""
-    return _rendered(Renderer(trajectory, COVER_SIZE), 0, f"The building at {trajectory.time[0]:g} s.", "cover")
+    return _rendered(_renderer(trajectory, COVER), 0, f"The building at {trajectory.time[0]:g} s.", "cover")
+
+
+def legend(trajectory: Trajectory) -> list[tuple[str, palette.Look]]:
+    """Return the groups of the people in rendered pictures with their colours, if these tell them apart."""
+    looks = palette.group_looks(len(trajectory.groups))
+    return list(zip(trajectory.groups, looks, strict=False)) if 1 < len(looks) - 1 == len({*looks[:-1]}) else []
+
+
+def _renderer(trajectory: Trajectory, inches: tuple[float, float]) -> Renderer:
+    width, height = (round(SHARPNESS * side) for side in inches)
+    return Renderer(trajectory, (width, height), letters=LETTERS)
 
 
 def _rendered(draw: Renderer, k: int, caption: str, class_: str) -> Picture:
-    file = io.BytesIO()
-    Image.fromarray(draw.image(k)).save(file, format="png", optimize=True)
-    return _picture(file, "png", caption, caption, class_)
+    image, file = draw.image(k), io.BytesIO()
+    Image.fromarray(image).save(file, format="png", optimize=True)
+    return _picture(file, "png", caption, caption, class_, image.shape[1] / SHARPNESS)
 
 
 def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
@@ -124,19 +141,17 @@ def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
     of_these = np.isin(frame["person"], rows)
     place, level = frame["position"][of_these], frame["level"][of_these]
     plans_ = draw_plans(trajectory.building_at(frame["time"]), None, side=0.1, greatest=PLANS)
-    for axes, levels in zip(plans_.axes, plans_.levels, strict=True):
+    for axes, name, levels in zip(plans_.axes, plans_.names, plans_.levels, strict=True):
         x, y = place[np.isin(level, [one.index for one in levels])].T
         axes.plot(x, y, "o", color=palette.CLOSED, markersize=2.5, markeredgewidth=0.0, zorder=6)
-        axes.set_title(
-            f"{axes.get_title('left')}: {len(x)} inside", fontsize=9, loc="left", y=1.0, pad=3, parse_math=False
-        )
+        name.set_text(f"{name.get_text()}: {len(x)} inside")
     caption = f"People who were still inside at {frame['time']:.1f} s, {len(place)} in all, as red marks."
     return drawing(plans_.figure, caption, caption)
 
 
 def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Picture:
     """Return the egress curve of one run."""
-    figure = curves_figure("", people, end, everybody, groups, sizes)
+    figure = curves_figure("", people, end, everybody, groups, sizes, CURVE)
     time, number = everybody
     axes = figure.axes[0]
     for share in (0.5, 0.95):
@@ -183,9 +198,11 @@ def egress_over_runs(people: int, columns: Mapping[str, FloatArray]) -> Picture:
 
 def difference_picture(first: Trajectory, other: Trajectory, quantity: str, name: str) -> Picture:
     """Return the map of the difference of a quantity, other - first."""
-    what = SCALES[quantity]
-    caption = f"{what.label}: difference of {name} from the first design; where only one has a floor, nothing is drawn."
-    return _mapped(draw_difference(first, other, quantity, dpi=DPI), caption)
+    caption = (
+        f"{SCALES[quantity].label.capitalize()}: difference of {name} from the first design. Orange: more in {name},"
+        " violet: less; where only one has a floor, nothing is drawn."
+    )
+    return _mapped(draw_difference(first, other, quantity, dpi=DPI, greatest=MAPS), caption)
 
 
 def bottleneck(trajectory: Trajectory, queue: Queue, maps: Mapping[str, LevelMaps], number: int) -> Picture:
@@ -214,7 +231,7 @@ def _mapped(figure: Figure, caption: str, class_: str = "map") -> Picture:
     """Return a figure with a map, which is made of cells."""
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
-    return _picture(file, "png", caption, caption, class_)
+    return _picture(file, "png", caption, caption, class_, figure.get_figwidth())
 
 
 def map_pictures(
@@ -225,8 +242,10 @@ def map_pictures(
     service: str = "",
 ) -> list[Picture]:
     """Return the maps of some quantities."""
-    figures = draw_maps(trajectory, quantities, maps, dpi=DPI, service=service, flows=flows, greatest=MAPS)
-    return [
-        _mapped(figure, f"{QUANTITIES[name].label}: {QUANTITIES[name].doc}.")
-        for name, figure in zip(quantities, figures, strict=True)
-    ]
+    figures = draw_maps(
+        trajectory, quantities, maps, dpi=DPI, service=service, flows=flows, greatest=MAPS, has_title=False
+    )
+    said = {name: f"{QUANTITIES[name].label.capitalize()}: {QUANTITIES[name].doc}" for name in quantities}
+    if "flow" in said:
+        said["flow"] += f"; {FLOW_LABELS}"
+    return [_mapped(figure, f"{said[name]}.") for name, figure in zip(quantities, figures, strict=True)]

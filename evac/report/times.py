@@ -42,6 +42,7 @@ def times_section(run: Results) -> Section:
         "times",
         "Course and evacuation times",
         course=figures.course(motion, exit_time[leaving]) if motion else [],
+        looks=figures.legend(motion) if motion else [],
         inside=figures.inside(motion, left) if motion and len(left) else None,
         stuck=[(name, number) for name, number in Counter(one.level for one in record.stuck).items()],
         curve=figures.egress(len(leaving), record.simulated_time, run.egress(), curves, sizes),

@@ -9,6 +9,7 @@ import pytest
 import evac
 from evac.base.errors import ResultError
 from evac.study.statistics import difference
+from tests.report.letters import noted_letters
 
 QUIET = {"output.picture": False, "output.animation": False, "output.replay": False, "people.people.number": 6}
 
@@ -58,7 +59,10 @@ def test_a_page_has_differences_curves_and_maps_of_runs(tmp_path):
     evac.run(case, tmp_path / "a")
     evac.run(case.change({"people.people.number": 9}), tmp_path / "b")
     compared = evac.compare(tmp_path / "a", tmp_path / "b")
-    page = compared.page()
+    with noted_letters() as letters:
+        page = compared.page()
+    assert len(letters) == 3
+    assert min(letters) >= 7.0
     assert page.count("<img") == 3  # curves, maximum density, waiting
     assert re.search(r"<td>b</td>.*evacuation time", page, re.DOTALL)
     assert "http:" not in re.sub(r'src="[^"]*"', "", page)

@@ -1,5 +1,7 @@
 """The report on paper: its pages are full, and the case can be copied from it."""
 
+import base64
+import io
 import re
 import subprocess
 import sys
@@ -7,10 +9,13 @@ import tomllib
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from evac.pictures import writing
 from evac.report.of_run import run_report
 from evac.results.reading import read_results
 from tests.replay.browser import find_chromium
+from tests.report.letters import noted_letters
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Chromium is looked for by its name on Unix")
 
@@ -28,6 +33,31 @@ def printed(finished, tmp_path_factory):
     page = (folder / "report.html").as_uri()
     subprocess.run([find_chromium(), *options, target, page], check=True, capture_output=True, timeout=120)
     return list(pdf.PdfDocument(folder / "report.pdf"))
+
+
+def test_letters_of_figures_have_six_points_at_least(finished, monkeypatch):
+    sizes, font = [], writing.font
+    monkeypatch.setattr(writing, "font", lambda size, is_bold=False: sizes.append(size) or font(size, is_bold))
+    with noted_letters() as letters:
+        page = run_report(finished)
+    assert len(letters) >= 9  # plans, egress, bottleneck and six maps
+    assert min(letters) >= 6.0
+    pictures = re.findall(
+        r'<figure class="(?:cover|course)"><img src="data:image/png;base64,([^"]*)".*?: ([0-9.]+)in', page
+    )
+    assert len(pictures) == 5
+    for data, inches in pictures:
+        pixels = Image.open(io.BytesIO(base64.b64decode(data))).width
+        assert 72.0 * min(sizes) * float(inches) / pixels >= 6.0
+
+
+def test_pictures_are_printed_at_the_size_for_which_they_are_drawn(printed, finished):
+    wanted = [72.0 * float(inches) for inches in re.findall(r'style="width: ([0-9.]+)in"', run_report(finished))]
+    images = [one for page in printed for one in page.get_objects(filter=[3])]
+    found = [right - left for left, _, right, _ in (image.get_bounds() for image in images)]
+    assert len(wanted) > 10
+    for width in wanted:
+        assert any(abs(one - width) < 1.0 for one in found)
 
 
 def text_of(page):
