@@ -12,7 +12,7 @@ from collections.abc import Sequence
 Finding = dict[str, str]
 
 MET, NOT_MET, REPORTED = "met", "not met", "reported only"
-UNDECIDED = "undecided: the interval reaches across"
+UNDECIDED = "undecided: the interval contains the bound"
 
 #: Maximum number of rows of a table, which must fit on one screen.
 MOST_ROWS = 20

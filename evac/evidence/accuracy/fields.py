@@ -80,7 +80,7 @@ def _judge(evidence: Evidence, orders: Sequence[Row], angles: Sequence[Row], spa
     nearer = sum(row["ours, mean"] <= row["np.gradient, mean"] for row in angles)
     clear = [row["with clearance, mean"] for row in angles if row["spacing [m]"] == spacing]
     told = f"{nearer} of {len(angles)}; with clearance {min(clear):.2g} to {max(clear):.2g} degrees off"
-    evidence.verdict(reported("Directions nearer to the exact ones than np.gradient", told, "-", SECTION))
+    evidence.verdict(reported("Directions more accurate than np.gradient", told, "-", SECTION))
 
 
 def _coarser_rows(plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, ...]], spacing: float) -> Iterator[Row]:

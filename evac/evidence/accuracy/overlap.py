@@ -62,7 +62,7 @@ def run(evidence: Evidence) -> None:
     told = []
     for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
         told.append(f"{model or 'none'}: {', '.join(row['overlap allowed [mm]'] for row in group)} mm")
-    evidence.verdict(reported("Cheapest contact model by overlap allowed", "; ".join(told), "-", SECTION))
+    evidence.verdict(reported("Cheapest contact model by permitted overlap", "; ".join(told), "-", SECTION))
     evidence.show("overlap", __name__, people=people, rows=rows, cheapest=table)
 
 

@@ -198,9 +198,11 @@ def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], defa
     for start in STARTS:
         here = [row for row in by_error if row["start"] == start]
         first, problems = sum(row[default] for row in here), sum(row["problems"] for row in here)
-        evidence.verdict(all_of(f"{default} is first to a true error, {start} start", first, problems, SECTION))
+        evidence.verdict(
+            all_of(f"{default} is the first to reach a true error, {start} start", first, problems, SECTION)
+        )
     worst = max((row["greatest"] or 0.0 for row in by_error), default=0.0)
-    evidence.verdict(reported("Its time over that of the first, at worst", f"{worst:.3g}", "1", SECTION))
+    evidence.verdict(reported("Its time divided by that of the first, maximum", f"{worst:.3g}", "1", SECTION))
     medians = [row["error / residual: median"] for row in factors]
     told = f"{min(medians):.2g} to {max(medians):.2g}, at most {max(row['greatest'] for row in factors):.2g}"
     evidence.verdict(reported("True error over residual, median of a problem", told, "-", SECTION))

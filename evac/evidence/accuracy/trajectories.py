@@ -73,7 +73,7 @@ def run(evidence: Evidence) -> None:
     question = f"Orders of convergence within {CLOSE:g} of the theoretical ones"
     evidence.verdict(all_of(question, known - len(off), known, SECTION))
     worst = max(row["error / (v h)"] for row in rows if row["h [s]"] < 0.0101)
-    evidence.verdict(at_most("Error over path of a step, h <= 0.01 s", worst, ERROR_PER_PATH, "v h", SECTION))
+    evidence.verdict(at_most("Error divided by the path of a step, h <= 0.01 s", worst, ERROR_PER_PATH, "v h", SECTION))
     better, number = drives_compared(rows)
     question = "Problems in which the default, exponential drive has the smaller error"
     evidence.verdict(reported(question, f"{better} of {number}", "-", SECTION))

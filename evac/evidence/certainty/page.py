@@ -237,7 +237,7 @@ def report_seeds(evidence: Evidence) -> None:
     evidence.show("seeds", __name__, rows=rows)
     best, worst = (f(rows, key=lambda row: row["runs saved by"]) for f in (max, min))
     told = f"{worst['runs saved by']:.2f} ({worst['change']}) to {best['runs saved by']:.2f} ({best['change']})"
-    evidence.verdict(reported("Times as many runs without common seeds, for the same interval", told, section=SEEDS))
+    evidence.verdict(reported("Factor by which independent seeds need more runs than common ones", told, section=SEEDS))
 
 
 def report_work(evidence: Evidence) -> None:

@@ -26,7 +26,7 @@ def report_output(evidence: Evidence, repeats: int) -> None:
     for row in rows[1:]:
         what = "picture" if row["picture"] == "in" else "animation"
         told = f"{row[FRESH]:.0f} ms, then {row[AGAIN]:.0f} ms"
-        evidence.verdict(reported(f"Square room: {what}, in a fresh process and again", told, "-", section))
+        evidence.verdict(reported(f"Square room: {what}, in a new process and again", told, "-", section))
     evidence.show("output", __name__, fresh=fresh, repeats=repeats, rows=rows, section=section)
 
 

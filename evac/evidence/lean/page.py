@@ -107,7 +107,7 @@ def run(evidence: Evidence) -> None:
         ),
     )
     same = sum(row["same bits"] == "yes" for row in rows)
-    evidence.verdict(all_of("Parts forced in without changing a bit of any trajectory", same, len(rows), PARTS))
+    evidence.verdict(all_of("Parts whose inclusion changes no bit of any trajectory", same, len(rows), PARTS))
     for scene in dict.fromkeys(row["scene"] for row in rows):
         for column in ("loop [%]", "set-up [ms]"):
             most = max((row for row in rows if row["scene"] == scene), key=lambda row: row[column])

@@ -56,13 +56,15 @@ def verdicts(values: Sequence[Value], found: Sequence[Row], runs: Sequence[Row])
     last = [own[value.name]["mean"] for value in values if value.scenes[0].startswith(scenes.IMO_8)]
     if last:
         later = sum(None not in pair and pair[0] < pair[1] for pair in pairwise(last))
-        rows.append(all_of(f"{scenes.IMO_8}: later, the more come towards", later, len(last) - 1, section))
+        rows.append(
+            all_of(f"{scenes.IMO_8}: times increase with the number of oncoming people", later, len(last) - 1, section)
+        )
     for scene in NEVER_BLOCKED:
         count, total = blocked(scene, setting, model, runs)
         if total:
             rows.append(all_of(f"{scene}: runs not blocked", total - count, total, BLOCKED))
     own_rows = [row for row in found if row["setting"] == setting]
-    rows.append(all_of("targets of values held out", *_met(own_rows, True), HELD))
+    rows.append(all_of("values that were not fitted: targets met", *_met(own_rows, True), HELD))
     for one in dict.fromkeys(row["setting"] for row in found):
         met, total = _met([row for row in found if row["setting"] == one])
         rows.append(reported(f"{one}, all contact models: targets met", f"{met} of {total}", section=heading(one)))

@@ -25,10 +25,10 @@ MOMENTS = (5.0, 10.0, 15.0, 20.0)
 
 #: Statements of the paper on each model, without numbers.
 PUBLISHED: Mapping[str, str] = {
-    "DEM": "without problem",
-    "NSM1 inertial": "often blocks",
-    "NSM1 overdamped": "often blocks",
-    "NSM2": "without problem",
+    "DEM": "not blocked",
+    "NSM1 inertial": "often blocked",
+    "NSM1 overdamped": "often blocked",
+    "NSM2": "not blocked",
 }
 
 #: Exit times (runs, pupils) [s] by model; NaN for pupils left inside, whose run is blocked.

@@ -37,7 +37,7 @@ def draw_figure_2(evidence: Evidence) -> None:
     """Add the disc that hits the ground, NSM1 beside NSM2 (K_N = K_T = 0)."""
     rows = evidence.measured("figure2", lambda: _figure_2()[0])
     told = ", ".join(f"{row['gap after contact [mm]']:z.3f} mm ({row['model']})" for row in rows)
-    evidence.verdict(reported("Gap that a hit of the ground leaves", told, "-", "Figure 2 of the paper"))
+    evidence.verdict(reported("Gap after hitting the ground", told, "-", "Figure 2 of the paper"))
     formats = {key: "z.6f" for key in rows[0] if key != "model"}
     evidence.show("figure_2", __name__, rows=rows, formats=formats, draw=lambda: _figure_2()[1])
 

@@ -105,7 +105,7 @@ def _judge(evidence: Evidence, rows: Sequence[Row], tests: Sequence[StandardTest
     told = "; ".join(name for name in failed[DEFAULT] if name in by_design)
     evidence.verdict(reported(f"{FAILED} by {DEFAULT}, by design", told or "none", "-", RELY))
     told = "; ".join(name for name in failed[DEFAULT] if name not in by_design)
-    evidence.verdict(reported(f"{FAILED} by {DEFAULT}, besides", told or "none", "none", RELY))
+    evidence.verdict(reported(f"{FAILED} by {DEFAULT}, other tests", told or "none", "none", RELY))
 
 
 def verdict_rows(rows: Sequence[Row]) -> list[Row]:
