@@ -10,13 +10,9 @@ from pathlib import Path
 
 from evac.base.errors import ResultError
 from evac.folder.manifest import TEMPORARY, note_written
-from evac.folder.records import MARK, PREFIX
 
 TRAJECTORY_NAME = "trajectory.evac"
 
-#: Key of the header of a trajectory, in the metadata of its schema, and first bytes of one of earlier versions of evac.
-TRAJECTORY_KEY = b"evac.trajectory"
-FORMER_TRAJECTORY = b"EVACTRJ"
 SUMMARY_NAME = "summary.json"
 EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
@@ -188,17 +184,3 @@ def content_of(path: Path) -> bytes:
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "not a file")
     return path.read_bytes()
-
-
-def is_trajectory(path: Path) -> bool:
-    """Return whether a file starts like a trajectory of evac, also of earlier versions; False if it cannot be read."""
-    if not path.is_file():  # a pipe, for example
-        return False
-    try:
-        with path.open("rb") as file:
-            prefix = file.read(PREFIX)
-            if prefix.startswith(FORMER_TRAJECTORY):
-                return True
-            return prefix[:4] == MARK and TRAJECTORY_KEY in file.read(int.from_bytes(prefix[4:], "little"))
-    except OSError:
-        return False

@@ -9,7 +9,6 @@ For a folder ``RESULT`` there may be, in the same parent folder,
 The next process that opens the folder cleans up after a killed one.
 """
 
-import json
 import os
 import shutil
 from collections.abc import Iterable
@@ -20,13 +19,8 @@ from typing import Any, Self
 
 from evac.base.errors import ResultError, usable_path
 from evac.folder.files import (
-    CHECKPOINT_NAME,
     RUNS_PARQUET_NAME,
     RUNS_STREAM_NAME,
-    SUMMARY_NAME,
-    TRAJECTORY_NAME,
-    content_of,
-    is_trajectory,
     sync_file,
     sync_folder,
     writing,
@@ -199,7 +193,7 @@ class ResultFolder:
         Path
             ``RESULT``, or ``RESULT.running`` if there is an earlier result.
         """
-        return self.running if _is_result(self.path) else self.publish()
+        return self.running if read_manifest(self.path).state else self.publish()
 
     def discard(self, plugin_files: Iterable[str] = ()) -> None:
         """Remove the files of evac and plugins in ``RESULT.running``, and the folder if it is then empty."""
@@ -294,7 +288,9 @@ def check_result(path: Path) -> None:
     ResultError
         It does not exist, or is a case; the message names the result folder of the case if it exists.
     """
-    is_case = path.suffix == ".toml" if path.is_file() else (path / CASE_NAME).is_file() and not _is_result(path)
+    is_case = (
+        path.suffix == ".toml" if path.is_file() else (path / CASE_NAME).is_file() and not read_manifest(path).state
+    )
     if path.exists() and not is_case:
         return
     stem = path.parent.resolve().name if path.name == CASE_NAME else path.resolve().name.removesuffix(".toml")
@@ -318,10 +314,10 @@ def check_folder(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise ResultError(f"{folder}: not a folder; choose another one for the results (--out)")
-    if not _is_result(folder) and any(folder.iterdir()):
+    if not read_manifest(folder).state and any(folder.iterdir()):
         raise ResultError(
-            f"{folder}: contains files, but is not a result folder of evac (neither {SUMMARY_NAME} nor "
-            f"{TRAJECTORY_NAME} exists); choose a new or empty folder for the results (--out)"
+            f"{folder}: contains files, but is not a result folder of evac (it has no {MANIFEST_NAME}); choose a new "
+            "or empty folder for the results (--out)"
         )
 
 
@@ -386,15 +382,3 @@ def is_link(folder: Path, name: str) -> bool:
     """Return whether a file named relative to a folder is a link, or lies in a linked folder within it."""
     parts = Path(name).parts
     return any(folder.joinpath(*parts[: count + 1]).is_symlink() for count in range(len(parts)))
-
-
-def _is_result(folder: Path) -> bool:
-    """Return whether a folder contains a trajectory, a checkpoint or a summary written by evac."""
-    if (folder / CHECKPOINT_NAME).is_file() or is_trajectory(folder / TRAJECTORY_NAME):
-        return True
-    try:
-        summary = json.loads(content_of(folder / SUMMARY_NAME).decode())
-    except (OSError, ValueError):
-        return False
-    versions = summary.get("versions") if isinstance(summary, dict) else None
-    return isinstance(versions, dict) and "evac" in versions

@@ -11,10 +11,13 @@ import pyarrow.ipc
 
 from evac.base.errors import ResultError
 from evac.building.model.cells import LevelField
-from evac.folder.files import FORMER_TRAJECTORY, TRAJECTORY_KEY, TRAJECTORY_NAME
+from evac.folder.files import TRAJECTORY_NAME
 from evac.folder.records import MARK, PREFIX, read_sealed, sealed
 
 FORMAT = 4
+
+#: Key of the header, in the metadata of the schema.
+TRAJECTORY_KEY = b"evac.trajectory"
 
 #: Numbers that are recorded of each person; those from x on are in the column `motion`, and x and y are relative to the
 #: header's origin.
@@ -87,8 +90,6 @@ def read_start(path: Path, data: mmap) -> tuple[dict[str, Any], pa.Schema, int]:
     ResultError
         The file is not a trajectory, its format is unknown, or its start is damaged or incomplete.
     """
-    if data[: len(FORMER_TRAJECTORY)] == FORMER_TRAJECTORY:
-        raise ResultError(f"{path}: a trajectory of an earlier version of evac, which is not read; run the case again")
     if data[: len(MARK)] != MARK:
         raise ResultError(
             f"{path}: not a trajectory of evac, which is an Arrow stream (it does not start with four bytes FF); "

@@ -218,6 +218,7 @@ def test_what_has_not_come_to_its_end_stays_beside_an_earlier_result(earlier, tm
 
 def test_a_link_stays_a_link(tmp_path):
     write(tmp_path / "disk" / "r", summary_json=SUMMARY)
+    mark(tmp_path / "disk" / "r", COMPLETE, "r")
     (tmp_path / "r").symlink_to(tmp_path / "disk" / "r", target_is_directory=True)
     run_into(tmp_path / "r")
     assert (tmp_path / "r").is_symlink()

@@ -12,7 +12,6 @@ from shapely import box
 
 import evac
 from evac.base.errors import EvacError, ResultError
-from evac.folder.files import is_trajectory
 from evac.folder.jsonfile import plain
 from evac.folder.resultfolder import find_result
 
@@ -198,4 +197,3 @@ def test_what_is_no_file_is_not_read(folder, name, kind):
     else:  # both can be missing
         assert evac.read_results(folder).number_of_people
     assert find_result(folder) == folder
-    assert not is_trajectory(folder / "trajectory.evac") or name != "trajectory.evac"

@@ -33,7 +33,7 @@ def with_plugin(tmp_path, text, changes=()):
 def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path, summary):
     for name, text in (("summary.json", summary), ("picture.png", "mine"), ("trajectory.evac", "mine")):
         (tmp_path / name).write_text(text)
-    with pytest.raises(ResultError, match=f"{tmp_path.name}: .*summary.json"):
+    with pytest.raises(ResultError, match=f"{tmp_path.name}: .*manifest.jsonl"):
         run(evac.load("square_room"), tmp_path)
     assert (tmp_path / "picture.png").read_text() == "mine"
 
