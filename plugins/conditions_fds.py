@@ -67,10 +67,11 @@ DECK = dict.fromkeys(("extinction", "co", "co2", "o2", "temperature"))
 
 
 class Fds(ConditionSource):
-    """Slices of a calculation with FDS: `file` is its Smokeview file (.smv), beside which the slice files are.
+    """Slices of a simulation with FDS: `file` is its Smokeview file (.smv), beside which the slice files are.
 
-    On floors, the plane nearest to each head applies, which is at most 0.3 m from the mean head of the group; on
-    stairs and landings, the planes above and below, linearly. Volumes are read at the head, and come first.
+    On floors, the plane nearest to each head is read, which must be at most 0.3 m from the mean head of the group. On
+    stairs and landings, values are linear between the planes above and below. Volumes, which have priority over planes,
+    are read at the head.
     """
 
     name = "fds"

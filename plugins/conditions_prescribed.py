@@ -33,8 +33,8 @@ class _Part:
 class Prescribed(ConditionSource):
     """Values that are the same everywhere on a level, in an area, or in a layer above the floor.
 
-    A CSV file has the columns time, any of the quantities, and level if it describes several levels; the lines of a
-    level are in the order of their times.
+    A CSV file has the columns time, any of the quantities, and level if it describes several levels. The rows of a
+    level are sorted by time.
     """
 
     name = "prescribed"

@@ -10,7 +10,7 @@ from evac.conditions.law import SmokeLaw
 class FdsEvac(SmokeLaw):
     """A share of the desired speed, 1 - 0.057 K / 0.706, at least 0.1: FDS+Evac, equation 11.
 
-    The coefficients are those of Frantzich and Nilsson (2003), Lund report 3126: 46 people at K from 1.9 to 7.4 1/m.
+    The coefficients are from Frantzich and Nilsson (2003), Lund report 3126: 46 people at K from 1.9 to 7.4 1/m.
     """
 
     name = "fds_evac"
@@ -40,7 +40,7 @@ class Fridolf(SmokeLaw):
 class Jin(SmokeLaw):
     """At most 1.0573 - 0.4326 K m/s and at least `floor`, in smoke that does not irritate: Purser's fit to Jin's data.
 
-    Ten men on 20 m, at K from 0.5 to 1.13 1/m. Below 0.5 1/m, it is linear from the desired speed on.
+    Data: ten men who walked 20 m at K from 0.5 to 1.13 1/m. Below 0.5 1/m, the speed is linear in K.
     """
 
     name = "jin"
@@ -58,7 +58,7 @@ class Jin(SmokeLaw):
 class JinIrritant(Jin):
     """At most 1.1517 - 0.9578 K m/s and at least `floor`, in smoke that irritates: Purser's fit to Jin's data.
 
-    Ten men on 20 m, at K from 0.32 to 0.47 1/m. Below 0.32 1/m, it is linear from the desired speed on.
+    Data: ten men who walked 20 m at K from 0.32 to 0.47 1/m. Below 0.32 1/m, the speed is linear in K.
     """
 
     name = "jin_irritant"
@@ -80,7 +80,7 @@ class Sfpe(SmokeLaw):
 
 
 class Unaffected(SmokeLaw):
-    """Smoke slows nobody."""
+    """Smoke does not reduce the speed."""
 
     name = "none"
     needs_extinction = False
