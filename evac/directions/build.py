@@ -27,7 +27,6 @@ from evac.directions.lengths import (
     barred_on,
     continue_values,
     ends_of_route,
-    nodes_not_marched,
     routes_at_present,
     strips_of,
     take_halos,
@@ -243,13 +242,12 @@ class _Solver:
             reaching=self.reaching,
             directions=[],
             travel_times=[],
-            marched=MarchedClass(barred, nodes_not_marched(grids), [], [], {}),
+            marched=MarchedClass(barred, [], {}),
             misled=[],
         )
         with closing(_solve(grids, ways, self, factor, bent)) as fields:
             for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
                 solved.misled.append(np.concatenate([_nodes_past(grids, time, narrow) for time in (travel_time, cost)]))
-                solved.marched.costs.append(travel_time[solved.marched.nodes])
                 take_halos(grids, travel_time)
                 continue_values(grids, travel_time)
                 solved.directions.append(_on_levels(grids, direction, reaching))
@@ -301,9 +299,6 @@ def _fill(upper: _Solved, route: int, lower: _Solved, other: int) -> None:
     time[lost] = lower.travel_times[other][lost]
     lost &= np.isfinite(time) | ~direction.any(axis=1)  # nodes in walls keep the directions of their surroundings
     direction[lost] = lower.directions[other][lost]
-    costs = upper.marched.costs[route]
-    unknown = ~np.isfinite(costs)
-    costs[unknown] = upper.travel_time_on(route)[upper.marched.nodes[unknown]]
 
 
 def _levels_leading(building: Building, route: Route, barred: frozenset[int], anywhere: bool) -> tuple[int, ...]:

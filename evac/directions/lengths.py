@@ -22,10 +22,6 @@ class MarchedClass:
     """The part of `Marched` for a class of bodies."""
 
     barred: float  # gaps narrower than this are walls [m]
-    # (k,) int64: packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from
-    # marching
-    nodes: IndexArray
-    costs: list[FloatArray]  # list of (k,) float64: marched travel times of these nodes, for each route [s]
     # list of (b,) int64: for each route, the nodes from which no way is as wide as the bodies; empty if there is none
     # for any route
     blocked: list[IndexArray]
@@ -43,15 +39,6 @@ class Marched:
     # tuple of (3,) float64: cost of a metre along the slope in each use, for each route [s/m]
     rates: tuple[FloatArray, ...]
     classes: tuple[MarchedClass, ...]
-
-
-def nodes_not_marched(grids: BuildingGrids) -> IndexArray:
-    """Return the packed indices of the nodes in halos and of those excluded from marching."""
-    nodes = [np.zeros(0, np.int64)]
-    for grid in grids.levels:
-        is_halo = (grid.sheet > OWN) & (grid.sheet <= len(grids.building.portals))
-        nodes += [grid.offset + np.flatnonzero(is_halo), grid.stands_for[0]]
-    return np.concatenate(nodes)
 
 
 def routes_at_present(building: Building, routes: Sequence[Route]) -> tuple[Route, ...]:
@@ -110,7 +97,8 @@ def find_lengths(
                     first += grid.sheet.size
             for packed, place in places:
                 cost[packed] = travel_time[place]
-            cost[of_class.nodes] = of_class.costs[index]
+            for grid in grids.levels:
+                cost[grid.stands_for[0]] = math.inf
             lengths = _lengths(grids, ways, exits_of_route(grids.building, route), marched.rates[index])
             if of_class.blocked:
                 lengths[of_class.blocked[index]] = math.inf
