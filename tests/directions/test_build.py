@@ -88,7 +88,6 @@ def test_fields_are_the_same_to_the_bit_however_many_nodes_are_looked_at_togethe
     building = two_storeys(drawing)
     whole = build_fields(building, ANY, speeds=(1.0, 0.5, 0.7))
     monkeypatch.setattr("evac.directions.lengths.CHUNK", 512)
-    monkeypatch.setattr("evac.directions.raster.masks.CHUNK", 512)
     parts = build_fields(building, ANY, speeds=(1.0, 0.5, 0.7))
     np.testing.assert_array_equal(parts.lengths, whole.lengths)
     np.testing.assert_array_equal(parts.packed.direction, whole.packed.direction)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from evac.directions.raster import masks
 from evac.directions.raster.masks import grown, nearest_marked, parts_of
 
 SHAPES = [(1, 1), (1, 9), (9, 1), (23, 31), (60, 40)]
@@ -50,10 +49,3 @@ def test_of_nodes_that_are_as_near_the_one_with_the_least_second_index_is_chosen
     only = np.zeros((5, 5), dtype=bool)
     only[2, 2] = True
     assert [int(index[0]) for index in nearest_marked(nodes, only)] == [2, 0]
-
-
-def test_the_nearest_nodes_are_the_same_however_many_are_looked_at_together(monkeypatch):
-    nodes = marked((23, 31), 0.3)
-    together = nearest_marked(nodes, ~nodes)
-    monkeypatch.setattr(masks, "CHUNK", 70)
-    np.testing.assert_array_equal(nearest_marked(nodes, ~nodes), together)

@@ -4,13 +4,9 @@ The results agree with `scipy.ndimage`, whose import takes longer than computing
 """
 
 import numpy as np
-import shapely
 
 from evac.base.arrays import BoolArray, IndexArray
 from evac.building.geometry.components import connected_components
-
-#: Nodes that are looked at together, since each takes some 200 bytes.
-CHUNK = 2**18
 
 
 def parts_of(nodes: BoolArray) -> IndexArray:
@@ -49,14 +45,19 @@ def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, Ind
     (w,) int64, (w,) int64
         First and second indices of the nearest nodes, in the order of the wanted nodes.
     """
-    places = np.argwhere(wanted)
-    # The nearest one is beside a node that is not marked, or is wanted itself.
-    edge = np.argwhere(nodes & (grown(~nodes, 1) | wanted))
-    tree = shapely.STRtree(shapely.points(edge))
-    found = [np.zeros((0, 2), np.int64)]
-    for first in range(0, len(places), CHUNK):
-        owner, near = tree.query_nearest(shapely.points(places[first : first + CHUNK]))
-        order = np.lexsort((edge[near, 0], edge[near, 1], owner))
-        found.append(edge[near[order]][np.unique(owner[order], return_index=True)[1]])
-    i, j = np.concatenate(found).T
-    return i, j
+    row, far = np.arange(len(nodes))[:, None], sum(nodes.shape)
+    before = np.maximum.accumulate(np.where(nodes, row, -far), axis=0)
+    after = np.minimum.accumulate(np.where(nodes, row, 2 * far)[::-1], axis=0)[::-1]
+    nearest = np.where(row - before <= after - row, before, after)  # along the column of each node
+    i, j = np.nonzero(wanted)
+    squared, found, left, step = np.full(len(i), 4 * far**2), j.copy(), np.arange(len(i)), 0
+    while len(left):  # columns beside that of a node, as long as they may have a nearer one
+        for column in (j[left] - step, j[left] + step):
+            inside = (column >= 0) & (column < nodes.shape[1])
+            one, column = left[inside], column[inside]
+            offer = step**2 + (nearest[i[one], column] - i[one]) ** 2
+            is_nearer = (offer < squared[one]) | ((offer == squared[one]) & (column < found[one]))
+            squared[one[is_nearer]], found[one[is_nearer]] = offer[is_nearer], column[is_nearer]
+        step += 1
+        left = left[step**2 <= squared[left]]
+    return nearest[i, found], found
