@@ -186,7 +186,7 @@ def _is_own(file: str) -> bool:
 
 def is_foreign(plugin: Any) -> bool:
     """Return whether a plugin, given as a class or an object of the class, is not part of evac."""
-    return not _is_own(_place_of_code(_code_of(plugin))[0])
+    return not _is_own(getattr(sys.modules.get(_code_of(plugin).__module__), "__file__", None) or "")
 
 
 def fault(what: str, wrong: str, remedy: str, source: Any, attribute: str = "") -> PluginError:

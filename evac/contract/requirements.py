@@ -4,6 +4,7 @@ import inspect
 import reprlib
 import sys
 from collections.abc import Sequence
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -164,6 +165,7 @@ def _check_name(kind: str, cls: Any, plugin: str) -> None:
         raise fault(f"plugin {plugin}", f"{what}, a key of its section", "choose another name", cls, "name")
 
 
+@cache
 def _check_methods(kind: str, cls: Any, plugin: str) -> None:
     """Check that a class defines what its kind needs, and that its methods take the arguments that evac gives them."""
     what, name = f"plugin {plugin}", BASES[kind][1]
