@@ -1,7 +1,9 @@
 """Writing the default of a key is the same as leaving the key out."""
 
+import contextlib
 import copy
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -96,11 +98,11 @@ def defaults():
                 yield pytest.param(path, word, plain(field.default), id=".".join(map(str, (*path, word))))
 
 
-@pytest.fixture
-def load(tmp_path, monkeypatch):
-    (tmp_path / "room.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 5 0\nv 0 5 0\nf 1 2 3 4\n")
-    monkeypatch.chdir(tmp_path)
-    return lambda table: load_case(table, registry=REGISTRY)
+@pytest.fixture(scope="module")
+def load(tmp_path_factory):
+    with contextlib.chdir(tmp_path_factory.mktemp("room")):
+        Path("room.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 5 0\nv 0 5 0\nf 1 2 3 4\n")
+        yield lambda table: load_case(table, registry=REGISTRY)
 
 
 def everything(case):
@@ -123,11 +125,16 @@ def everything(case):
     return settings, {**simulation.state(), **grids}
 
 
+@pytest.fixture(scope="module")
+def omitted(load):
+    return everything(load(TABLE))
+
+
 @pytest.mark.parametrize(("path", "name", "default"), list(defaults()))
-def test_a_written_default_equals_an_omitted_one(load, path, name, default):
+def test_a_written_default_equals_an_omitted_one(load, omitted, path, name, default):
     table = copy.deepcopy(TABLE)
     content_at(table, path)[name] = default
-    written, omitted = everything(load(table)), everything(load(TABLE))
+    written = everything(load(table))
     assert written[0] == omitted[0]
     for key, value in omitted[1].items():
         np.testing.assert_array_equal(written[1][key], value, err_msg=key)
