@@ -9,6 +9,7 @@ import numpy as np
 
 from evac.analysis.lines import LineFlow
 from evac.base.arrays import FloatArray
+from evac.base.errors import in_order
 from evac.building.model.building import Building
 
 #: Density at which the specific flow S D = k D (1 - a D) is greatest, and the greatest specific flow over k: Gwynne and
@@ -87,7 +88,8 @@ def design_flows(building: Building, flows: Iterable[LineFlow], exit_time: Float
         NaN of people who are not out.
     """
     found = [one for line in flows for one in _of_line(building, line, exit_time)]
-    found.sort(key=lambda one: (("exit", "door", "stair").index(one.kind), one.name, -one.people))
+    found = in_order(sorted(found, key=lambda one: -one.people))
+    found.sort(key=lambda one: ("exit", "door", "stair").index(one.kind))
     return [next(same) for _, same in groupby(found, key=lambda one: (one.kind, one.name))]
 
 

@@ -7,10 +7,13 @@ import sys
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 #: Characters of an error's text that are shown, and of a line of a file.
 LONGEST = 1000
@@ -79,6 +82,15 @@ class CacheWarning(EvacWarning):
 def counted(number: int, singular: str, several: str = "") -> str:
     """Return a number with its noun in the singular or plural; the plural is `one` with an s if not given."""
     return f"{number} {singular if number == 1 else several or singular + 's'}"
+
+
+def in_order(things: Iterable[T], name: Callable[[T], str] = attrgetter("name")) -> list[T]:
+    """Return things in the order of their names as people expect it, north 2 before north 10, to list them."""
+
+    def parts(thing: T) -> list[tuple[str, int]]:
+        return [(word, int(figures or 0)) for word, figures in re.findall(r"(\D*)(\d*)", name(thing).casefold())]
+
+    return sorted(things, key=parts)
 
 
 def quoted_line(text: str, error: str) -> str:

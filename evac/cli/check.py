@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.base.display import Display
-from evac.base.errors import BuildingError, EvacError
+from evac.base.errors import BuildingError, EvacError, in_order
 from evac.cli.inputs import case_of, declare_case
 from evac.cli.screen import show_facts, show_table, show_warnings
 
@@ -154,13 +154,13 @@ def show_building(building: "Building", is_verbose: bool) -> None:
         which = "Portals" if is_verbose else "Portals (without those within a stair)"
         show_table(which, ("portal", "width [m]", ""), rows)
     if building.exits:
-        exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in building.exits]
+        exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in in_order(building.exits)]
         show_table("Exits", ("exit", "level", "width [m]", ""), exits)
     if building.doors:
-        doors = [(door.name, names[door.level], round(door.width, 3)) for door in building.doors]
+        doors = [(door.name, names[door.level], round(door.width, 3)) for door in in_order(building.doors)]
         show_table("Doors between rooms", ("door", "level", "clear width [m]"), doors)
     if building.areas:
-        areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in building.areas]
+        areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in in_order(building.areas)]
         show_table("Areas", ("area", "level", "m2"), areas)
     if building.places:
         places = [(one.name, one.kind, names[one.level], one.area or one.exit, one.use) for one in building.places]
@@ -191,9 +191,9 @@ def show_people(simulation: "Simulation") -> None:
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
     names = [level.name for level in simulation.building.levels]
     rows = []
-    for group in population.groups:
+    for group in in_order(population.groups):
         inside = group.rows[crowd.level[group.rows] >= 0]
-        levels = ", ".join(sorted({names[index] for index in crowd.level[inside]})) or "they arrive"
+        levels = ", ".join(names[index] for index in np.unique(crowd.level[inside])) or "they arrive"
         goes = inside[np.isfinite(crowd.start_time[inside])]
         unimpeded = f"{time[goes].min():.1f} to {time[goes].max():.1f}" if len(goes) else ""
         radius = _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()) if len(group.rows) else ""
@@ -209,7 +209,7 @@ def show_course(case: "Case") -> None:
     from evac.case.toml import toml_value
 
     rows = []
-    for group in case.people:
+    for group in in_order(case.people):
         came = group.arrive
         if came is not None:
             where = came.exit or came.portal or group.area or group.level

@@ -1,10 +1,12 @@
 """What is shown after a run: the answer, and on request all tables."""
 
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from evac.base.errors import in_order
 from evac.cli.screen import height, say, show_facts, show_table
 from evac.folder.files import ANIMATION_NAME, REPLAY_NAME
 from evac.physics.state import Crowd
@@ -94,6 +96,7 @@ def _show_places(summary: dict[str, Any], results: Results) -> None:
     columns = ("people", "last_out", "width", "flow", "flow_per_metre")
     labels = {way.name: results.building.label_of(way) for way in results.building.exits}
     exits = [(labels[name], *(use[column] for column in columns)) for name, use in summary["exits"].items()]
+    exits = in_order(exits, itemgetter(0))
     show_table("Exits", ("exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"), exits)
     if summary["stairs"]:
         stairs = [

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from evac.analysis.grid import Grid
 from evac.analysis.maps import KERNEL_RADIUS, SPACING
 from evac.analysis.measures import Measuring
 from evac.base.arrays import FloatArray
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, in_order
 from evac.base.parameters import did_you_mean
 from evac.pictures import palette
 from evac.pictures.scales import PEOPLE, Scale
@@ -65,8 +66,8 @@ def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colo
         looks = palette.group_looks(len(trajectory.groups))
         table = np.array([palette.rgb(look) for look in looks], np.uint8)
         is_told = 1 < len(trajectory.groups) <= LEGEND_GROUPS
-        legend = tuple(zip(trajectory.groups, looks, strict=False)) if is_told else ()
-        return Colouring(lambda frame: table[trajectory.group[frame["person"]]], legend)
+        legend = in_order(zip(trajectory.groups, looks, strict=False), itemgetter(0)) if is_told else ()
+        return Colouring(lambda frame: table[trajectory.group[frame["person"]]], tuple(legend))
     scale = PEOPLE[colour_by].with_service(service)
     quantity, most = _quantity(trajectory, colour_by)
     top = scale.end(most)

@@ -4,9 +4,11 @@ import base64
 import io
 from collections.abc import Iterable, Sequence
 from html import escape
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.errors import in_order
 from evac.folder.files import REPLAY_NAME
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ def results_html(results: "Results") -> str:
         f"<h4>{escape(results.title or Path(results.source).name)}</h4>",
         "<p>" + "<br>".join(map(escape, told)) + "</p>",
         table_html((), facts.items()),
-        table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), exits),
+        table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), in_order(exits, itemgetter(0))),
         "".join(f"<p>&#9888; {escape(line)}</p>" for line in lines),
         figure_html(results.plot(), "egress curve"),
         _replay_html(results),

@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
+from evac.base.errors import in_order
 from evac.folder.files import replacing
 from evac.pictures.palette import TEXT, group_colours
 from evac.results.results import Results
@@ -40,7 +41,7 @@ def egress_figure(results: Results) -> Figure:
     others = {"stay": results.staying, "at safe places": results.at_places, "have not come": results.not_arrived}
     others["have been stopped"] = len(results.stopped)
     note += "".join(f"; {number} {what}" for what, number in others.items() if number)
-    rows = {group.name: np.intersect1d(group.rows, results.leaving) for group in results.groups}
+    rows = {group.name: np.intersect1d(group.rows, results.leaving) for group in in_order(results.groups)}
     groups = {name: results.egress(own) for name, own in rows.items() if len(own)}
     sizes = {name: len(own) for name, own in rows.items()}
     title = f"{textwrap.fill(results.title, 90)}\n{note}"

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 
+from evac.base.errors import in_order
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
 from evac.report import figures
@@ -26,14 +27,17 @@ def building_section(run: Results | None) -> Section:
         ground=sum(level.polygon.area for level in levels),
         plans=figures.plans(building),
         stairs=[_stair(building, name) for name in building.stairs],
-        exits=[(e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)]) for e in building.exits],
+        exits=[
+            (e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)])
+            for e in in_order(building.exits)
+        ],
         doors=_alike(
             (levels[door.level].name, fixed(door.width, 2), states[building.n_links + k], door.name)
-            for k, door in enumerate(building.doors)
+            for k, door in in_order(enumerate(building.doors), lambda one: one[1].name)
         ),
         areas=_alike(
             (levels[area.level].name, fixed(area.polygon.area, 1), area.name)
-            for area in sorted(building.areas, key=lambda area: area.level)
+            for area in sorted(in_order(building.areas), key=lambda area: area.level)
         ),
         places=[
             (place.name, place.kind, levels[place.level].name, place.area or place.exit, place.use)

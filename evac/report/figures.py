@@ -4,6 +4,7 @@ import base64
 import io
 import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import NamedTuple
 
 import matplotlib
@@ -17,6 +18,7 @@ from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import in_order
 from evac.building.model.building import Building
 from evac.building.model.storeys import storeys
 from evac.pictures import palette
@@ -121,7 +123,8 @@ def cover(trajectory: Trajectory) -> Picture:
 def legend(trajectory: Trajectory) -> list[tuple[str, palette.Look]]:
     """Return the groups of the people in rendered pictures with their colours, if these tell them apart."""
     looks = palette.group_looks(len(trajectory.groups))
-    return list(zip(trajectory.groups, looks, strict=False)) if 1 < len(looks) - 1 == len({*looks[:-1]}) else []
+    named = in_order(zip(trajectory.groups, looks, strict=False), itemgetter(0))
+    return named if 1 < len(named) == len({*looks[:-1]}) else []
 
 
 def _renderer(trajectory: Trajectory, inches: tuple[float, float]) -> Renderer:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.distributions import told
+from evac.base.errors import in_order
 from evac.report.templates import Section, fixed, section
 from evac.results.record import CaseTable, GroupTable
 from evac.results.results import Results
@@ -26,7 +27,7 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
     enabled = {name: values for name, values in case.behaviours.items() if values is not False}
     responses = []
     if run is not None:
-        starts = [(group.name, run.crowd.start_time[group.rows]) for group in run.groups]
+        starts = [(group.name, run.crowd.start_time[group.rows]) for group in in_order(run.groups)]
         responses = [(name, *_least_mean_greatest(times, 1)) for name, times in starts if len(times)]
     return section(
         "occupants",
@@ -38,7 +39,7 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
         behaviours=[(name, told(values)) for name, values in enabled.items()],
         settings=[
             (group.name, name, told(values))
-            for group in case.people
+            for group in in_order(case.people)
             for name, values in group.behaviours.items()
             if name in enabled
         ],
@@ -59,7 +60,7 @@ def _groups(case: CaseTable, run: Results | None) -> list[tuple[object, ...]]:
             ways = f"assembly area {', '.join(group.assembly)}"
         return group.name, _size(group, run), _start(group), density, ways, group.strategy
 
-    return [row(group) for group in case.people]
+    return [row(group) for group in in_order(case.people)]
 
 
 def _size(group: GroupTable, run: Results | None) -> int:
@@ -85,7 +86,7 @@ def _start(group: GroupTable) -> str:
 def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any]]:
     """Return names, number of people and a row for each quantity of each set of groups with the same ones."""
     alike: dict[str, list[GroupTable]] = {}
-    for group in case.people:
+    for group in in_order(case.people):
         given = {name: (group.model_extra or {}).get(name) for name in (*QUANTITIES, "limit_stair_speeds")}
         alike.setdefault(repr(given), []).append(group)
     rows = []

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pydantic import Field
 
 from evac.base.arrays import FloatArray
 from evac.base.distributions import told
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, in_order
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
 from evac.folder.jsonfile import checked, read_json
 from evac.folder.tables import read_columns
@@ -326,7 +327,7 @@ def _exits(study: Study) -> Section:
             for use in row["exits"]:
                 used.setdefault(use["name"], []).append(use)
         rows = []
-        for name, uses in used.items():
+        for name, uses in in_order(used.items(), itemgetter(0)):
             last = np.array([use["last_out"] for use in uses if use["people"]], np.float64)
             mean = fixed(float(np.mean([use["people"] for use in uses])), 1)
             shares = [fixed(float(np.percentile(last, of)), 1) if last.size else None for of in PERCENTILES]

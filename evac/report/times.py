@@ -3,11 +3,13 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.distributions import told
+from evac.base.errors import in_order
 from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.answer import time_of_share
@@ -27,7 +29,7 @@ def times_section(run: Results) -> Section:
     record, exit_time, leaving = run.record, run.crowd.exit_time, run.leaving
     left = leaving[np.isnan(exit_time[leaving])]
     motion = run.trajectory or None  # one without a recorded time shows nothing
-    rows = {group.name: np.intersect1d(group.rows, leaving) for group in run.groups}
+    rows = {group.name: np.intersect1d(group.rows, leaving) for group in in_order(run.groups)}
     curves = {name: run.egress(members) for name, members in rows.items()}
     sizes = {name: len(members) for name, members in rows.items()}
     groups = [_group(name, exit_time[members]) for name, members in rows.items()]
@@ -38,20 +40,21 @@ def times_section(run: Results) -> Section:
         times = exit_time[run.crowd.exit_used == index]
         first = fixed(float(times.min()), 1) if times.size else None
         exits.append((name, use.people, first, fixed(use.last_out, 1), *_width_and_flows(use)))
+    levels = Counter(one.level for one in record.stuck)
     return section(
         "times",
         "Course and evacuation times",
         course=figures.course(motion, exit_time[leaving]) if motion else [],
         looks=figures.legend(motion) if motion else [],
         inside=figures.inside(motion, left) if motion and len(left) else None,
-        stuck=[(name, number) for name, number in Counter(one.level for one in record.stuck).items()],
+        stuck=[(name, levels[name]) for name in record.levels if levels[name]],
         curve=figures.egress(len(leaving), record.simulated_time, run.egress(), curves, sizes),
         shares=[
             (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time_of(share, exit_time[leaving]))
             for share in SHARES
         ],
         groups=groups,
-        exits=exits,
+        exits=in_order(exits, itemgetter(0)),
         others=record.left_by_other_exits,
         metrics=[(name, told(values)) for name, values in record.metrics.items()],
     )

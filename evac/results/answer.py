@@ -71,17 +71,17 @@ def _verdict(results: "Results") -> str:
         out += f", {len(results.stopped)} stopped by gases or heat"
     if results.is_complete:
         return f"{results.ended.capitalize()}: {out}" if results.ended.startswith("everybody") else f"Complete: {out}"
-    return f"NOT everybody is out ({results.ended}): {out} after {results.time:.2f} s"
+    return f"NOT everybody is out after {results.time:.2f} s ({results.ended}): {out}"
 
 
 def _times(results: "Results") -> str:
     if results.last_out is None:
         return ""
     most = time_of_share(results.crowd.exit_time[results.leaving], MOST)
-    share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"{MOST:g} % not reached"
+    share = f"{MOST:g} % are out after {most:.2f} s" if most is not None else f"fewer than {MOST:g} % got out"
     if results.is_complete:
         return f"Evacuation time {results.last_out:.2f} s; {share}"
-    return f"The last who got out left after {results.last_out:.2f} s; {share}"
+    return f"Last out after {results.last_out:.2f} s; {share}"
 
 
 def _exits(results: "Results") -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
-from evac.base.errors import counted
+from evac.base.errors import counted, in_order
 from evac.folder.files import (
     CONVERGENCE_NAME,
     EGRESS_NAME,
@@ -152,7 +152,7 @@ def parameter_keys(study: "Study") -> list[str]:
 
 def write_runs(study: "Study", path: Path) -> None:
     """Write runs.csv: a row for each run, even a failed one, with two columns for each exit, without single people."""
-    names = dict.fromkeys(exit_["name"] for row in study.rows(columns=["exits"]) for exit_ in row["exits"])
+    names = in_order({exit_["name"] for row in study.rows(columns=["exits"]) for exit_ in row["exits"]}, str)
     own = ["point", "run", "seed", *parameter_keys(study), *RUN_COLUMNS]
     if study.seeds.repetitions > 1:
         own.insert(3, "population_seed")

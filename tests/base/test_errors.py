@@ -5,7 +5,7 @@ import os
 import pytest
 
 import evac
-from evac.base.errors import BuildingError, EvacError, usable_path
+from evac.base.errors import BuildingError, EvacError, in_order, usable_path
 
 CALLS = {
     "building": lambda path: evac.read_building(f"{path}.obj"),
@@ -41,3 +41,8 @@ def test_a_path_that_cannot_be_looked_up_is_one_line(call, path, tmp_path, monke
 def test_a_path_need_not_exist(tmp_path):
     for path in (tmp_path, tmp_path / "none", tmp_path / "none" / "file.obj"):
         assert usable_path(str(path), BuildingError) == path
+
+
+def test_things_are_listed_in_the_order_that_people_expect():
+    names = ["storey 10", "Storey 1", "10", "storey 2", "2", "storey", "b2 a10", "b2 a9", ""]
+    assert in_order(names, str) == ["", "2", "10", "b2 a9", "b2 a10", "storey", "Storey 1", "storey 2", "storey 10"]

@@ -136,8 +136,8 @@ def screen_of(stream):
 def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, below):
     words = "people who did not leave as their route says, in a sentence of more than a line of the terminal " * 2
     answer = Answer(
-        verdict="NOT everybody is out (no progress): 7 of 9 people out after 60.00 s",
-        times="The last who got out left after 40.00 s; 95 % not reached",
+        verdict="NOT everybody is out after 60.00 s (no progress): 7 of 9 people out",
+        times="Last out after 40.00 s; fewer than 95 % got out",
         exits=(
             "Exit 'a': 4 people, the last after 40.00 s",
             "Exit 'b': 2 people",
@@ -163,7 +163,7 @@ def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, bel
 
 def test_no_number_of_the_answer_is_cut_off_on_a_narrow_terminal(monkeypatch):
     answer = Answer(
-        verdict="NOT everybody is out (no progress): 7 of 9 people out after 1160.00 s",
+        verdict="NOT everybody is out after 1160.00 s (no progress): 7 of 9 people out",
         times="Evacuation time 1132.13 s; 95 % are out after 1110.53 s",
         exits=("Exit 'main entrance': 485 people by 1132.13 s, 1.47/s (0.73/s/m)",),
         queue="",

@@ -250,8 +250,8 @@ def answer_of(run):
     """Lines of the answer by kind, as they have to be."""
     times, leaving = run.exit_times(), run.leaving
     most, complete = time_of(times, len(leaving), 95), run.summary["ended"].startswith("everybody")
-    share = "95 % not reached" if most is None else f"95 % are out after {most:.2f} s"
-    last = "Evacuation time" if complete else "The last who got out left after"
+    share = "fewer than 95 % got out" if most is None else f"95 % are out after {most:.2f} s"
+    last = "Evacuation time" if complete else "Last out after"
     exits = []
     closed = {one["what"] for one in run.summary["changes"] if one["kind"] == "close"}
     for way in sorted(run.building["exits"], key=lambda one: -len(run.exit_times(one["name"]))):
@@ -267,9 +267,9 @@ def answer_of(run):
         number += f", {len(run.at_places)} at a safe place"
     if stays := len(run.people) - len(run.leaving) - len(run.at_places):
         number += f", {stays} who do not leave"
-    ended = run.summary["ended"].capitalize()
+    ended, after = run.summary["ended"].capitalize(), f" after {run.frames[-1][0]:.2f} s"
     return {
-        "Answer": f"{ended}: {number}" if complete else f"NOT everybody is out ({ended.lower()}): {number}",
+        "Answer": f"{ended}: {number}" if complete else f"NOT everybody is out{after} ({ended.lower()}): {number}",
         "Evacuation": f"{last} {times[-1]:.2f} s; {share}",
         "Exits": exits,
         "Queues": run.longest_queue(),

@@ -15,6 +15,7 @@ from evac.base.errors import ResultError
 from evac.case.loading import load_case
 from evac.case.toml import case_text
 from evac.evidence.validation.page import SUBJECTS
+from evac.pictures.colouring import colouring
 from evac.report.congestion import Places
 from evac.report.of_run import run_report
 from evac.report.pages import Labels
@@ -252,6 +253,20 @@ def test_shares_are_of_those_who_are_to_leave(tmp_path):
     occupants = {row[0]: row[1:] for row in page.table("Groups, their start areas")[1:]}
     assert occupants["train"][:3] == ["2", "arrive: area room, 2 from 0 to 500 s", "-"]
     assert occupants["staff"][3] == "they stay"
+
+
+def test_groups_are_listed_in_the_order_that_people_expect(tmp_path):
+    people = [{"name": f"group {number}", "number": 2, "area": "room"} for number in (10, 2, 1)]
+    case = load_case("square_room", {"people": people, **QUIET})
+    results = evac.run(case, tmp_path / "r", progress=False)
+    assert [group.name for group in results.groups] == ["group 1", "group 10", "group 2"]  # the order of rows
+    page, wanted = Page(run_report(tmp_path / "r")), ["group 1", "group 2", "group 10"]
+    for words in ("Groups, their start", "each group left", "Response times drawn"):
+        assert [row[0] for row in page.table(words)[1:4]] == wanted
+    assert re.findall(r"</i>([^<]*)</span>", run_report(tmp_path / "r")) == wanted
+    legend = results.plot().axes[0].get_legend_handles_labels()[1]
+    assert [name for name in legend if name in wanted] == wanted
+    assert [name for name, _ in colouring(results.trajectory, "group").legend] == wanted
 
 
 def test_people_who_arrive_at_a_rate_are_counted_as_drawn(tmp_path):

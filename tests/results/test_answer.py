@@ -7,8 +7,8 @@ from evac.results.answer import answer_of
 
 def test_people_left_are_said_first(make_results):
     answer = answer_of(make_results())
-    assert answer.verdict == "NOT everybody is out (no progress): 2 of 5 people out after 20.00 s"
-    assert answer.times == "The last who got out left after 9.00 s; 95 % not reached"
+    assert answer.verdict == "NOT everybody is out after 20.00 s (no progress): 2 of 5 people out"
+    assert answer.times == "Last out after 9.00 s; fewer than 95 % got out"
     assert answer.exits == ("Exit 'door': 2 people by 9.00 s",)
     assert answer.queue == ""  # nothing was recorded
     assert answer.warnings == "1 warning about building and people"
