@@ -9,7 +9,7 @@ from evac.evidence import KINDS
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("kind", choices=KINDS, help="kind of evidence to compute")
+    parser.add_argument("kind", choices=KINDS, metavar="KIND", help=f"what to compute: {', '.join(KINDS)}")
     effort = parser.add_mutually_exclusive_group()
     effort.add_argument("--quick", action="store_true", help="fewer and smaller cases: seconds instead of minutes")
     effort.add_argument("--page-only", action="store_true", help="only write the page again from the files in DIR/KIND")

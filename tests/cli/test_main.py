@@ -55,7 +55,7 @@ def test_a_mistake_is_named_with_the_usage_of_its_command_and_what_was_meant(wor
     assert printed.splitlines()[-1].endswith(hint)
 
 
-@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["map", "--help"]])
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["map", "--help"], ["evidence", "--help"]])
 def test_help_fits_the_terminal(words, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
     with pytest.raises(SystemExit, match="0"):
