@@ -120,13 +120,13 @@ def _name(axes: Axes, name: str) -> Text:
     """Write the name of a storey above its plan, at the first of three places where it covers no other text."""
     renderer = FigureCanvasAgg(axes.figure).get_renderer()
     written = [text.get_window_extent(renderer) for text in axes.texts]
-    for place in ("left", "right", "center"):
-        title = axes.set_title(name, fontsize=10, loc=place, color=palette.TEXT, y=1.0, pad=3, parse_math=False)
-        if not title.get_window_extent(renderer).count_overlaps(written):
-            return title
-        title.set_text("")
-    title.set_text(name)
-    return title
+    style: dict[str, Any] = {"fontsize": 10, "color": palette.TEXT, "y": 1.0, "pad": 3, "parse_math": False}
+    titles = [axes.set_title(name, loc=place, **style) for place in ("left", "right", "center")]
+    free = [title for title in titles if not title.get_window_extent(renderer).count_overlaps(written)]
+    chosen = (free or titles)[0]
+    for title in titles:
+        title.set_visible(title is chosen)
+    return chosen
 
 
 def _arrangement(count: int, width: float, height: float, greatest: tuple[float, float]) -> tuple[int, int, float]:

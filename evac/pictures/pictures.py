@@ -10,16 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import in_order
 from evac.folder.files import replacing
 from evac.pictures.palette import TEXT, group_colours
 from evac.results.results import Results
-
-#: Times [s] and the number of people out at each.
-Curve = tuple[FloatArray, NDArray[np.int64]]
 
 #: Maximum number of groups that are drawn as separate lines.
 MOST_GROUPS = 12
@@ -31,8 +27,18 @@ MOST_LINES = 12
 SIZE = (8.0, 5.0)
 
 
-def egress_figure(results: Results) -> Figure:
-    """Return the egress curve of all people who are to leave, and of each group of them if there are several."""
+def egress_figure(results: Results, size: tuple[float, float] = SIZE, has_title: bool = True) -> Figure:
+    """Return the egress curve of all people who are to leave, and of each group of them if there are several.
+
+    Groups of one person have no curve, which the legend says, and there are none if there are too many.
+
+    Parameters
+    ----------
+    results : Results
+    size : tuple of float
+        Width and height [inches].
+    has_title : bool
+    """
     people = len(results.leaving)
     note = f"{results.evacuated} of {people} out"
     if results.last_out is not None:
@@ -41,51 +47,23 @@ def egress_figure(results: Results) -> Figure:
     others = {"stay": results.staying, "at safe places": results.at_places, "have not come": results.not_arrived}
     others["have been stopped"] = len(results.stopped)
     note += "".join(f"; {number} {what}" for what, number in others.items() if number)
-    rows = {group.name: np.intersect1d(group.rows, results.leaving) for group in in_order(results.groups)}
-    groups = {name: results.egress(own) for name, own in rows.items() if len(own)}
-    sizes = {name: len(own) for name, own in rows.items()}
-    title = f"{textwrap.fill(results.title, 90)}\n{note}"
-    return curves_figure(title, people, results.time, results.egress(), groups, sizes)
-
-
-def curves_figure(
-    title: str,
-    people: int,
-    end: float,
-    everybody: Curve,
-    groups: Mapping[str, Curve],
-    sizes: Mapping[str, int],
-    size: tuple[float, float] = SIZE,
-) -> Figure:
-    """Return a figure of egress curves: of all people, and of each group if there are several, but not too many.
-
-    Groups of one person have no curve, which the legend says.
-
-    Parameters
-    ----------
-    title : str
-    people : int
-        Number of all people.
-    end : float [s]
-        End of the time axis.
-    everybody : tuple of (m + 1,) [s], (m + 1,)
-        Times, and number of people out at each, from zero on.
-    groups : mapping of str to such tuples
-    sizes : mapping of str to int
-        Number of people of each group.
-    size : tuple of float
-        Width and height [inches].
-    """
+    title = f"{textwrap.fill(results.title, 90)}\n{note}" if has_title else ""
     figure, axes = new_axes(title, people, size)
+    rows = {group.name: np.intersect1d(group.rows, results.leaving) for group in in_order(results.groups)}
+    groups, end = {name: own for name, own in rows.items() if len(own)}, results.time
+
+    def draw(own: IntArray | None, **style: Any) -> None:
+        time, number = results.egress(own)
+        axes.step([*time, end], [*number, number[-1]], where="post", **style)
+
     if 1 < len(groups) <= MOST_GROUPS:
-        for (name, (time, number)), colour in zip(groups.items(), group_colours(len(groups)), strict=False):
-            if sizes[name] > 1:
-                axes.step([*time, end], [*number, number[-1]], where="post", label=name, color=colour, linewidth=1.3)
-    time, number = everybody
-    axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color=TEXT, label="everybody")
+        for (name, own), colour in zip(groups.items(), group_colours(len(groups)), strict=False):
+            if len(own) > 1:
+                draw(own, label=name, color=colour, linewidth=1.3)
+    draw(None, linewidth=2.2, color=TEXT, label="everybody")
     axes.set_xlim(0.0, max(end, 1e-9))
     if axes.get_legend_handles_labels()[1] != ["everybody"]:
-        single = sum(size == 1 for size in sizes.values())
+        single = sum(len(own) == 1 for own in groups.values())
         heading = f"without {single} {'group' if single == 1 else 'groups'}\nof one person" if single else None
         style = {"frameon": False, "fontsize": 8, "title": heading, "title_fontsize": 7, "alignment": "left"}
         legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), **style)

@@ -132,24 +132,13 @@ class Comparison:
         """Return the differences as a data frame: a row for each design and measure."""
         from pandas import DataFrame
 
-        return DataFrame(self.rows())
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return the differences as dictionaries."""
-        return [
-            {
-                "design": one.design,
-                "measure": one.measure,
-                "before": one.before,
-                "after": one.after,
-                "difference": one.change.value,
-                "low": one.change.low,
-                "high": one.change.high,
-                "pairs": one.change.runs,
-                "verdict": one.verdict,
-            }
+        of_change = {"difference": "value", "low": "low", "high": "high", "pairs": "runs"}
+        return DataFrame(
+            {"design": one.design, "measure": one.measure, "before": one.before, "after": one.after}
+            | {name: getattr(one.change, key) for name, key in of_change.items()}
+            | {"verdict": one.verdict}
             for one in self.differences
-        ]
+        )
 
     def plot(self) -> "Figure":
         """Return the curves of people out over time, means over the runs of each design, as a figure of matplotlib."""

@@ -25,10 +25,11 @@ from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
 from evac.pictures.map_pictures import FLOW_LABELS, draw_cut, draw_difference, draw_maps
-from evac.pictures.pictures import Curve, curves_figure, runs_figure
+from evac.pictures.pictures import egress_figure, runs_figure
 from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
 from evac.results.answer import time_of_share
+from evac.results.results import Results
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed as large as they are drawn [inches].
@@ -152,11 +153,10 @@ def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
     return drawing(plans_.figure, caption, caption)
 
 
-def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Picture:
+def egress(run: Results) -> Picture:
     """Return the egress curve of one run."""
-    figure = curves_figure("", people, end, everybody, groups, sizes, CURVE)
-    time, number = everybody
-    axes = figure.axes[0]
+    figure, people = egress_figure(run, CURVE, has_title=False), len(run.leaving)
+    axes, (time, number) = figure.axes[0], run.egress()
     for share in (0.5, 0.95):
         rank = math.ceil(share * people)
         if rank < len(time):

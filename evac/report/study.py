@@ -185,10 +185,8 @@ def _interval(estimate: Estimate, is_blocked: bool = False) -> str:
     """Return an estimate with its interval."""
     if not math.isfinite(estimate.value):
         return "not reached" if is_blocked else "-"
-    bounds = [fixed(bound, 1) for bound in (estimate.low, estimate.high)]
-    if bounds == [None, None]:
-        return f"{estimate.value:.1f} s"
-    return f"{estimate.value:.1f} s ({' to '.join(bound or 'open' for bound in bounds)})"
+    bounds = estimate.bounds(".1f")
+    return f"{estimate.value:.1f} s ({bounds})" if bounds else f"{estimate.value:.1f} s"
 
 
 def _mean(estimate: Estimate) -> str:
@@ -289,9 +287,8 @@ def _statistics_rows(estimates: Statistics) -> list[tuple[object, ...]]:
     ]
     missing = "not reached" if estimates.blocked else None
     for estimate in (estimates.mean, *estimates.percentiles):
-        bounds = [fixed(bound, 1) for bound in (estimate.low, estimate.high)]
-        interval = None if bounds == [None, None] else " to ".join(bound or "open" for bound in bounds)
-        rows.append((f"{estimate.name} [s]", fixed(estimate.value, 1) or missing, interval, estimate.note))
+        value = fixed(estimate.value, 1) or missing
+        rows.append((f"{estimate.name} [s]", value, estimate.bounds(".1f"), estimate.note))
     rows += [
         ("maximum [s]", fixed(estimates.greatest, 1) or missing, None, None),
         ("standard deviation of complete runs [s]", fixed(estimates.standard_deviation, 2), None, None),

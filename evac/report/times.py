@@ -29,11 +29,8 @@ def times_section(run: Results) -> Section:
     record, exit_time, leaving = run.record, run.crowd.exit_time, run.leaving
     left = leaving[np.isnan(exit_time[leaving])]
     motion = run.trajectory or None  # one without a recorded time shows nothing
-    rows = {group.name: np.intersect1d(group.rows, leaving) for group in in_order(run.groups)}
-    curves = {name: run.egress(members) for name, members in rows.items()}
-    sizes = {name: len(members) for name, members in rows.items()}
-    groups = [_group(name, exit_time[members]) for name, members in rows.items()]
-    if len(rows) > 1 and run.evacuated:
+    groups = [_group(one.name, exit_time[np.intersect1d(one.rows, leaving)]) for one in in_order(run.groups)]
+    if len(groups) > 1 and run.evacuated:
         groups.append(_group("everybody", exit_time[leaving]))
     exits = []
     for index, (name, use) in enumerate(record.exits.items()):
@@ -48,7 +45,7 @@ def times_section(run: Results) -> Section:
         looks=figures.legend(motion) if motion else [],
         inside=figures.inside(motion, left) if motion and len(left) else None,
         stuck=[(name, levels[name]) for name in record.levels if levels[name]],
-        curve=figures.egress(len(leaving), record.simulated_time, run.egress(), curves, sizes),
+        curve=figures.egress(run),
         shares=[
             (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time_of(share, exit_time[leaving]))
             for share in SHARES
