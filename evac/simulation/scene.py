@@ -117,10 +117,9 @@ class Scene:
     @cached_property
     def world(self) -> World:
         """The scene in the form that kernels read; updated when the scene changes."""
-        world = self.ground.world  # scenes share all arrays except the open flags, the only ones that are written
-        return world.replace(
-            link_open=world.link_open.copy(), wall_open=world.wall_open.copy(), fields=self.fields.packed
-        )
+        world = self.ground.world  # scenes share all arrays except those that are written
+        own = {name: getattr(world, name).copy() for name in ("link_open", "link_from", "wall_open")}
+        return world.replace(fields=self.fields.packed, **own)
 
     def apply(self, change: Change) -> None:
         """Change the scene now, or at the beginning of the tick at the time of the change, if that lies ahead.

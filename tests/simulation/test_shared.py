@@ -73,7 +73,12 @@ def test_a_changed_file_of_a_storey_changes_the_key(tmp_path, named):
     assert ground_key(case) != before
 
 
-def test_a_run_on_a_ground_from_a_file_has_the_same_bits(tmp_path, case):
+@pytest.mark.parametrize("kind", [None, "close", "one_way"])
+def test_a_run_on_a_ground_from_a_file_has_the_same_bits(tmp_path, case, kind):
+    if kind is not None:
+        more = {"value": "out"} if kind == "one_way" else {}
+        change = {"time": 1.0, "kind": kind, "target": "door", **more}
+        case = case.change({"event": [change], "simulation.no_progress": 2.0})
     alone = Simulation(case).run()
     ground = read_ground(write_ground(Simulation(case, will_run=False).scene.ground, tmp_path))
     again = [Simulation(case, ground=ground).run() for _ in range(2)]
