@@ -86,11 +86,8 @@ def counted(number: int, singular: str, several: str = "") -> str:
 
 def in_order(things: Iterable[T], name: Callable[[T], str] = attrgetter("name")) -> list[T]:
     """Return things in the order of their names as people expect it, north 2 before north 10, to list them."""
-
-    def parts(thing: T) -> list[tuple[str, int]]:
-        return [(word, int(figures or 0)) for word, figures in re.findall(r"(\D*)(\d*)", name(thing).casefold())]
-
-    return sorted(things, key=parts)
+    words = re.compile(r"(\D*)(\d*)").findall
+    return sorted(things, key=lambda one: [(word, int(digits or 0)) for word, digits in words(name(one).casefold())])
 
 
 def quoted_line(text: str, error: str) -> str:

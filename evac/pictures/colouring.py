@@ -33,14 +33,14 @@ class Colouring:
     """Colours of people in every frame."""
 
     of: Callable[[Frame], NDArray[np.uint8]]  # colours (c, 3, 3) of body, head and belt of the people in a frame
-    legend: tuple[tuple[str, palette.Look], ...] = ()  # groups; empty for quantities, a single group and too many
+    legend: tuple[tuple[str, palette.Look], ...] = ()  # groups; empty for quantities, a single group and alike ones
     scale: Scale | None = None  # None for groups
     top: float = 0.0  # upper end of the scale
 
     @property
     def has_legend(self) -> bool:
-        """Whether there are entries for a legend."""
-        return self.scale is not None or len(self.legend) > 0
+        """Whether there are entries for a legend in a picture, and not too many."""
+        return self.scale is not None or 0 < len(self.legend) <= LEGEND_GROUPS
 
 
 def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colouring:
@@ -65,7 +65,7 @@ def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colo
     if colour_by == "group":
         looks = palette.group_looks(len(trajectory.groups))
         table = np.array([palette.rgb(look) for look in looks], np.uint8)
-        is_told = 1 < len(trajectory.groups) <= LEGEND_GROUPS
+        is_told = 1 < len(trajectory.groups) == len({*looks[:-1]})
         legend = in_order(zip(trajectory.groups, looks, strict=False), itemgetter(0)) if is_told else ()
         return Colouring(lambda frame: table[trajectory.group[frame["person"]]], tuple(legend))
     scale = PEOPLE[colour_by].with_service(service)

@@ -135,7 +135,7 @@ def points_figure(
     """
     keys = list(dict.fromkeys(key for of_point in parameters for key in of_point))
     values = {key: [of_point.get(key) for of_point in parameters] for key in keys}
-    numeric = [key for key in keys if all(map(_is_number, values[key])) and len(set(values[key])) > 1]
+    numeric = [key for key in keys if {*map(type, values[key])} <= {int, float} and len(set(values[key])) > 1]
     along = numeric[-1] if numeric else None
     place = np.array(values[along] if along else range(len(parameters)), dtype=np.float64)
     figure, axes = new_plain_axes(title, along or "point", "evacuation time [s]", 0.6)
@@ -161,10 +161,6 @@ def points_figure(
     if any(lines) and len(lines) <= MOST_LINES:
         axes.legend(frameon=False, fontsize=8)
     return figure
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def new_axes(title: str, people: int, size: tuple[float, float] = SIZE) -> tuple[Figure, Axes]:

@@ -4,7 +4,6 @@ import base64
 import io
 import math
 from collections.abc import Mapping, Sequence
-from operator import itemgetter
 from typing import NamedTuple
 
 import matplotlib
@@ -18,7 +17,6 @@ from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import in_order
 from evac.building.model.building import Building
 from evac.building.model.storeys import storeys
 from evac.pictures import palette
@@ -119,13 +117,6 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
 def cover(trajectory: Trajectory) -> Picture:
     """Return the picture of the building and the people at the first recorded time."""
     return _rendered(_renderer(trajectory, COVER), 0, f"The building at {trajectory.time[0]:g} s.", "cover")
-
-
-def legend(trajectory: Trajectory) -> list[tuple[str, palette.Look]]:
-    """Return the groups of the people in rendered pictures with their colours, if these tell them apart."""
-    looks = palette.group_looks(len(trajectory.groups))
-    named = in_order(zip(trajectory.groups, looks, strict=False), itemgetter(0))
-    return named if 1 < len(named) == len({*looks[:-1]}) else []
 
 
 def _renderer(trajectory: Trajectory, inches: tuple[float, float]) -> Renderer:

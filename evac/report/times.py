@@ -10,6 +10,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.distributions import told
 from evac.base.errors import in_order
+from evac.pictures.colouring import colouring
 from evac.report import figures
 from evac.report.templates import APPENDIX, Section, fixed, section
 from evac.results.answer import time_of_share
@@ -42,7 +43,7 @@ def times_section(run: Results) -> Section:
         "times",
         "Course and evacuation times",
         course=figures.course(motion, exit_time[leaving]) if motion else [],
-        looks=figures.legend(motion) if motion else [],
+        looks=colouring(motion, "group").legend if motion else (),
         inside=figures.inside(motion, left) if motion and len(left) else None,
         stuck=[(name, levels[name]) for name in record.levels if levels[name]],
         curve=figures.egress(run),
