@@ -35,7 +35,7 @@ def execute(arguments: argparse.Namespace) -> int:
         for one in own:
             times = (fixed(time, 2) for time in (one.before, one.after, one.change.value))
             rows.append((one.measure, *times, one.change.bounds(), one.verdict))
-        columns = ("measure [s]", "first", "design", "change", "95 % interval", "verdict")
+        columns = ("measure [s]", "first", "design", "difference", "95 % interval", "verdict")
         show_table(f"{design.label}, compared with {first.label}", columns, rows)
         for remark in dict.fromkeys(one.change.note for one in own if one.change.note):
             note(f"evac: {remark}")

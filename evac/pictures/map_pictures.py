@@ -190,7 +190,7 @@ def draw_cut(
     shown = next(levels for _, levels in storeys(building) if level in [one.name for one in levels])
     draw_levels(axes, building, shown, is_filled=False, has_widths=False)
     for text in axes.texts:
-        text.set_clip_on(True)
+        text.set(annotation_clip=True, clip_on=True, clip_box=axes.bbox)  # nothing over the colour bar
     plans = Plans(figure, (axes,), (tuple(shown),), (), (left + 0.8 * width, bottom, 0.2 * width, height))
     nearest = {one.name: _nearest_cells(maps[one.name]) for one in shown}
     _draw_values(plans, {name: one.array(quantity) for name, one in maps.items()}, maps, nearest, SCALES[quantity])

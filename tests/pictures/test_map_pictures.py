@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import NEVER, draw_map, draw_maps, write_maps
+from evac.pictures.map_pictures import NEVER, draw_cut, draw_map, draw_maps, write_maps
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -82,3 +84,18 @@ def test_ticks_of_people_are_whole_numbers(written):
     ticks = [float(label.get_text()) for label in figure.axes[-1].get_yticklabels()]
     assert len(ticks) > 1
     assert ticks == np.round(ticks).tolist()
+
+
+@pytest.mark.parametrize("beside", [-1.0, 0.5, 9.0])
+def test_the_name_of_an_exit_is_not_written_over_the_colour_bar_of_a_cut(trajectory, beside):
+    """The right edge of the cut is beside the exit by so much [m], and its name is at the right of the exit."""
+    building = trajectory.building
+    (exit_,) = building.exits
+    x, y = exit_.segments.reshape(-1, 2).mean(axis=0)
+    figure = Figure((6.0, 2.0), dpi=100)
+    FigureCanvasAgg(figure)
+    level = building.levels[exit_.level].name
+    maps = trajectory.maps(spacing=0.5)
+    draw_cut(figure, (0.0, 0.0, 0.33, 1.0), trajectory, "waiting", maps, level, (x + beside - 5.0, y), 5.0)
+    edge = round(figure.axes[0].get_window_extent().x1) + 2
+    assert has_colour(pixels(figure)[:, edge:], palette.EXIT, 40) == 0.0
