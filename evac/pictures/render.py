@@ -154,7 +154,7 @@ class Renderer:
         if self._letters:
             names = [level.name for level in chosen if level.kind == "floor"]
             widest = max((font(self._letters, is_bold=True).getlength(name) for name in names), default=0.0)
-            margin |= {"left": widest / self._size[0] + 0.02, "right": 0.04, "top": 0.05}
+            margin |= {"left": min(widest / self._size[0] + 0.02, 0.4), "right": 0.04, "top": 0.05}
             margin |= {"bottom": 0.16} if self._smoke is not None else {}
         return view_of(building, self._size, self._camera, chosen, margin)
 

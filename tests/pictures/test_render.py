@@ -304,3 +304,10 @@ def test_names_of_storeys_cover_no_name_of_an_exit():
     (name,), (exit_,) = plans.names, plans.axes[0].texts
     assert (name.get_text(), exit_.get_text()) == ("Ground", "North")
     assert not name.get_window_extent().overlaps(exit_.get_window_extent())
+
+
+def test_long_names_of_floors_leave_room_for_the_building(trajectory):
+    """The names are wider than the picture."""
+    renderer = Renderer(trajectory, (64, 64), letters=30)
+    assert renderer.view_at(0.0).scale > 0.0
+    assert renderer.image(0).shape == (64, 64, 3)
