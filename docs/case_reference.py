@@ -111,10 +111,10 @@ def _presets() -> str:
         given = ", ".join(f"{key} = {toml_value(value)}" for key, value in preset.items() if key not in DESCRIPTION)
         rows.append(f"| `{name}` | {preset['about']} | `{given}` | {preset['source']} |")
     return (
-        "### Shipped presets\n\nThe values that a preset does not have are the defaults above. Speeds on stairs are "
+        "### Shipped presets\n\nValues that a preset does not state are the defaults above. Speeds on stairs are "
         "along the slope; those that the source gives in plan are converted for 30 degrees. Values of IMO, RiMEA, "
-        "Fruin and Boyce et al. are quoted from secondary sources, not from the originals: check them against the "
-        "edition that your project follows.\n\n"
+        "Fruin and Boyce et al. are quoted from secondary sources: check them against the edition that your project "
+        "follows.\n\n"
         "| name | people | values | source |\n|---|---|---|---|\n" + "\n".join(rows)
     )
 
@@ -122,9 +122,9 @@ def _presets() -> str:
 def _distributions() -> str:
     rows = [f"| `{name}` | {', '.join(numbers)}{NOTES.get(name, '')} |" for name, numbers in KINDS.items()]
     return (
-        "### Distributions\n\nA number, or a table with exactly one of these, as `{ uniform = [0.2, 0.25] }`. "
-        "`minimum` and `maximum` may be added: what lies outside is drawn again. The values of `list` are taken "
-        "in order, and there must be one for each person.\n\n| name | numbers |\n|---|---|\n" + "\n".join(rows)
+        "### Distributions\n\nA number, or a table with exactly one of these, such as `{ uniform = [0.2, 0.25] }`. "
+        "With `minimum` and `maximum`, values outside are drawn again. The values of `list` are used in order, "
+        "one for each person.\n\n| name | numbers |\n|---|---|\n" + "\n".join(rows)
     )
 
 

@@ -59,7 +59,7 @@ class SurfaceOptions(Table):
     scale: Real = key("factor that turns the mesh's unit of length into metres", "", 1.0, ge=1e-6, le=1e6)
     up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", "z")
     headroom: Real = key(
-        "surfaces on solid bodies, and near flights of treads, with less clear height above them are left out; 0: none",
+        "surfaces of solid bodies, and near flights of treads, with less clear height are left out; 0: none",
         "m",
         HEADROOM,
         ge=0,

@@ -49,7 +49,7 @@ class Case(Table):
     Returned by `evac.case.load_case`; frozen. `change` returns a changed copy.
     """
 
-    title: Title = key("one line that says what the case is", "", "")
+    title: Title = key("description of the case, in one line", "", "")
     building: BuildingSettings = key("the building: a table [building] with mesh or plan")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
     people: tuple[GroupSettings, ...] = key(
@@ -72,21 +72,20 @@ class Case(Table):
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
-        "`[forces.NAME]`: parameters of a force on or between people; present: enabled with them; `false`: disabled",
+        "`[forces.NAME]`: parameters of a force on or between people, which enable it; `false` disables it",
         "",
         {},
     )
     behaviours: dict[str, Parameters] = key(
-        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with them; `false`: disabled", "", {}
+        "`[behaviours.NAME]`: parameters of a behaviour, which enable it; `false` disables it", "", {}
     )
     recorders: dict[str, Parameters] = key(
-        "`[recorders.NAME]`: parameters of a recorder; every one that is registered is enabled; `false`: disabled",
+        "`[recorders.NAME]`: parameters of a recorder; `false` disables it; all others are enabled",
         "",
         {},
     )
     importers: dict[str, Parameters] = key(
-        "`[importers.NAME]`: parameters of an importer of buildings; every one that is registered is enabled; "
-        "`false`: disabled",
+        "`[importers.NAME]`: parameters of an importer of buildings; `false` disables it; all others are enabled",
         "",
         {},
     )

@@ -35,7 +35,7 @@ def _or_as_given(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
 class WhenSettings(Table):
     """`when` of an event: what makes it happen; exactly one of the keys before `area`."""
 
-    event: str | None = key("name of another event, which has happened", "", None)
+    event: str | None = key("name of another event that has happened", "", None)
     out: Whole | None = key("this many people have left the building", "", None, ge=1, le=MOST_PEOPLE)
     count: Whole | None = key("at least this many people are in `area`", "", None, ge=1, le=MOST_PEOPLE)
     at_most: Whole | None = key("at most this many people are in `area`", "", None, ge=0, le=MOST_PEOPLE)
@@ -63,8 +63,8 @@ class EventSettings(Table):
     time: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("time of the event; this or `when`", "s", None)
     when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
     kind: Literal["open", "close", "one_way", "slow", "bar", "strategy", "alarm"] = key(
-        "`open` or `close` an exit, portal, stair or door; pass it in `one_way` only; `slow` people in an area or on a "
-        "level; `bar` it; change the `strategy` of a group; sound an `alarm`"
+        "`open` or `close` an exit, portal, stair or door, or make it `one_way`; `slow` people in an area or on a "
+        "level, or `bar` it; change the `strategy` of a group; sound an `alarm`"
     )
     target: str = key(
         "name of what changes: exit, portal, stair, door, area, level or group; of an alarm, an area, a level or a "
@@ -73,10 +73,10 @@ class EventSettings(Table):
         "",
     )
     value: Annotated[Switch | Real | str | tuple[str, ...] | None, WrapValidator(_or_as_given)] = key(
-        '`one_way`: of portals and stairs "up", "down" or the name of the level to which they lead, of exits "in" or '
-        '"out", of doors the name of an area on the side to which they lead; false for both directions; `slow`: the '
-        "share of the speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of "
-        "exits or of assembly areas; `alarm`: the share of the response times that people still take",
+        '`one_way`: for portals and stairs "up", "down" or the name of the level to which they lead, for exits "in" or '
+        '"out", for doors the name of an area on the side to which they lead; false for both directions; `slow`: the '
+        "relative speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of exits "
+        "or of assembly areas; `alarm`: the share of the response times that people still take",
         "",
         None,
     )

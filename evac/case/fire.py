@@ -63,29 +63,29 @@ class SmokeSettings(Table):
     model_config = ConfigDict(frozen=True, extra="allow")
     __pydantic_extra__: dict[str, dict[str, Any]] = Field(init=False)
 
-    law: str = key("name of the law of speed in smoke; `none`: smoke slows nobody", "", "fds_evac")
-    irritants: Switch = key("whether irritant gases slow people too, if the data have them", "", True)
+    law: str = key("name of the law of the speed in smoke; `none`: smoke does not reduce it", "", "fds_evac")
+    irritants: Switch = key("whether irritant gases in the data reduce the speed further", "", True)
     sampling: Real = key(
-        "time between two readings of the air at people's heads, rounded to ticks; doses are linear in between",
+        "time between two readings at people's heads, rounded to ticks; values are linear in between",
         "s",
         0.5,
         ge=0.001,
         le=60,
     )
-    routes: Switch = key("whether people choose their ways for the speeds that smoke leaves", "", True)
+    routes: Switch = key("whether routes are chosen for the reduced speeds in smoke", "", True)
     visibility: Real = key(
         "visibility below which people turn back if there is another way; 0: never", "m", 3.0, ge=0, le=100
     )
     contrast: Real = key(
-        "visibility times extinction coefficient: 3 for things that reflect light, 8 for lit signs",
+        "visibility times extinction coefficient: 3 for reflecting objects, 8 for illuminated signs",
         "",
         CONTRAST,
         ge=1,
         le=20,
     )
-    period: Real = key("time between two looks at the smoke on routes, rounded to ticks", "s", 5.0, ge=0.1, le=600)
+    period: Real = key("time between two updates of routes, rounded to ticks", "s", 5.0, ge=0.1, le=600)
     noticed: Real = key(
-        "change of the share of the speed at some place on a level with which its routes are solved again",
+        "change of the relative speed somewhere on a level after which its routes are updated",
         "",
         0.1,
         ge=0.001,
@@ -110,11 +110,11 @@ class DoseSettings(Table):
     heat: Literal["clothed", "unclothed", "design", "none"] = key(
         "dose of heat: ISO 13571 clothed or unclothed, or the design equation of the SFPE Handbook", "", "clothed"
     )
-    threshold: Real = key("dose of gases, or of heat, at which a median person stops", "", 1.0, gt=0, le=100)
+    threshold: Real = key("dose of gases, or of heat, at which a median person is stopped", "", 1.0, gt=0, le=100)
     susceptibility: Literal["deterministic", "log-normal"] = key(
         "whether everybody has the same threshold, or thresholds are distributed", "", "deterministic"
     )
     sigma: Real = key("standard deviation of the logarithm of the thresholds", "", 0.94, gt=0, le=5)
     without: tuple[Name, ...] = key(
-        "quantities that the dose needs and that the data do not have: they are declared to have no effect", "", ()
+        "quantities that the dose needs and the data lack, which are declared to have no effect", "", ()
     )

@@ -20,21 +20,21 @@ class PlaceSettings(Table):
 
     name: Name = key("name of the place")
     kind: Literal["refuge", "assembly", "sign"] = key(
-        "refuge: people whose group has `steepest` or `turns = false`, and who have no way out of the building that is "
-        "as wide as they are, go there and stay; assembly: groups go there that name it in `assembly`, or that an "
-        "event sends there; sign: shows people the way to an exit, if a behaviour follows signs, such as `familiarity`"
+        "refuge: people whose group has `steepest` or `turns = false`, and who have no way out that they fit through, "
+        "go there and stay; assembly: destination of groups that name it in `assembly`, or that an event sends there; "
+        "sign: shows people the way to an exit, if a behaviour such as `familiarity` follows signs"
     )
-    area: str | None = key("name of the area of the building, of a refuge or assembly area", "", None)
+    area: str | None = key("name of the area of the building, for a refuge or assembly area", "", None)
     capacity: Whole | None = key(
         "greatest number of people; if not given, there is no limit", "", None, ge=1, le=MOST_PEOPLE
     )
-    position: Point | None = key("position of a sign [x, y], some 0.1 m in front of its wall", "m", None)
+    position: Point | None = key("position of a sign [x, y], about 0.1 m in front of its wall", "m", None)
     z: Coordinate | None = key("height of the ground under a sign; this or `level`", "m", None)
     level: str | None = key("name of the level of a sign; this or `z`", "", None)
     exit: str | None = key("name of the exit that a sign shows", "", None)
     range: Annotated[Real, Field(gt=0, le=1000)] | None = key(
-        f"distance from which a sign is seen; if not given, {SIGN_RANGE:g} m. EN 1838 has 200 times the height of "
-        "signs that are lit from inside, and 100 times that of others",
+        f"distance from which a sign is seen; if not given, {SIGN_RANGE:g} m. In EN 1838 it is 200 times the height "
+        "of internally lit signs, and 100 times that of others",
         "m",
         None,
     )

@@ -66,8 +66,8 @@ class QuickestSettings(Table):
 
     period: Real = key("time between two updates, rounded to ticks", "s", 2.0, ge=0.1, le=60)
     width: Real = key(
-        "standard deviation of the kernel by which each person adds to the density; half a metre to a metre resolves "
-        "the queue at a door",
+        "standard deviation of the kernel with which each person adds to the density; 0.5 to 1 m resolves the queue at "
+        "a door",
         "m",
         0.6,
         ge=0.1,
@@ -75,15 +75,15 @@ class QuickestSettings(Table):
     )
     memory: Real = key("time over which densities and queues are averaged", "s", 4.0, ge=0, le=60)
     hesitation: Real = key(
-        "time that the way to another exit must save before people change to it, at least 5 % of what remains",
+        "time that the way to another exit must save before people change to it, at least 5 % of the remaining time",
         "s",
         2.0,
         ge=0,
         le=600,
     )
     floor: Real = key(
-        "least relative speed that follows from a density; above it, the speed falls as in Weidmann, "
-        "Transporttechnik der Fussgaenger (1993), up to 1.75 people per m2, and then keeps their flow",
+        "least relative speed; otherwise the speed falls with the density as in Weidmann, Transporttechnik der "
+        "Fussgaenger (1993), and above 1.75 people per m2 such that the flow is constant",
         "",
         0.05,
         ge=LEAST_FLOOR,
@@ -129,7 +129,7 @@ class PeopleSettings(Table):
     )
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Tau = key(
-        "relaxation time, within which a person approaches the desired velocity",
+        "relaxation time with which a person approaches the desired velocity",
         "s",
         Distribution("uniform", (0.1, 0.5)),
     )
@@ -151,8 +151,8 @@ class PeopleSettings(Table):
         True,
     )
     steepest: Real | None = key(
-        "steepest stair or ramp that their routes use, as rise over run: 0 bars all of them, 0.0834 those above 1:12; "
-        "if not given, none is barred",
+        "steepest stair or ramp that their routes use, as rise over run: 0 excludes all, 0.0834 those above 1:12; if "
+        "not given, none is excluded",
         "",
         None,
         ge=0,
@@ -160,7 +160,7 @@ class PeopleSettings(Table):
     )
     limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
     exits: tuple[str, ...] = key(
-        "names of the exits that the group uses; empty: any. People who are pushed out by another exit are out as well",
+        "names of the exits that the group uses; empty: any. People pushed through another exit are out as well",
         "",
         (),
     )
@@ -175,18 +175,18 @@ class ArrivalSettings(Table):
     """`arrive` of a group: when its people come, at times or at a rate."""
 
     times: tuple[Annotated[Real, Field(ge=0, le=LONGEST_RUN)], ...] | None = key(
-        "time at which each person comes; this or `rate`", "s", None, min_length=1, max_length=MOST_PEOPLE
+        "time at which each person enters; this or `rate`", "s", None, min_length=1, max_length=MOST_PEOPLE
     )
     rate: Annotated[Real, Field(gt=0, le=MOST_PEOPLE)] | None = key(
-        "mean number of people per second: their number and their times are those of a Poisson process", "1/s", None
+        "mean number of people per second, who enter in a Poisson process", "1/s", None
     )
-    from_: Real | None = key("time from which people come at the rate", "s", None, ge=0, le=LONGEST_RUN, alias="from")
+    from_: Real | None = key("time from which people enter at the rate", "s", None, ge=0, le=LONGEST_RUN, alias="from")
     to: Real | None = key("time until which they do", "s", None, ge=0, le=LONGEST_RUN)
     exit: str | None = key(
-        "name of the exit through which they come; this, or `area` or `level` of the group", "", None
+        "name of the exit through which they enter; this, or `area` or `level` of the group", "", None
     )
     portal: str | None = key(
-        "name of the portal or stair through which they come onto the `level` of the group, as from a lift", "", None
+        "name of the portal or stair through which they enter the `level` of the group, as from a lift", "", None
     )
 
     @property
@@ -212,9 +212,9 @@ class ArrivalSettings(Table):
 class GroupSettings(PeopleSettings):
     """`[[people]]`: a group: properties, number and start positions of its people."""
 
-    name: Name = key("name of the group; groups are sorted by name, so that the order of the tables has no influence")
+    name: Name = key("name of the group; the order of the tables has no influence")
     preset: str | None = key(
-        "name of a preset of the case or a shipped one, whose values are used for keys that this table does not have",
+        "name of a preset of the case or a shipped one, for keys that this table does not have",
         "",
         None,
     )
@@ -228,8 +228,8 @@ class GroupSettings(PeopleSettings):
     velocity: tuple[Velocity, ...] | None = key(
         "initial velocity of each person, with `positions` only; if not given, zero", "m/s", None
     )
-    arrive: ArrivalSettings | None = key("when they come, if they are not there from the start", "", None)
-    leave: Switch = key("whether they leave; otherwise they stay where they are and are counted apart", "", True)
+    arrive: ArrivalSettings | None = key("when they enter, if they are not there from the start", "", None)
+    leave: Switch = key("whether they leave; otherwise they stay where they are and are counted separately", "", True)
     z: Coordinate | None = key("height of the level of `positions`; this or `level`", "m", None)
     level: str | None = key(
         "name of the level of `positions`; without positions, name of the level on which they start at random places",
@@ -377,13 +377,13 @@ class OutputSettings(Table):
     )
     tables: Switch = key("whether people.csv, egress.csv, flows.csv and crossings.csv are written", "", True)
     picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
-    replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
+    replay: Switch = key("whether replay.html is written, which plays the run in a browser", "", True)
     trajectory: Switch = key(
-        "whether everybody's motion is recorded in trajectory.evac, from which other outputs can be made later",
+        "whether the motion of people is recorded in trajectory.evac, from which other outputs can be made later",
         "",
         True,
     )
-    animation: Switch = key("whether the run can be played in ParaView (VTK files); needs `trajectory`", "", False)
+    animation: Switch = key("whether VTK files for ParaView are written; needs `trajectory`", "", False)
 
     @model_validator(mode="after")
     def _animation_of_trajectory(self) -> Self:
@@ -399,7 +399,7 @@ class ReportSettings(Table):
     author: str = key("author of the analysis", "", "")
     date: str = key("date of the report", "", "")
     aset: dict[str, Annotated[Real, Field(ge=0.0, le=1e6)]] = key(
-        "available safe egress time of levels, by name; beside the times at which they were left", "s", {}
+        "available safe egress time of levels, by name, for comparison with the times at which they were left", "s", {}
     )
 
 
