@@ -66,7 +66,7 @@ class DxfImporter(Importer):
     suffixes = (".dxf",)
 
     floor = Parameter("walkablearea", "layers with outlines of the floor, or with open lines that enclose it")
-    walls = Parameter("", "layers with walls; if there is neither, those like walls by name, else by spacing of lines")
+    walls = Parameter("", "layers with walls; if neither these nor `floor` exist, by name, else by spacing of lines")
     doors = Parameter("", "layers with lines that close doors, besides arcs and interruptions of walls")
     obstacles = Parameter("obstacles", "layers with outlines of obstacles")
     exits = Parameter("exits", "layers with exits: outlines of the ground outside, or lines")
@@ -76,11 +76,11 @@ class DxfImporter(Importer):
     plan = Parameter("", "numbers of the plans of a drawing with several, which become storeys; empty: all")
     height = Parameter(3.0, "height between plans of one drawing", unit="m", above=0.0)
     unit = Parameter(0.0, "metres per unit of the drawing; 0: as declared, if plausible", minimum=0.0)
-    gap = Parameter(0.1, "ends of lines at most this far from another line are joined to it", unit="m", minimum=0.0)
-    door = Parameter(2.5, "largest width of a gap in a wall that is a door; 0: none", unit="m", minimum=0.0)
+    gap = Parameter(0.1, "ends of lines up to this distance from another line are joined to it", unit="m", minimum=0.0)
+    door = Parameter(2.5, "greatest width of a gap in a wall that is taken as a door; 0: none", unit="m", minimum=0.0)
     wall = Parameter(0.1, "thickness of walls drawn as one line between two rooms", unit="m", minimum=0.01)
     repair = Parameter(False, "whether to read the parts of a damaged file that ezdxf can repair")
-    deviation = Parameter(0.002, "largest distance of a polygon from its curve", unit="m", above=0.0)
+    deviation = Parameter(0.002, "greatest distance of a polygon from its curve", unit="m", above=0.0)
 
     def read(self, path: Path) -> Plan:
         """Read the drawing; raise ValueError if it is damaged, BuildingError if it has neither floor nor walls."""

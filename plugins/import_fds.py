@@ -28,16 +28,16 @@ OUTSIDE, LEAST_PART = 0.1, 0.5
 
 
 class FdsImporter(Importer):
-    """FDS decks (.fds): a storey for the bottom of the meshes and for the top of each slab, with exits and start areas.
+    """FDS input files (.fds): storeys at the bottom of the meshes and at the top of each slab, exits and start areas.
 
-    Ground is what no obstruction occupies between 0.3 and 1.7 m above the floor, where holes are cut out of them. Exits
-    are those of FDS+Evac (`&EXIT`); open vents and its doors are openings, and `&EVAC` are start areas.
+    The floor area is what no obstruction occupies between 0.3 and 1.7 m above the floor, except where holes are cut out
+    of them. `&EXIT` lines of FDS+Evac are exits, `&EVAC` lines start areas, and `&DOOR` lines and open vents openings.
     """
 
     name = "fds"
     suffixes = (".fds",)
 
-    least = Parameter(LEAST_FLOOR, "least area of a storey", unit="m2", above=0.0)
+    least = Parameter(LEAST_FLOOR, "smallest area of a storey", unit="m2", above=0.0)
 
     def read(self, path: Path) -> Plan:
         """Read the deck; raise ValueError if it has no mesh."""

@@ -53,7 +53,7 @@ class GeojsonImporter(Importer):
     suffixes = (".geojson", ".json", ".zip")
 
     storey = Parameter("floor", "name of the storey of features without storey")
-    z = Parameter(0.0, "height of the lowest storey, for storeys without z", unit="m")
+    z = Parameter(0.0, "height of the lowest storey without z", unit="m")
     height = Parameter(3.0, "height between consecutive storeys without z", unit="m", above=0.0)
     unit = Parameter(1.0, "metres per unit of the coordinates", unit="m", above=0.0)
     wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
