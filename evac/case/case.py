@@ -91,7 +91,7 @@ class Case(Table):
     )
     simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
     output: OutputSettings = key("what is written", "", OutputSettings())
-    report: ReportSettings = key("what a report says", "", ReportSettings())
+    report: ReportSettings = key("what a report contains", "", ReportSettings())
     plugins: PluginSettings = key("plugin files", "", PluginSettings())
 
     _origin: Origin = PrivateAttr()
@@ -106,7 +106,7 @@ class Case(Table):
     def _fits_together(self) -> Self:
         people = sum(group.count for group in self.people)
         if people > MOST_PEOPLE:
-            raise wrong("people", f"{people:,} people in all groups; at most {MOST_PEOPLE:,} are allowed")
+            raise wrong("people", f"{people:,} people in all groups; use at most {MOST_PEOPLE:,}")
         if self.dose is not None and not self.conditions:
             raise wrong("dose", "the case has no gases or heat; add a table [[conditions]], or remove [dose]")
         return self

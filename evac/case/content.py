@@ -56,7 +56,7 @@ def read_table(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise ScenarioError(
-            f"{path}: not valid TOML: line {line} holds byte 0x{content[error.start]:02x}, which is not UTF-8; "
+            f"{path}: not valid TOML: line {line} contains byte 0x{content[error.start]:02x}, which is not UTF-8; "
             "save the file as UTF-8"
         ) from error
     try:

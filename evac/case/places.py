@@ -29,7 +29,7 @@ class PlaceSettings(Table):
         "greatest number of people; if not given, there is no limit", "", None, ge=1, le=MOST_PEOPLE
     )
     position: Point | None = key("position of a sign [x, y], about 0.1 m in front of its wall", "m", None)
-    z: Coordinate | None = key("height of the ground under a sign; this or `level`", "m", None)
+    z: Coordinate | None = key("height of the floor under a sign; this or `level`", "m", None)
     level: str | None = key("name of the level of a sign; this or `z`", "", None)
     exit: str | None = key("name of the exit that a sign shows", "", None)
     range: Annotated[Real, Field(gt=0, le=1000)] | None = key(

@@ -205,7 +205,7 @@ class ArrivalSettings(Table):
         if self.rate is not None and (self.from_ is None or self.to is None or self.from_ >= self.to):
             raise wrong("to", "give the times from and to of the rate, the earlier one first")
         if self.mean > MOST_PEOPLE:
-            raise wrong("rate", f"{self.mean:,} people; at most {MOST_PEOPLE:,} are allowed")
+            raise wrong("rate", f"gives {self.mean:,} people; reduce it to at most {MOST_PEOPLE:,}")
         return self
 
 
@@ -268,12 +268,12 @@ class GroupSettings(PeopleSettings):
         assert self.arrive is not None
         given = [name for name in ("area", "level") if getattr(self, name) is not None]
         if len(given) + (self.arrive.exit is not None) != 1:
-            raise wrong("arrive", "give one place at which they come: area, level, or arrive.exit")
+            raise wrong("arrive", "give one place at which they enter: area, level, or arrive.exit")
         if self.arrive.portal is not None and self.level is None:
-            raise wrong("level", "missing; name the level onto which people come through arrive.portal")
+            raise wrong("level", "missing; name the level that people enter through arrive.portal")
         for other in ("number", "positions", "velocity", "z"):
             if getattr(self, other) is not None:
-                raise wrong(other, "cannot be used with arrive, whose times or rate say how many come; remove it")
+                raise wrong(other, "cannot be used with arrive, whose times or rate set the number; remove it")
 
     def _check_place(self) -> None:
         place = "area" if self.area is not None else "level"
@@ -326,7 +326,7 @@ class SimulationSettings(Table):
         "update of the driving force (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
     no_progress: Annotated[float, Field(strict=True)] = key(
-        "the run ends when nobody has left or come nearer to an exit for this time; inf: never", "s", 60.0, gt=0
+        "the run ends when nobody has left or approached an exit for this time; inf: never", "s", 60.0, gt=0
     )
 
     @property

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def declare_case(parser: argparse.ArgumentParser, metavar: str = "CASE") -> None:
     """Add CASE, --set, --seed and --plugin to a command."""
-    parser.add_argument("case", metavar=metavar, help="a case.toml, a folder that holds one, or a shipped case")
+    parser.add_argument("case", metavar=metavar, help="a case.toml, a folder that contains one, or a shipped case")
     declare_set(parser, "change keys of the case, such as simulation.duration=60 people.class_1.number=5")
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers (simulation.seed)")
     declare_plugin(parser)

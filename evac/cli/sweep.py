@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    case = "a case.toml, a folder that holds one, or a shipped case; not needed if the table names cases"
+    case = "a case.toml, a folder that contains one, or a shipped case; not needed if the table names cases"
     parser.add_argument("case", metavar="CASE", nargs="?", help=case)
     declare_set(
         parser, "values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01", "KEY=VALUES"
@@ -92,7 +92,7 @@ def _with_files_beside(folder: Path, case: "Case") -> "Case":
 
     if case.unloaded_files and not is_inside(case.source, folder):
         raise ScenarioError(
-            f"{case.source}: has plugin files, and is named by a table that lies elsewhere; move the table beside the "
+            f"{case.source}: has plugin files, and is named by a table in another folder; move the table beside the "
             "folder of the case, or sweep the case itself"
         )
     return with_plugin_files(case)

@@ -307,7 +307,7 @@ def _is_edited(folder: Path) -> bool:
     """Return whether the plan of an earlier import has been changed."""
     plan, origin = folder / PLAN, folder / ORIGIN
     if plan.exists() and not origin.exists():
-        text = f"is missing, without which the edits of {PLAN} are not known"
+        text = f"is missing, so that the edits of {PLAN} cannot be found"
         raise ScenarioError(f"{origin}: {text}; restore it, or remove {PLAN} to import without its edits")
     return plan.exists() and plan.read_bytes() != origin.read_bytes()
 

@@ -46,7 +46,7 @@ def report_text(made: "Imported", digest: str) -> str:
         text += table(("number", "level", "width [m]", "from", "to", "z [m]"), openings)
     text += ["## People", ""]
     rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]
-    text += table(("room", "is", "ground [m2]", "people"), rooms) if rooms else ["None.", ""]
+    text += table(("room", "kind", "area [m2]", "people"), rooms) if rooms else ["None.", ""]
     text += _listed(made, KINDS[1:])
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
     return "\n".join([*text, f"case.toml as written: {digest}", ""])

@@ -72,7 +72,7 @@ def _check_same_ground(building: Building) -> None:
             if abs(room[k]) < needed - ROUNDING or room.min() < 0.0 < room.max():
                 x, y = places[k]
                 raise BuildingError(
-                    f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
+                    f"{building.source}: levels {a.name!r} and {b.name!r} overlap by {both.area:.3g} m2 in plan; at "
                     f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f} m, so people on one "
                     f"would walk through people on the other. Overlapping levels must be {needed:g} m apart in height: "
                     "cut the upper or the lower one away there (an area is a part of its floor, not drawn over it)"

@@ -138,10 +138,10 @@ def _walked_on(
     if hollow:
         notes.append(Finding("found", f"{len(hollow)} solid bodies; people walk on their upper faces (headroom)"))
     if stood:
-        text = f"{len(stood)} bodies stand on or in the ground of others and are cut out of it; one of them is here"
+        text = f"{len(stood)} bodies stand on or in the floor of others and are cut out of it; one of them is here"
         notes.append(Finding("found", text, place=place_of(stood[0])))
     if low_area:
-        text = f"{low_area:.2f} m2 of ground with less headroom than {headroom:g} m; the first part is here (headroom)"
+        text = f"{low_area:.2f} m2 of floor with less headroom than {headroom:g} m; the first part is here (headroom)"
         notes.append(Finding("left out", text, place=places[0]))
     beside = _beside(free)
     is_top = [_is_top(part) and not any(_is_step(part, free[j]) for j in beside[k]) for k, part in enumerate(free)]

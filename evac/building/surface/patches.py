@@ -110,7 +110,7 @@ def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]
                 pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
             except shapely.GEOSException as error:
                 x, y = place_of(part)
-                raise ValueError(f"the ground at ({x:z.2f}, {y:z.2f}) cannot be triangulated: {error}") from error
+                raise ValueError(f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated: {error}") from error
             plan = np.array([shapely.get_coordinates(piece)[:3] for piece in pieces]).reshape(-1, 2)
             solid = np.column_stack([plan, patch.height(plan)]).reshape(-1, 3, 3)
             corners.append(solid)

@@ -227,7 +227,7 @@ def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: F
         if abs(change) > MOST_CHANGE * least:
             x, y, z = before[np.argmin(least_height(before))].mean(axis=0)
             raise BuildingError(
-                f"{source}: welding changes the ground from {least:.4g} m2 by {change:+.2g} m2, because the width of "
+                f"{source}: merging vertices changes the area of {least:.4g} m2 by {change:+.2g} m2: the width of "
                 f"cells is close to building.weld ({weld:g} m), for example at ({x:z.2f}, {y:z.2f}, {z:z.2f}); "
                 "remove such cells, draw larger cells, or decrease building.weld"
             )

@@ -268,7 +268,7 @@ def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: sh
         except shapely.GEOSException as error:
             x, y = rings[-1][0]
             raise ValueError(
-                f"the ground at ({x:z.2f}, {y:z.2f}) cannot be triangulated ({error}): parts of its outline are too "
+                f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated ({error}): parts of its outline are too "
                 "close to each other there; repair the outline"
             ) from error
         for triangle in shapely.get_parts(pieces):

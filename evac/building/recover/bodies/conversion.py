@@ -54,7 +54,7 @@ def plan_of_bodies(
         kinds = sorted({body.kind for body in bodies})
         lost = "".join(f"; {one.text}" for one in findings if one.kind == "missing")
         raise BuildingError(
-            f"{source}: the file has no ground, neither a space nor a slab with a level top, only "
+            f"{source}: the file has no floor: neither a space nor a slab with a level top, only "
             f"{', '.join(kinds) or 'nothing'}{lost}"
         )
     ways = doorways_of(passages, floors, [body for body in bodies if body.kind == "wall"], findings)

@@ -312,7 +312,7 @@ def _complete(stair: FoundStair, landings: Sequence[Landing]) -> None:
             end = next(end for end in fitted.ends if _strip(end, fitted, landings) is None)
             x, y = end.edge.mean(axis=0).tolist()
             name = None if end.floor is None else end.floor.name
-            text = f"{stair.bodies} is left out: no ground lies along the whole end of a flight at {end.z:.2f} m"
+            text = f"{stair.bodies} is left out: no floor adjoins the whole end of a flight at {end.z:.2f} m"
             raise LeftOutError(text, name, (x, y))
         stair.flights[row] = flight
         for end, ground in zip(flight.ends, strips, strict=True):

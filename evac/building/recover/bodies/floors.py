@@ -115,7 +115,7 @@ def floors_of(
                 continue
             made = slabs
             what = "the file has no spaces" if rules.ground == "auto" else "as set"
-            findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
+            findings.append(Finding("assumed", f"slabs without walls are used as floors: {what} (ground)", name))
         made = _without_bodies(made, bodies, height, rules.furniture)
         floors.append(Floor(name, height.z, made, slabs, list(rooms.items())))
         levels = [z for _, _, z in height.spaces]
@@ -229,7 +229,7 @@ def _of_spaces(height: _Height, slabs: BaseGeometry, name: str, gap: float, find
     plan = united([closed(united([one for _, one, _ in height.spaces]), gap)])
     if slabs.is_empty:
         findings.append(
-            Finding("assumed", "no slab is at the height of the spaces; all spaces are used as ground", name)
+            Finding("assumed", "no slab is at the height of the spaces; all spaces are used as floors", name)
         )
         return plan
     void = without_slivers(cut(plan, slabs), 2 * THICKNESS)
@@ -276,7 +276,7 @@ def _halls(
     for hall in (hall for ring in enclosed for hall in shapely.get_parts(common(ring, slabs))):
         if hall.area > LEAST_VOID and sum(hall.distance(door) < BESIDE for door in doors) > 1:
             halls.append(hall)
-            text = f"{hall.area:.2f} m2 of slab between doors are ground without a space"
+            text = f"{hall.area:.2f} m2 of slab between doors are used as a floor without a space"
             findings.append(Finding("assumed", text, name, place_of(hall)))
     return united(halls)
 
@@ -304,7 +304,7 @@ def _drop_slivers(floor: Floor, findings: list[Finding]) -> None:
     kept = without_slivers(floor.ground, NARROWEST)
     dropped = [part for part in shapely.get_parts(cut(floor.ground, kept)) if part.area > 1e-3]
     if dropped:
-        text = f"{len(dropped)} pieces of ground narrower than {NARROWEST:g} m, {sum(p.area for p in dropped):.2f} m2"
+        text = f"{len(dropped)} pieces of floor narrower than {NARROWEST:g} m, {sum(p.area for p in dropped):.2f} m2"
         place = place_of(max(dropped, key=lambda part: part.area))
         findings.append(Finding("left out", f"{text}, the largest here", floor.name, place))
     floor.ground = snapped(kept)
