@@ -54,7 +54,7 @@ class Change:
     what : str
         Name of what changes.
     values : mapping of str to number, str, bool or tuple of these
-        What the kind of change needs besides, as ``value`` (`REMEDIES`). When a link has closed, ``let_through`` lists
+        Further values of this kind of change, such as ``value``. When a link has closed, ``let_through`` lists
         the people whose bodies were on its line, see docs/summary.md.
     """
 

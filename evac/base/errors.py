@@ -64,7 +64,7 @@ class EvacWarning(UserWarning):
 
 
 class RunWarning(EvacWarning):
-    """What the results of a run or a study say too: about building, people, people left inside, and quality."""
+    """A warning that the results contain, too: about building, people, people left inside, or quality."""
 
 
 class ProcessWarning(EvacWarning):

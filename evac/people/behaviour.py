@@ -174,9 +174,9 @@ class BehaviourScene:
     folder : Path
         The folder of the case.
     files : list of Path
-        The files asked for with `file`.
+        The files requested with `file`.
     level_fields : list of LevelField
-        The fields made with `level_field`.
+        The fields created with `level_field`.
     displacement_velocity : (n, 2) float64
         Displacement of each person in the last tick divided by the length of the tick, in plan [m/s]; read-only.
     """
@@ -245,7 +245,7 @@ class BehaviourScene:
     def level_field(self, name: str, unit: str, spacing: float = 1.0) -> LevelField:
         """Return a scalar field on all levels, for example the density of smoke, which only this behaviour writes.
 
-        It is made by the first call, zero at first, recorded in the trajectory at each output time, and part of
+        It is created by the first call, zero at first, recorded in the trajectory at each output time, and part of
         checkpoints. Others read it from ``scene.scene.fields_of_behaviours``. Call this method in `Behaviour.prepare`.
 
         Parameters
@@ -279,7 +279,7 @@ class BehaviourScene:
         return self.scene.people.rows_in(self.scene.building, name)
 
     def begin_ways(self, rows: IntArray) -> None:
-        """Let the progress of people count anew, because they begin another way, such as back to where they were.
+        """Count the progress of people anew, because they begin another way, such as back to where they were.
 
         A run ends when nobody has come nearer to the end of a route than ever before for ``no_progress``.
         """

@@ -200,8 +200,8 @@ def compare(*what: "str | Path | Results | Study | tuple[Study, int]") -> Compar
     Parameters
     ----------
     *what : str, Path, Results, Study or (Study, int)
-        Result folders of runs, folders of studies, or what has been read from them; of a study with several points,
-        each point is a design, and a pair has one of them.
+        Result folders of runs, folders of studies, or results read from them. Each point of a study is a design;
+        a pair selects one point.
 
     Returns
     -------

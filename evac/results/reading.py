@@ -39,7 +39,7 @@ def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) ->
     """Read the results of a run from its folder, also of one that was interrupted or has failed.
 
     Nothing is changed in the folder, and no code that it names is executed. The building is that of the trajectory, if
-    one was recorded. The case is checked when `Results.case` is asked for.
+    one was recorded. The case is loaded when `Results.case` is used for the first time.
 
     Parameters
     ----------

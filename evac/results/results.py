@@ -111,7 +111,7 @@ class Results:
     entered_barred : mapping of str to tuple of int
         The people who entered each area while it was barred, because they had no other way.
     notes : tuple of str
-        What behaviours tell about people, such as who was missing when a class was counted.
+        Messages of behaviours about people, such as who was missing when a class was counted.
     stuck : sequence of int
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     warnings : sequence of str
@@ -119,7 +119,7 @@ class Results:
     quality_warnings : sequence of str
         Quality warnings (docs/results.md): numerical or physical problems of the results, one line each.
     keeps_distance : sequence of str
-        Behaviours in use with which people keep distances.
+        Behaviours in use that make people keep distances.
     report : mapping
         Report of the contact model, with the keys described in docs/summary.md.
     phases : mapping of str to float
@@ -205,7 +205,7 @@ class Results:
 
     @property
     def case(self) -> "Case":
-        """The case. Of results that were read, it is checked when it is asked for.
+        """The case. For results that were read, it is loaded and checked on first use.
 
         Raises
         ------
@@ -281,12 +281,12 @@ class Results:
 
     @property
     def at_places(self) -> int:
-        """Number of people who are at refuges or assembly areas, but for those whom gases or heat have stopped."""
+        """Number of people at refuges or assembly areas, except those whom gases or heat have stopped."""
         return len({row for place in self.places for row in place.people} - {*self.stopped.tolist()})
 
     @property
     def is_complete(self) -> bool:
-        """Whether everybody who leaves is out or at a safe place, and nobody is still to come or has been stopped."""
+        """Whether everybody who is to leave is out or at a safe place, and nobody is to arrive or has been stopped."""
         return self.evacuated + self.at_places + self.staying == self.number_of_people and not len(self.stopped)
 
     @cached_property
@@ -305,19 +305,19 @@ class Results:
 
     @property
     def staying(self) -> int:
-        """Number of people inside at the end who do not leave, but for those whom gases or heat have stopped."""
+        """Number of people inside at the end who do not leave, except those whom gases or heat have stopped."""
         return int(np.delete(self._stays, self.stopped).sum())
 
     @cached_property
     def leaving(self) -> IntArray:
-        """Rows of the people who are out or are to leave: not who stays, is at a safe place or has not come."""
+        """Rows of people who are out or are to leave: without those who stay, are at a safe place or have not come."""
         leaves = ~self._stays & ~np.isnan(self.crowd.arrival_time)
         leaves[[row for place in self.places for row in place.people]] = False
         return np.flatnonzero(leaves).astype(np.int32)
 
     @property
     def not_arrived(self) -> int:
-        """Number of people who have not come; `waiting_outside` of them would have, but found no free place."""
+        """Number of people who have not entered the building, including the `waiting_outside`."""
         return int(np.isnan(self.crowd.arrival_time).sum())
 
     @property
@@ -327,7 +327,7 @@ class Results:
 
     @property
     def left_by_other_exits(self) -> IntArray:
-        """Rows of the people who left by an exit that does not belong to their route, for example when pushed."""
+        """Rows of the people who left by an exit outside their route, for example because they were pushed."""
         leads_to = np.array([[route.leads_to(name) for name in self.exits] for route in self.routes])
         out = np.flatnonzero(self.crowd.exit_used >= 0)
         others: IntArray = out[~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]].astype(np.int32)
@@ -342,17 +342,17 @@ class Results:
 
     @property
     def exit_status(self) -> int:
-        """0 if everybody who leaves is out or at a safe place, 3 if others are left or have not come."""
+        """0 if everybody who is to leave is out or at a safe place, otherwise 3."""
         return 0 if self.is_complete else 3
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """People left inside or stuck, and people who left by an exit that is not on their route, one line each."""
+        """People left inside or stuck, and people who left by an exit outside their route, one line each."""
         return remarks_of(self)
 
     @cached_property
     def answer(self) -> "Answer":
-        """What the run answers, in a few lines: who is out, when, by which exits, the longest queue, and warnings."""
+        """The answer of the run in a few lines: who is out, when, by which exits, the longest queue, and warnings."""
         from evac.results.answer import answer_of
 
         return answer_of(self)

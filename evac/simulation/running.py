@@ -87,8 +87,8 @@ def run(
     Warns
     -----
     RunWarning
-        What the command says, which the results contain too: warnings about building and people, before the run;
-        what came of events; people who are left inside or stuck; quality warnings.
+        The warnings of the command, which the results contain, too: about building and people, before the run;
+        outcomes of events; people who are left inside or stuck; quality warnings.
 
     Examples
     --------

@@ -100,7 +100,7 @@ class Simulation:
     ended : str
         Why the run has ended; empty during the run.
     stopping : tuple of Finding
-        Places that people do not fit through, although no other way leads to an exit.
+        Places that are too narrow for people who have no other way to an exit.
     resumed : list of dict
         The checkpoints from which the run was resumed, see docs/summary.md.
     """
@@ -183,12 +183,12 @@ class Simulation:
 
     @property
     def dose(self) -> FloatArray | None:
-        """The greater one of the doses of gases and heat of each person, (n,); None in a case without doses."""
+        """The greater of the doses of gases and heat of each person, (n,); None in a case without doses."""
         return None if self.exposure is None else self.exposure.dose(self.time)
 
     @property
     def standing(self) -> NDArray[np.bool_]:
-        """Who is in no queue, (n,): at a refuge or assembly area, stopped by gases, or held by a behaviour."""
+        """Whether people are in no queue, (n,): at a refuge or assembly area, stopped by gases, held by a behaviour."""
         standing = self.places.arrived | self.deciding.held
         return standing if self.exposure is None else standing | self.exposure.stopped
 
@@ -287,7 +287,7 @@ class Simulation:
         self.loop.advance()
 
     def let_in(self) -> None:
-        """Let the people come in whose time has come, as far as there is room for them."""
+        """Place the people whose arrival time has come, as far as there is room for them."""
         came = self.population.arrive(self.building, self.time)
         crowd = self.population.crowd
         self.start_position[came], self.start_level[came] = crowd.position[came], crowd.level[came]
@@ -296,7 +296,7 @@ class Simulation:
 
     @property
     def to_come(self) -> bool:
-        """Whether somebody is still to come before the end of the longest run."""
+        """Whether people are still to arrive before the end of the longest run."""
         step, settings = self.step, self.case.simulation
         is_late = np.isnan(self.population.crowd.arrival_time)
         return step < settings.last_step and bool(is_late.any()) and self.population.next_arrival < settings.duration
@@ -351,7 +351,7 @@ class Simulation:
         return replace(results, metrics=dict(metrics(self.registry, results)))
 
     def data_files(self) -> list[Path]:
-        """Return the files that behaviours and conditions have asked for."""
+        """Return the files that behaviours and conditions have requested."""
         scenes = [scene for _, scene in self.behaviours]
         files = [path for scene in scenes for path in scene.files]
         if self.exposure is not None:

@@ -91,10 +91,10 @@ def repeat(
     Warns
     -----
     RunWarning
-        What the command says: warnings about building and people of the first run; failed runs, people who are left
+        The warnings of the command: about building and people of the first run; failed runs, people who are left
         inside, intervals that are wider than required, an effect of the time step, quality warnings.
     ProcessWarning
-        All runs are made in this process, although others were asked for.
+        All runs are made in this process, although others were requested.
 
     Examples
     --------

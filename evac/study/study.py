@@ -216,7 +216,7 @@ class Study:
 
     @property
     def step_change(self) -> Estimate | None:
-        """The difference that half the time step makes, if that is what the points of the study differ in."""
+        """The effect of half the time step, if the points of the study differ in it."""
         if [tuple(point.parameters) for point in self.points] != [(STEP,), (STEP,)]:
             return None
         step, other = (point.parameters[STEP] for point in self.points)

@@ -170,7 +170,7 @@ class Trajectory:
         return first
 
     def out_at(self, k: int) -> int:
-        """Return the number of people who have left until frame `k`; of those who arrive, if a frame has them."""
+        """Return the number of people who have left until frame `k`; people who arrive count once a frame has them."""
         arriving = [name in self.header.get("arriving", ()) for name in self.groups]
         is_here = (self._first_seen <= k) | (self.group < 0) | ~np.array([*arriving, False])[self.group]
         return int(is_here.sum()) - len(self.rows[k].person)
@@ -205,7 +205,7 @@ class Trajectory:
         Parameters
         ----------
         name : str
-            Of one of `level_fields`.
+            Name of one of `level_fields`.
         frame : Frame
         """
         number = [level_field.name for level_field in self.level_fields].index(name)

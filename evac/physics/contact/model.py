@@ -112,9 +112,9 @@ class ContactModel(Configurable, ABC):
     memory : tuple of str
         Names of the numbers that the law keeps of each contact, column by column of ``state.contacts.memory``. They are
         zero where a contact begins; the law replaces them in every sub-step, and they are lost when the contact is open
-        at the end of a sub-step. As the two people may change places in a contact, the numbers must be the same seen
-        from either: of a vector, components along the normal and the tangent (-ny, nx), which turn over with the
-        places, not along x and y. A contact with a wall is one with that wall; the next wall is another one.
+        at the end of a sub-step. The two people of a contact may be exchanged, so the numbers must not depend on their
+        order: of a vector, keep the components along the normal and the tangent (-ny, nx), which are reversed
+        together, instead of x and y. The contacts of a person with two walls are different contacts.
     along_the_way : bool
         Whether bodies, and with them contacts, are sorted by travel time, the order in which sweeps transmit loads; if
         not, they are sorted by place, which is faster in large crowds.
