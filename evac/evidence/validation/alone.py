@@ -54,7 +54,9 @@ def corridor(trial: Trial, speed: float, low: float, high: float) -> Iterator[Ch
     times = [run.last_out() for run in trial.runs(plan, [_place(0.0, speed=speed)])]
     by_hand = 40.0 / speed + ONE["tau"]
     yield check(f"time for 40 m at {speed:g} m/s [s]", "the standard", times, low, high)
-    yield check("the same, from rest by hand [s]", "L / v + tau ± h", times, by_hand - 0.01, by_hand + 0.01)
+    yield check(
+        "the same; expected value calculated from rest [s]", "L / v + tau ± h", times, by_hand - 0.01, by_hand + 0.01
+    )
 
 
 def speed_in_corridor(trial: Trial) -> Iterator[Check]:
@@ -78,7 +80,7 @@ def stair(trial: Trial, way: str, speed: float, length: float = 10.0, flat: floa
     asked, by_hand = length / speed, length / speed - tau * (flat - slow) / slow
     words = f"time for {length:g} m {way} a stair at {speed:g} m/s [s]"
     yield check(words, "the standard, ± 5 %", times, 0.95 * asked, 1.05 * asked)
-    words = f"the same, entered at {flat:g} m/s, by hand [s]"
+    words = f"the same; expected value calculated for an entry at {flat:g} m/s [s]"
     yield check(words, "eq. 33, ± 1 %", times, 0.99 * by_hand, 1.01 * by_hand)
 
 
@@ -97,7 +99,7 @@ def response(trial: Trial) -> Iterator[Check]:
     anywhere = trial.runs(plan, [{**ONE, "area": "room", "number": 10, "speed": 1.33}], "random", behaviours=late)
     words = "greatest time from response to first motion, all at the far wall [s]"
     yield check(words, "RiMEA: two frames of 1/8 s", map(_lag, favourable), high=0.25)
-    pushed, source = "greatest way anybody is pushed before the own response, ", "RiMEA: nobody moves before"
+    pushed, source = "greatest distance anybody is pushed before the own response, ", "RiMEA: nobody moves before"
     yield check(f"{pushed}all at the far wall [m]", source, map(_way_before_response, favourable), high=MOVED)
     yield check(f"{pushed}random places [m]", source, map(_way_before_response, anywhere), high=MOVED)
 
@@ -130,7 +132,7 @@ def round_a_corner(trial: Trial) -> Iterator[Check]:
         beyond = ((x < 10) & (y > 2)) | (x < 0) | (x > 12) | (y < 0) | (y > 12)
         kept.append(20 - int(beyond.any(axis=0).sum()))
         out.append(outcome.results.evacuated)
-    yield check("people who never were beyond a wall, of 20", "the standard", kept, low=20, high=20)
+    yield check("people who never crossed a wall, of 20", "the standard", kept, low=20, high=20)
     yield check("people who came round the corner, of 20", "the standard", out, low=20, high=20)
 
 
@@ -239,10 +241,10 @@ def corridor_in_smoke(trial: Trial) -> Iterator[Check]:
         runs = walked(f"K {extinction:g}", conditions=[smoke])
         pairs = list(zip(runs, clear, strict=True))
         band = (2.0 * TAU * (1.0 - share) + 2.0 * TICK) / start
-        words = f"time for 100 m at K {extinction:g} 1/m, over that in clear air, times the share of the speed"
+        words = f"time for 100 m at K = {extinction:g} 1/m divided by that in clear air, times the share of the speed"
         ratios = [run.last_out() / before.last_out() * share for run, before in pairs]
         yield check(words, "ISO 20414, by hand", ratios, 1.0 - band, 1.0 + band)
-        words = f"the same from x = 20 to 80 m at K {extinction:g} 1/m"
+        words = f"the same from x = 20 to 80 m at K = {extinction:g} 1/m"
         ratios = [_between(run) / _between(before) * share for run, before in pairs]
         yield check(words, "by hand, ± 0.1 %", ratios, 0.999, 1.001)
 

@@ -20,7 +20,7 @@ def faster_people(trial: Trial) -> Iterator[Check]:
         changed = case.change({f"people.{group.name}.speed": speed for group in case.people})
         times.append([run.last_out() for run in trial.run_case(trial.changed(changed), f"{speed:g} m per s")])
     last = np.array(times)
-    words = "last out at 0.75 over 1.0, or 1.0 over 1.25 m/s, the lesser"
+    words = "evacuation time at 0.75 divided by that at 1.0 m/s, or at 1.0 by 1.25 m/s, the smaller"
     yield check(words, "RiMEA; the shipped school for its building", (last[:-1] / last[1:]).min(axis=0), low=1.0)
 
 
@@ -37,7 +37,7 @@ def assigned_exits(trial: Trial) -> Iterator[Check]:
         wanted = np.array([mains[group] for group in run.results.crowd.group])
         by_main.append(run.out_by("main").sum())
         as_told.append((run.out_by("main") & wanted).sum() + (run.out_by("secondary") & ~wanted).sum())
-    yield check("people who left by the exit assigned, of 23", "the standard", as_told, low=23, high=23)
+    yield check("people who left by the assigned exit, of 23", "the standard", as_told, low=23, high=23)
     yield check("people who left by the main exit, of 23", "the standard", by_main, low=15, high=15)
 
 
@@ -130,7 +130,12 @@ def familiar_exit(trial: Trial) -> Iterator[Check]:
         shares[label] = np.array([run.out_by("2").mean() for run in trial.runs(plan, people, label)])
     source = "NIST TN 1822, ISO 20414"
     yield check("share of exit 2 if people know both", source, shares["both"], 0.4, 0.6)
-    yield check("share of exit 2 if 80 % know it alone, over that", source, shares["one"] / shares["both"], low=1.0)
+    yield check(
+        "share of exit 2 if 80 % know only exit 2; divided by that if people know both",
+        source,
+        shares["one"] / shares["both"],
+        low=1.0,
+    )
 
 
 def closing_exit(trial: Trial) -> Iterator[Check]:

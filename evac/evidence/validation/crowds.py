@@ -69,7 +69,7 @@ def fundamental_diagram(trial: Trial) -> Iterator[Check]:
     for density in DENSITIES:
         densities, speeds = _in_filled_corridor(trial, density)
         ratios = [speed / weidmann(found) for found, speed in zip(densities, speeds, strict=True)]
-        words = f"speed over Weidmann's at the density found, corridor filled with {density:g} /m²"
+        words = f"speed divided by Weidmann's at the measured density, corridor filled with {density:g} /m²"
         source = "Weidmann (1993) ± one standard deviation of the free speed; RiMEA has no bound"
         yield check(words, source, ratios, 1.0 - WEIDMANN_BAND, 1.0 + WEIDMANN_BAND)
 
@@ -77,7 +77,7 @@ def fundamental_diagram(trial: Trial) -> Iterator[Check]:
 def flow_falls_at_high_density(trial: Trial) -> Iterator[Check]:
     """Compare the flows in a corridor at a moderate and at a very high density."""
     moderate, high = (np.prod(_in_filled_corridor(trial, density, radius=0.2), axis=0) for density in (1.75, 4.0))
-    yield check("flow at 4 over flow at 1.75 per m2", "IMO: smaller", high / moderate, high=1.0)
+    yield check("flow at 4 people per m2 divided by that at 1.75", "IMO: smaller", high / moderate, high=1.0)
 
 
 def speeds_in_a_filled_corridor(trial: Trial) -> Iterator[Check]:
@@ -91,8 +91,10 @@ def speeds_in_a_filled_corridor(trial: Trial) -> Iterator[Check]:
             own.append(np.nanmean(20.0 / (run.passing_times(0, 40.0) - run.passing_times(0, 20.0))))
         speeds.append(own)
     found = np.array(speeds)
-    yield check("greatest speed over the free speed", "ISO 20414: at most the free one", found.max(axis=0), high=1.05)
-    words = f"speed with more people over that with fewer, greatest of {', '.join(map(str, numbers))}"
+    yield check(
+        "greatest speed divided by the free speed", "ISO 20414: at most the free one", found.max(axis=0), high=1.05
+    )
+    words = f"speed with more people divided by that with fewer, greatest for {', '.join(map(str, numbers))}"
     yield check(words, "ISO 20414: falls", (found[1:] / found[:-1]).max(axis=0), high=1.0)
 
 
@@ -138,7 +140,13 @@ def four_and_two_doors(trial: Trial) -> Iterator[Check]:
         plan = plans.one_storey(box(0, 0, 30, 20), exits=exits, areas={"start": box(2, 2, 28, 18)})
         times.append([run.last_out() for run in trial.runs(plan, [plans.crowd(1000)], label, output=SELDOM)])
     ratios = np.array(times[1]) / np.array(times[0])
-    yield check("last out by two doors over by four", "IMO: about 2; band of jpscore's test", ratios, 1.6, 2.4)
+    yield check(
+        "evacuation time with two doors divided by that with four",
+        "IMO: about 2; band of jpscore's test",
+        ratios,
+        1.6,
+        2.4,
+    )
 
 
 def _cleared(run: Outcome) -> float:
@@ -154,24 +162,29 @@ def bottlenecks(trial: Trial) -> Iterator[Check]:
 
     goals = {depth: runs(f"goal {depth:g} m", behind=depth) for depth in (0.0, 1.0, 5.0, 10.0)}
     by_goal = np.array([[_cleared(run) for run in own] for own in goals.values()])
-    words = "a: time to clear, goal 0, 1, 5, 10 m behind: greatest decrease to the next [-]"
+    words = "a: time to clear, goal 0, 1, 5, 10 m behind the bottleneck: greatest decrease to the next [-]"
     decrease = 1.0 - (by_goal[1:] / by_goal[:-1]).min(axis=0)
     yield check(words, "RiMEA: no decrease, within 5 %", decrease, high=0.05)
     long = [_cleared(run) for run in runs("5 m long", length=5.0)]
-    words = "b: time to clear, bottleneck 5 m over 0.2 m long"
+    words = "b: time to clear with a bottleneck of 5 m length divided by that with 0.2 m"
     yield check(words, "RiMEA", np.array(long) / by_goal[-1], low=1.0)
     peaks = []
     for run in runs("two in a row", widths=(1.0, 1.0)):
         before = [run.densities(x - 3, 3.5, x, 6.5).max() for x in (10.0, 20.2)]
         peaks.append(before[0] / before[1] if not run.is_blocked else np.nan)
-    yield check("c: greatest density before the first over the second of two", "RiMEA", peaks, low=1.0)
+    yield check(
+        "c: greatest density before the first of two bottlenecks divided by that before the second",
+        "RiMEA",
+        peaks,
+        low=1.0,
+    )
     flows = np.array(
         [
             [np.nan if run.is_blocked else steady_flow(np.sort(run.passing_times(0, 10.0))) for run in own]
             for own in (runs("0.8 m wide", widths=(0.8,)), goals[10.0], runs("1.2 m wide", widths=(1.2,)))
         ]
     )
-    words = "d: flow at 1.0 over 0.8 m, or 1.2 over 1.0 m width, the lesser"
+    words = "d: flow at 1.0 divided by that at 0.8 m width, or at 1.2 by 1.0 m, the smaller"
     yield check(words, "RiMEA", (flows[1:] / flows[:-1]).min(axis=0), low=1.0)
 
 
@@ -185,9 +198,9 @@ def congestion(trial: Trial) -> Iterator[Check]:
         inside = run.densities(10.0, 3.0, 12.0, 5.0).max()
         door.append(run.densities(4.0, 3.0, 5.0, 5.0).max() / inside)
         foot.append(run.densities(16.0, 3.0, 17.0, 5.0).max() / inside)
-    words = "flow into the corridor over the flow onto the stair: jam at its foot"
+    words = "flow into the corridor divided by the flow onto the stair (jam at its foot)"
     yield check(words, "RiMEA, IMO, ISO 20414", gains, low=1.0)
-    words = "greatest density {} over that in the corridor"
+    words = "greatest density {} divided by that in the corridor"
     yield check(words.format("at the exit of the room"), "IMO, NIST TN 1822, ISO 20414", door, low=1.0)
     yield check(words.format("at the foot of the stair"), "IMO, ISO 20414", foot, low=1.0)
 
@@ -219,7 +232,7 @@ def speeds_on_a_stair(trial: Trial) -> Iterator[Check]:
         yield check(words, "RiMEA: band of experiments; here most moments", shares, low=0.5)
         means[way] = np.array(rows)
     ratios = [np.nan if np.isnan(row).all() else np.nanmean(row) for row in means["down"] / means["up"]]
-    yield check("speed down over speed up, mean at equal densities", "RiMEA: faster down", ratios, low=1.0)
+    yield check("speed down divided by speed up, mean at equal densities", "RiMEA: faster down", ratios, low=1.0)
 
 
 def wider_stairs(trial: Trial) -> Iterator[Check]:
@@ -231,7 +244,7 @@ def wider_stairs(trial: Trial) -> Iterator[Check]:
             runs = trial.runs(plans.halls_and_stair(way, width, 3.0, 3.0), [plans.crowd(100)], f"{way} {width:g} m")
             flows.append([np.nan if run.is_blocked else steady_flow(_onto_the_flight(run)) for run in runs])
         found = np.array(flows)
-        words = f"flow {way} a stair of {widths[-1]:g} m over that of {widths[0]:g} m"
+        words = f"flow {way} a stair of {widths[-1]:g} m divided by that of {widths[0]:g} m"
         yield check(words, "ISO 20414: increases", found[-1] / found[0], low=1.0)
         slopes = [float(np.polyfit(widths, own, 1)[0]) for own in found.T]
         yield check(f"increase of the flow {way} by width [1/s/m]", "ISO 20414: increases", slopes, low=0.0)
@@ -255,7 +268,7 @@ def counterflow(trial: Trial) -> Iterator[Check]:
         times.append([run.last_out(0) for run in trial.runs(scene.plan, people, f"against {number}")])
     last = np.array(times)
     for k, (fewer, more) in enumerate(pairwise(COUNTERS)):
-        words = f"last arrival of 100 people against {more} over against {fewer}"
+        words = f"last arrival of 100 people against {more} divided by that against {fewer}"
         yield check(words, "IMO, NIST TN 1822, ISO 20414", last[k + 1] / last[k], low=1.0)
 
 
@@ -274,8 +287,8 @@ def corner_of_a_crowd(trial: Trial) -> Iterator[Check]:
         np.array([run.last_out() for run in trial.runs(plan, [group], label, output=SELDOM)])
         for label, plan in (straight | {"corner": bend}).items()
     )
-    yield check("last out round the corner over on 44 m", "RiMEA", turned / short, low=1.0)
-    yield check("last out round the corner over on 75.4 m", "RiMEA", turned / long, high=1.0)
+    yield check("evacuation time round the corner divided by that on 44 m", "RiMEA", turned / short, low=1.0)
+    yield check("evacuation time round the corner divided by that on 75.4 m", "RiMEA", turned / long, high=1.0)
 
 
 def slow_and_wide(trial: Trial) -> Iterator[Check]:
@@ -291,5 +304,5 @@ def slow_and_wide(trial: Trial) -> Iterator[Check]:
     for label, one in (("slow", {"speed": 0.8, "speed_up": 0.8, "radius": 0.4}), ("control", able)):
         people = [{"area": "start", "number": 24, **able}, {"positions": [[4.3, 2.0]], "z": 0.0, **one}]
         times.append([run.last_out() for run in trial.runs(plan, people, label)])
-    words = "last out of 25 with a slow and wide one over without"
+    words = "evacuation time of 25 people with a slow and wide one divided by that without"
     yield check(words, "NIST TN 1822, ISO 20414", np.array(times[0]) / np.array(times[1]), low=1.0)

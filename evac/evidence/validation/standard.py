@@ -11,10 +11,10 @@ from evac.evidence.validation.trial import Check, Trial
 
 #: The documents, the sources in which they were read since not all originals were available, and their tests.
 STANDARDS = {
-    "RiMEA": "RiMEA guideline 4.1.1 (2025), annex 1; drawings of 3.0 in jpscore, 4.1.1 as others read it",
-    "IMO": "IMO MSC.1/Circ.1533 (2016), annex 3, appendix 2; as FDS+Evac's guide and community documents have it",
-    "NIST": "NIST TN 1822 (Ronchi et al. 2013); as a port by the community has it, whose dimensions may be its own",
-    "ISO": "ISO 20414:2020, verification tests; as community documents have it, whose dimensions may be their own",
+    "RiMEA": "RiMEA guideline 4.1.1 (2025), annex 1; read: drawings of 3.0 in jpscore, 4.1.1 in quotations",
+    "IMO": "IMO MSC.1/Circ.1533 (2016), annex 3, appendix 2; read in FDS+Evac's guide and community documents",
+    "NIST": "NIST TN 1822 (Ronchi et al. 2013); read in a port by the community, whose dimensions may differ",
+    "ISO": "ISO 20414:2020, verification tests; read in community documents, whose dimensions may differ",
 }
 
 PASSED, FAILED, NOT_YET, NOT_APPLICABLE = "passed", "FAILED", "not yet", "not applicable"
@@ -166,6 +166,6 @@ TESTS: Sequence[StandardTest] = (
     _left_out(
         "ISO-V",
         "its nine validation tests",
-        f"{NOT_APPLICABLE}: their text and data were not at hand; see docs/evidence/people",
+        f"{NOT_APPLICABLE}: their text and data were not available; see docs/evidence/people",
     ),
 )
