@@ -26,7 +26,7 @@ LEAST_RATIO = 20
 #: Residual of the reference [m/s]: the overdamped problems are harder than those of `LAWS`.
 PRECISION = 1e-7
 
-SECTION = "Beside cromosim"
+SECTION = "Comparison with cromosim"
 
 
 def run(evidence: Evidence) -> None:

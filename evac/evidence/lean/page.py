@@ -93,7 +93,7 @@ class Trial:
     states: list[dict[str, np.ndarray]]
 
 
-PARTS = "Parts forced in"
+PARTS = "Included parts"
 
 
 def run(evidence: Evidence) -> None:

@@ -46,7 +46,7 @@ def report_classroom(evidence: Evidence) -> None:
     blocked = evidence.measured("classroom_blocked", lambda: [_share_row(*own) for own in measured().items()])
     everybody = evidence.measured("classroom_all", lambda: _all_rows(measured()))
     desks = evidence.measured("classroom_desks", lambda: _desk_rows(measured()))
-    section = "The classroom: who blocks, and escape times per desk (section 4.2)"
+    section = "The classroom: blocked runs and escape times per desk (section 4.2)"
     for row in blocked:
         told = f"{row['blocked']} of {row['runs']} ({row['from [%]']:.0f} to {row['to [%]']:.0f} %)"
         evidence.verdict(reported(f"Classroom, {row['model']}: blocked runs", told, PUBLISHED[row["model"]], section))

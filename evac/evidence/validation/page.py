@@ -44,7 +44,7 @@ SUBJECTS: Mapping[str, Subject] = {
 QUICK_SUBJECTS = tuple(SUBJECTS)[:3]
 
 #: Heading of the verdicts.
-RELY = "What to rely on"
+RELY = "Verdicts of the tests"
 
 
 def carry_out_with(name: str, test: StandardTest, seed: int) -> list[Row]:

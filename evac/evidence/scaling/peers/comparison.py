@@ -30,7 +30,7 @@ FAILURES = (SimulationError, RuntimeError, ArithmeticError, IndexError)
 
 BASE, LEAST = "evac, DEM", "minimal kernel"
 
-SECTION = "Beside other programs"
+SECTION = "Comparison with other programs"
 
 
 class Program(Protocol):
