@@ -124,7 +124,7 @@ def cut_off(building: Building, fields: Fields, crowd: Crowd, groups: "tuple[Gro
         ends = " or ".join(sorted({fields.routes[route].refuge or "any exit" for route in routes}))
         lines.append(
             f"people.{group.name}: {counted(len(lost), 'person', 'people')} on {levels} cannot reach {ends} any more, "
-            "and stand still; open a way"
+            "so they stop; open a way"
         )
     return tuple(lines)
 
