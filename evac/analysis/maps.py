@@ -45,11 +45,11 @@ QUANTITIES = {
     "speed": Quantity("mean speed", "m/s", "mean speed of people who have started, along the slope on stairs"),
     "flow": Quantity("specific flow", "1/(m s)", "mean over time of density times velocity, length of the vector"),
     "waiting": Quantity("waiting", "s/m²", f"time below {WAITING_SPEED:g} m/s after the response time, per area"),
-    "time_to_clear": Quantity("time to clear", "s", "time at which the last body was there"),
+    "time_to_clear": Quantity("time to clear", "s", "time at which the last body left the place"),
     "contact_pressure": Quantity(
         "maximum contact pressure", "N/m", f"maximum contact force, mean over {FORCE_SPAN:g} s, over circumference"
     ),
-    "usage": Quantity("usage", "people", "number of different people whose bodies passed"),
+    "usage": Quantity("usage", "people", "number of different people whose bodies were there"),
 }
 
 

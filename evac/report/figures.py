@@ -108,7 +108,7 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
     draw = _renderer(trajectory, COURSE)
     found = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
     return [
-        _rendered(draw, trajectory.nearest(time), f"{share} % of the people are out, at {time:.1f} s", "course")
+        _rendered(draw, trajectory.nearest(time), f"{share} % of the people are out at {time:.1f} s", "course")
         for share, time in found
         if time is not None
     ]
