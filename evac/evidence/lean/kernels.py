@@ -99,11 +99,11 @@ def summary_rows(rows: Sequence[Row]) -> Iterator[Row]:
 
 
 def loaded_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return a row per kernel, and in a column for each case whether it is in, or only if forced in."""
+    """Return a row per kernel, and in a column for each case whether it is in, or only if included."""
     cases = list(dict.fromkeys((row["scene"], row["model"]) for row in rows))
     variants: dict[str, dict[tuple[str, str], str]] = {}
     for row in sorted(rows, key=lambda row: bool(row["variant"] == ALL_IN)):
-        words = "forced in" if row["variant"] == ALL_IN else "in"
+        words = "if included" if row["variant"] == ALL_IN else "in"
         variants.setdefault(row["kernel"], {}).setdefault((row["scene"], row["model"]), words)
     return [
         {"kernel": kernel} | {", ".join(case): variants[kernel].get(case, "-") for case in cases}

@@ -1,4 +1,4 @@
-"""Time saved by leaving out parts: each is forced in on scenes that do not need it; and start-up times of commands."""
+"""Time saved by leaving out parts: each is included in scenes that do not need it; and start-up times of commands."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,18 +27,18 @@ MODELS = ("DEM", "NSM1 inertial", "NSM2")
 #: Arrays of the crowd that must be the same to the last bit, at every tick.
 COMPARED = ("position", "velocity", "level", "distance", "exit_time")
 
-#: K_T [kg] with which NSM2 needs its tangential law, so that the crossing tests can be forced in alone.
+#: K_T [kg] with which NSM2 needs its tangential law, so that the crossing tests can be included alone.
 TANGENTIAL = 1.0
 
 
 @dataclass(frozen=True)
 class Part:
-    """An optional part, and how it is forced in."""
+    """An optional part, and how it is included."""
 
     name: str  # as `evac explain` lists it
     overrides: Mapping[str, Any] = field(default_factory=dict)  # overrides that name it in a case that does not need it
-    full: bool = False  # whether unused fields, forces and behaviours are forced in (``evac run --full``)
-    # parts forced into the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and ``"tests"``,
+    full: bool = False  # whether unused fields, forces and behaviours are included (``evac run --full``)
+    # parts included in the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and ``"tests"``,
     # unnecessary tests
     loop: tuple[str, ...] = ()
     # the part whose run it is compared with, which has everything else; None for no comparison
@@ -61,7 +61,7 @@ NAMED = (
 
 
 def parts_of(name: str, model: str, named: Sequence[Part] = NAMED) -> list[Part]:
-    """Return the parts that can be forced into a shipped case with a model that needs none of them."""
+    """Return the parts that can be included in a shipped case with a model that needs none of them."""
     simulation = Simulation(load_case(name, model_overrides(model)))
     used = {route.strategy for route in simulation.fields.routes}
     parts = [
@@ -111,7 +111,7 @@ def run(evidence: Evidence) -> None:
     for scene in dict.fromkeys(row["scene"] for row in rows):
         for column in ("loop [%]", "set-up [ms]"):
             most = max((row for row in rows if row["scene"] == scene), key=lambda row: row[column])
-            told = f"{most[column]:+.0f} ({most['part forced in']}, {most['model']})"
+            told = f"{most[column]:+.0f} ({most['part included']}, {most['model']})"
             evidence.verdict(reported(f"{scene}: most expensive part, {column}", told, "-", PARTS))
     evidence.show("parts", __name__, rows=rows, rounds=rounds, school_rounds=school_rounds)
     report_kernels(evidence, _kernel_cases(evidence.quick))
@@ -131,7 +131,7 @@ def _kernel_cases(quick: bool) -> list[KernelCase]:
 
 
 def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> Iterator[Row]:
-    """Return a row for each model and part: its cost when forced in, and whether the results are bitwise the same.
+    """Return a row for each model and part: its cost when included, and whether the results are bitwise the same.
 
     All variants run alternately in rounds; a cost is the difference to the part's base in the same round.
     """
@@ -152,7 +152,7 @@ def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> Row:
     pairs = [(trial[part.name], trial[part.base.name]) for trial in trials]
     setup = [1e3 * (forced.setup - base.setup) for forced, base in pairs]
     loop = [100.0 * (forced.loop - base.loop) / base.loop for forced, base in pairs]
-    row: Row = {"part forced in": part.name}
+    row: Row = {"part included": part.name}
     row |= {
         "set-up [ms]": float(np.median(setup)),
         "set-up, least [ms]": min(setup),
@@ -164,7 +164,7 @@ def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> Row:
 
 
 def trial(case: Any, part: Part) -> Trial:
-    """Run a case tick by tick with a part forced in."""
+    """Run a case tick by tick with a part included."""
     start = time.process_time()
     simulation = Simulation(case, full=part.full)
     force(simulation, part.loop)
@@ -180,7 +180,7 @@ def trial(case: Any, part: Part) -> Trial:
 
 
 def force(simulation: Simulation, loop: Sequence[str]) -> None:
-    """Load the parts of the step loop that the scene needs, and those that are forced in, see `Part`."""
+    """Load the parts of the step loop that the scene needs, and those that are included, see `Part`."""
     engine, model = simulation.engine, simulation.contact
     assert isinstance(engine, CompiledEngine)
     engine.full = False
