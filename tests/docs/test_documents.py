@@ -122,7 +122,8 @@ def test_python_of_the_readme_is_ten_lines_and_runs(text, tmp_path):
 def test_python_of_the_guides_to_what_was_recorded_runs(text, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     evac.run(evac.load("classroom", {"simulation.duration": 6.0, "output.animation": False}), "classroom-result")
-    for document, blocks in (("docs/pictures.md", 2), ("docs/exports.md", 1), ("docs/trajectory.md", 1)):
+    pages = {"pictures": 2, "exports": 1, "trajectory": 1, "reports": 1}
+    for document, blocks in ((f"docs/{page}.md", number) for page, number in pages.items()):
         found = fenced(text(document), "python")
         assert len(found) == blocks
         for block in found:
@@ -134,6 +135,16 @@ def test_python_of_the_guides_to_what_was_recorded_runs(text, tmp_path, monkeypa
     greatest, passed = re.findall(r"(\S+) people pe|(\d+) people passed", said)[-2:]
     assert 2.0 < float(greatest[0]) < 12.0
     assert 25 <= int(passed[1]) <= 30
+
+
+def test_python_of_the_guide_to_design_flows_runs(text, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    evac.run(evac.load("primary_school", {"output.animation": False, "output.replay": False}), "primary_school-result")
+    (block,) = fenced(text("docs/design_flows.md"), "python")
+    exec(compile(block, "design_flows.md", "exec"), {})
+    *places, time = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in places] == [["exit", "main_door"], ["stair", "lower"], ["stair", "upper"]]
+    assert float(time.split()[-2]) > 59.0
 
 
 def test_python_of_the_recipe_that_closes_a_stair_runs(text, tmp_path, monkeypatch):
