@@ -1,4 +1,6 @@
-"""Types of arrays."""
+"""Types of arrays, and views that plugins cannot write to."""
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,3 +9,26 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 IndexArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+#: Remedy for a plugin that has written to an array that it may only read.
+COPY = "its arguments are read-only: change a copy"
+
+
+def read_only(values: NDArray[Any]) -> NDArray[Any]:
+    """Return a view of an array that cannot be written to."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+def as_floats(values: Any) -> FloatArray:
+    """Return what a plugin has returned as float64; NumPy would drop the imaginary part of complex numbers.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Something is not a real number.
+    """
+    if np.iscomplexobj(values):
+        raise TypeError("complex numbers were returned, not real ones")
+    return np.asarray(values, np.float64)

@@ -1,11 +1,12 @@
 """The air of a run: the sources of its conditions, read at places and times."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import COPY, FloatArray, IntArray, as_floats, read_only
 from evac.base.errors import ScenarioError, fault, naming, plugin_code
 from evac.building.model.building import Building
 from evac.building.model.elevation import ground_of
@@ -55,6 +56,10 @@ class Air:
             what = f"source {source.name!r}: open"
             with naming(f"{case.source}: conditions.{index}"), plugin_code(what, source):
                 given = frozenset(source.open(scene))
+                if math.isnan(source.last):
+                    raise fault(
+                        what, "last is NaN", "give the time of its last values, or leave it out", source, "last"
+                    )
                 if unknown := sorted(given - QUANTITIES.keys()):
                     raise ScenarioError(
                         f"{what}: there are no quantities {', '.join(unknown)}; use those of docs/fire_data.md"
@@ -104,6 +109,7 @@ class Air:
         found = np.empty((len(quantities), len(level)))
         for row, name in enumerate(quantities):
             found[row] = QUANTITIES[name].clear
+        places = read_only(level), read_only(position), read_only(height)
         for index, (source, own, given) in enumerate(zip(self.sources, self._settings, self._given, strict=True)):
             rows = [row for row, name in enumerate(quantities) if name in given]
             if not rows:
@@ -116,8 +122,8 @@ class Air:
                         "run, which lasts longer; compute them for longer, or set hold = true to keep the last values"
                     )
                 at = source.last
-            with plugin_code(f"t = {time:.3f} s: source {source.name!r}", source):
-                values = source.at([quantities[row] for row in rows], at, level, position, height)
+            with plugin_code(f"t = {time:.3f} s: source {source.name!r}", source, COPY):
+                values = as_floats(source.at([quantities[row] for row in rows], at, *places))
             values = _checked(values, [quantities[row] for row in rows], len(level), source)
             is_known = ~np.isnan(values)
             if is_known.all():
@@ -127,14 +133,14 @@ class Air:
         return found
 
 
-def _checked(values: FloatArray, names: Sequence[str], people: int, source: ConditionSource) -> FloatArray:
+def _checked(found: FloatArray, names: Sequence[str], people: int, source: ConditionSource) -> FloatArray:
     """Return the values (q, n) of a source, which lie in the ranges of quantities or are NaN.
 
     Raises
     ------
     PluginError
     """
-    what, found = f"source {source.name!r}: at", np.asarray(values, np.float64)
+    what = f"source {source.name!r}: at"
     if found.shape != (len(names), people):
         wrong = f"returns values of shape {found.shape}, not {(len(names), people)}"
         raise fault(what, wrong, "return a row for each quantity, with a value for each place", source, "at")

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import COPY, FloatArray, as_floats, read_only
 from evac.base.errors import fault, plugin_code
 from evac.base.parameters import Configurable
 
@@ -51,8 +51,8 @@ def share_in_smoke(
     irritants : (n,) float64, optional
         Fractional irritant concentrations on the scale of incapacitation.
     """
-    with plugin_code(f"law {law.name!r}: speed", law):
-        found = np.asarray(law.speed(desired, extinction), np.float64)
+    with plugin_code(f"law {law.name!r}: speed", law, COPY):
+        found = as_floats(law.speed(read_only(desired), read_only(extinction)))
     if found.shape != desired.shape or not np.isfinite(found).all():
         wrong = (
             f"returns {found.shape} speeds for {desired.shape} people"
