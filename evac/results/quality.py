@@ -136,6 +136,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     for place in (one for one in results.places if one.people):
         room = "" if place.capacity is None else f", which has room for {place.capacity}"
         lines.append(f"{_number(len(place.people))} at {place}{room}")
+    lines = ["; ".join(lines)] if lines else []  # one line, of which an answer shows all places or none
     if left := int((leaving >= 0).sum()):
         number = Counter(leaving[leaving >= 0].tolist())
         where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))

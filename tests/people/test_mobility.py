@@ -109,6 +109,8 @@ def test_who_cannot_leave_waits_in_a_refuge_and_counts_as_there(tmp_path):
 def test_a_refuge_takes_no_more_people_than_its_capacity():
     results = evac.run(with_refuges(("lobby", 2), ("corner", 2)))
     assert [len(refuge.people) for refuge in results.places] == [2, 2]
+    (told,) = results.remarks  # all refuges in one line, so that an answer of few lines loses none of them
+    assert all(str(refuge) in told for refuge in results.places)
     full = r"cannot reach any exit without slopes.* place\.at lobby\.capacity or place\.at corner\.capacity"
     with pytest.raises(evac.EvacError, match=full):
         Simulation(with_refuges(("lobby", 2), ("corner", 1)))
