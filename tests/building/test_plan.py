@@ -353,3 +353,12 @@ def test_a_turned_flight_whose_edges_are_rounded_meets_its_floor():
     plan.storey("first", floor, 3.0)
     plan.flight("stair", [(1.956, -0.416), (2.206, 0.758)], 0.0, [(6.612, -1.405), (6.862, -0.232)], 3.0)
     assert len(plan.building(need_exit=False).portals) == 2
+
+
+@pytest.mark.parametrize("name", ["house.plan.toml", "house.obj", "house"])
+def test_a_plan_is_not_written_as_a_mesh_of_another_name(tmp_path, name):
+    plan = Plan()
+    plan.storey("ground", box(0, 0, 6, 6))
+    with pytest.raises(BuildingError, match=r"\.msh"):
+        plan.write(tmp_path / name)
+    assert not (tmp_path / name).exists()

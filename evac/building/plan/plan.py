@@ -434,10 +434,12 @@ class Plan:
         Raises
         ------
         BuildingError
-            As `surface`.
+            As `surface`; or the name does not end in .msh.
         """
         from evac.building.surface.meshfile import write_surface
 
+        if Path(path).suffix.lower() != ".msh":
+            raise BuildingError(f"{path}: a plan is written as a mesh of Gmsh; give a name that ends in .msh")
         write_surface(self.surface(), Path(path))
 
     def _check_new(self, kind: str, name: str, known: Collection[str]) -> None:
