@@ -92,7 +92,7 @@ def _show(made: "Imported") -> None:
     from evac.building.model.findings import KINDS, grouped
     from evac.building.model.storeys import storeys
     from evac.cli.screen import say, show_facts, show_table, show_warnings
-    from evac.importing.importing import PICTURE, REPORT
+    from evac.importing.importing import PICTURE, PLAN, REPORT
     from evac.importing.report import MOST_OPENINGS, opening_row
 
     building = made.building
@@ -124,7 +124,9 @@ def _show(made: "Imported") -> None:
     for kind in ("warning", "left out"):
         show_warnings(grouped(finding for finding in made.findings if finding.kind == kind))
     if not made.is_accepted:
-        show_warnings(["no case has been written, since the building is incomplete; --partial imports what there is"])
+        plan = made.folder / PLAN
+        add = f"add what is missing to {plan} and import again, or import" if plan.is_file() else "import"
+        show_warnings([f"no case has been written, since the building is incomplete; {add} what there is by --partial"])
     elif not building.exits:
         show_warnings(["the building has no exit yet: choose openings with --exit, such as --exit 1"])
     elif made.fault:

@@ -39,7 +39,8 @@ def with_missing(building: Building, findings: Sequence[Finding]) -> list[Findin
     area = sum(level.polygon.area for level in rest)
     if area > NEGLIGIBLE * ground:
         share = 100.0 * area / ground
-        lacks.append(f"{area:.1f} m2 of ground ({share:.0f} %) on other storeys have no way out: {_names(rest)}")
+        other = " on other storeys" if closed else ""
+        lacks.append(f"{area:.1f} m2 of ground ({share:.0f} %){other} have no way out: {_names(rest)}")
         told += rest
     names_told = {level.name for level in told}
     again = {one for one in isolated_parts(building) if one.level in names_told}

@@ -44,13 +44,25 @@ def test_an_incomplete_building_is_refused_unless_it_is_wanted(evac, capsys, tmp
     plan.exit("door", "floor 0", [(0, 1), (0, 2)])
     plan.write(tmp_path / "house.msh")
     assert evac("import", "house.msh", "--out", "case") == 2
-    first, *_ = capsys.readouterr().out.splitlines()
+    told = capsys.readouterr()
+    first, *_ = told.out.splitlines()
+    assert "building.plan.toml" in told.err  # where to add what is missing
     assert first == "incomplete: 2 of 3 storeys have no way out: 'floor 1', 'floor 2'"
     assert not (tmp_path / "case" / "case.toml").exists()
     assert evac("import", "house.msh", "--out", "case", "--partial") == 0
     assert capsys.readouterr().out.splitlines()[0] == first
     assert evac("run", "case") == 0
     assert first in capsys.readouterr().err.replace("the building is incomplete", "incomplete")
+
+
+def test_ground_of_one_storey_is_not_said_to_be_on_another(evac, capsys, tmp_path):
+    plan = Plan()
+    plan.storey("ground", [shapely.box(0, 0, 8, 5), shapely.box(9, 0, 12, 5)])
+    plan.exit("door", "ground", [(0, 1), (0, 2)])
+    plan.write(tmp_path / "house.msh")
+    assert evac("import", "house.msh", "--out", "case") == 2
+    first, *_ = capsys.readouterr().out.splitlines()
+    assert first.startswith("incomplete: 15.0 m2 of ground (27 %) have no way out")
 
 
 @pytest.mark.parametrize(
