@@ -85,8 +85,11 @@ def checked(kind: type[Read], data: dict[str, Any], path: Path) -> Read:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        key = ".".join(map(str, first["loc"]))
-        raise ResultError(
-            f"{path}: {key}: {first['msg']}; the file is damaged or of another version of evac: run the case again"
-        ) from error
+        what = f"{path}: {first_fault(error)}"
+        raise ResultError(f"{what}; the file is damaged or of another version of evac: run the case again") from error
+
+
+def first_fault(error: ValidationError) -> str:
+    """Return the first key that was refused, and why."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"

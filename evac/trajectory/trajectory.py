@@ -24,7 +24,7 @@ from evac.building.model.cells import LevelField
 from evac.building.model.links import building_at
 from evac.folder.files import TRAJECTORY_NAME
 from evac.trajectory.frames import FrameReader, Rows
-from evac.trajectory.header import HeaderError, building_from_json, fields_from_json, origin_from_json, people_from_json
+from evac.trajectory.header import HeaderError, read_header
 from evac.trajectory.layout import FIELDS, FIELDS_WITH_DOSE, columns, damaged, read_start
 
 if TYPE_CHECKING:
@@ -345,15 +345,8 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     header, schema, start = read_start(path, data)
     if (names := header.get("fields")) not in (list(FIELDS), list(FIELDS_WITH_DOSE)):
         raise damaged(path, f"the header's fields are {names!r:.200}; they must be {list(FIELDS)}, or those and dose")
-    contrast = header.get("contrast", CONTRAST)
-    if not isinstance(contrast, int | float) or not 1.0 <= contrast <= 20.0:
-        raise damaged(path, f"the header's contrast is {contrast!r:.200}; it must be a number from 1 to 20")
-    if not isinstance(header.get("arriving", []), list):
-        raise damaged(path, f"the header's arriving is {header['arriving']!r:.200}; it must be a list of groups")
     try:
-        building = building_from_json(header.get("building"))
-        people, origin = people_from_json(header), origin_from_json(header)
-        fields = fields_from_json(header, building)
+        building, people, origin, fields = read_header(header)
     except HeaderError as error:
         raise damaged(path, f"the header is damaged: {error}") from error
     if not schema.equals(columns(len(people.radius), len(building.levels), fields, len(names) > len(FIELDS))):
