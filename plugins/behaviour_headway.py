@@ -9,7 +9,7 @@ from evac.base.parameters import Parameter
 from evac.jit import Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.outside import Outside
-from evac.people.sights import Sights, list_near, look_round, make_sights, sees, set_desired_motion
+from evac.people.sights import Sights, is_ahead, list_near, look_round, make_sights, sees, set_desired_motion
 from evac.physics.state import Crowd, World
 
 #: Repulsions below this share of the desired direction are neglected.
@@ -165,9 +165,6 @@ def brakes_for(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
         return False
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     fx, fy = sights.direction[j, 0], sights.direction[j, 1]
-    is_outside = sights.level[i] >= sights.levels
     if ex * fx + ey * fy <= 0.0:
-        return not is_outside
-    if crowd.route[i] == crowd.route[j] or is_outside:
-        return sights.remaining[j] < sights.remaining[i]
-    return (ex + fx) * dx + (ey + fy) * dy > 0.0
+        return sights.level[i] < sights.levels
+    return is_ahead(crowd, sights, i, j, dx, dy)

@@ -14,8 +14,17 @@ from evac.directions.sampling import column_of, sample_direction
 from evac.jit import Floats, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.outside import Outside
-from evac.people.sights import Sights, is_hidden, list_near, look_round, make_sights, sees, set_desired_motion
-from evac.people.ways import nearest_on
+from evac.people.sights import (
+    Sights,
+    is_ahead,
+    is_hidden,
+    list_near,
+    look_round,
+    make_sights,
+    sees,
+    set_desired_motion,
+)
+from evac.physics.contact.neighbours import segment_distance
 from evac.physics.sight import walls_near
 from evac.physics.state import Crowd, World
 from evac.physics.world import BUCKET_REACH
@@ -334,7 +343,7 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
             if beside > rule.oncoming_width + wide or not is_inside:
                 continue
             distance, within, leads_on = rule.oncoming_length + wide, rule.oncoming_time_gap, False
-        elif not is_ahead(crowd, sights, motion, i, j, dx, dy):
+        elif not is_ahead(crowd, sights, i, j, dx, dy):
             continue
         s = math.sqrt(square)
         leads = motion.velocity[j, 0] * hx + motion.velocity[j, 1] * hy
@@ -455,16 +464,6 @@ def way_to_wall(world, level, x, y, cx, cy, free, radius):  # type: ignore[no-un
 
 
 @inner
-def is_ahead(crowd, sights, motion, i, j, dx, dy):  # type: ignore[no-untyped-def]
-    """Return whether person j, at (dx, dy) from i and with a similar heading, is farther ahead on the way."""
-    if crowd.route[i] == crowd.route[j] or sights.level[i] >= sights.levels:
-        return sights.remaining[j] < sights.remaining[i]
-    fx = sights.direction[i, 0] + sights.direction[j, 0]
-    fy = sights.direction[i, 1] + sights.direction[j, 1]
-    return fx * dx + fy * dy > 0.0
-
-
-@inner
 def side_step(world, crowd, sights, motion, rule, first, i):  # type: ignore[no-untyped-def]
     """Return the side step of person i, relative to the desired direction, positive to the left."""
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
@@ -481,8 +480,8 @@ def side_step(world, crowd, sights, motion, rule, first, i):  # type: ignore[no-
         wx, wy = motion.velocity[j, 0], motion.velocity[j, 1]
         closing = ((vx - wx) * dx + (vy - wy) * dy) / max(s, ON_LINE)
         gap = s - crowd.contact_radius[i] - crowd.contact_radius[j] - closing * rule.side_time
-        is_ahead = (ex * dx + ey * dy >= 0.0) | (hx * dx + hy * dy >= 0.0)
-        if not (is_ahead & (gap <= farthest) & (s <= rule.sight) & (square > 0.0)):
+        in_front = (ex * dx + ey * dy >= 0.0) | (hx * dx + hy * dy >= 0.0)
+        if not (in_front & (gap <= farthest) & (s <= rule.sight) & (square > 0.0)):
             continue
         cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
         weight = rule.side_step * (1.0 + 0.5 * (1.0 - cosine)) * math.exp(-max(gap, 0.0) / rule.side_range)
@@ -517,9 +516,10 @@ def wall_step(world, crowd, sights, rule, i):  # type: ignore[no-untyped-def]
         w = world.bucket_wall[slot]
         if world.wall_open[w]:
             continue
-        wx, wy = nearest_on(world.wall, w, x, y)
+        distance, wx, wy = segment_distance(
+            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
+        )
         dx, dy = wx - x, wy - y
-        distance = math.sqrt(dx * dx + dy * dy)
         weight = rule.wall_step * (1.0 - (distance - wide) / rule.wall_distance)
         if weight > 0.0 and ex * dx + ey * dy >= -BEHIND:
             touches = wide > 0.0 and distance < crowd.contact_radius[i] + TOUCHING

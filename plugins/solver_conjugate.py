@@ -19,8 +19,8 @@ from evac.physics.contact.rows import (
     BY,
     LIKELY,
     SPRING,
+    copy_solution,
     evaluate,
-    keep,
     push_row,
     row_residual,
     row_velocity,
@@ -100,7 +100,7 @@ def _conjugate(rows, tolerance, limit, uses_faces):
     before, iteration = 0.0, 0
     rows.residual, likely = row_residual(rows), LIKELY
     while rows.residual > tolerance and iteration < limit:
-        keep(rows)
+        copy_solution(rows, rows.percussion, rows.velocity, rows.work_a, rows.image_a)
         sweep_up(rows)
         change = sweep_down(rows)
         iteration += 1

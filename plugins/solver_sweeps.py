@@ -10,6 +10,7 @@ from evac.jit import fused, inner, kernel
 from evac.physics.contact.rows import (
     BIAS,
     LIKELY,
+    copy_solution,
     evaluate,
     law,
     momentum_after,
@@ -54,8 +55,8 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     zero, these are plain sweeps, which never increase the energy.
     """
     rows.residual, accepted = row_residual(rows), energy_of(rows)
-    _keep(rows)
-    _restore(rows)
+    copy_solution(rows, rows.percussion, rows.velocity, rows.work_a, rows.image_a)
+    copy_solution(rows, rows.percussion, rows.velocity, rows.work_b, rows.image_b)
     momentum, most, share, likely = 1.0, 1.0, 0.0, LIKELY
     back = False
     evaluated, risen = 0, -SOON
@@ -72,9 +73,10 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
             now = energy_of(rows)
             if now <= accepted + RISE * max(abs(accepted), abs(now)):
                 accepted = now
-                _keep(rows)
+                copy_solution(rows, rows.percussion, rows.velocity, rows.work_b, rows.image_b)
             else:
-                _restore(rows)
+                copy_solution(rows, rows.work_b, rows.image_b, rows.percussion, rows.velocity)
+                copy_solution(rows, rows.work_b, rows.image_b, rows.work_a, rows.image_a)
                 if back and iteration - risen <= SOON:
                     most *= 0.5
                 back = True
@@ -126,28 +128,6 @@ def sweep_back(rows):
         uphill = fused(x - new, new - rows.work_a[r], uphill)
         greatest = max(greatest, abs(change) * rows.scale[r])
     return uphill, greatest
-
-
-@inner
-def _keep(rows):
-    """Save percussions and velocities in `work_b` and `image_b`."""
-    for r in range(rows.size):
-        rows.work_b[r] = rows.percussion[r]
-    for i in range(rows.bodies):
-        for k in range(2):
-            rows.image_b[i, k] = rows.velocity[i, k]
-
-
-@inner
-def _restore(rows):
-    """Restore the saved percussions and velocities, without momentum."""
-    for r in range(rows.size):
-        rows.percussion[r] = rows.work_b[r]
-        rows.work_a[r] = rows.work_b[r]
-    for i in range(rows.bodies):
-        for k in range(2):
-            rows.velocity[i, k] = rows.image_b[i, k]
-            rows.image_a[i, k] = rows.image_b[i, k]
 
 
 @inner

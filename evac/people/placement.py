@@ -102,9 +102,10 @@ def _too_many(place_name: str, radii: FloatArray, polygon: BaseGeometry, fitting
 
 def clearance(positions: FloatArray, segments: FloatArray) -> FloatArray:
     """Return the distance (n,) [m] of points to the nearest segment; inf without segments."""
-    distances = np.full(len(positions), np.inf)
-    _nearest(np.ascontiguousarray(positions), np.ascontiguousarray(segments), distances)
-    return distances
+    lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
+    shapely.prepare(lines)
+    distance: FloatArray = shapely.distance(lines, shapely.points(positions))
+    return np.nan_to_num(distance, nan=np.inf)
 
 
 def _at_random(
@@ -210,15 +211,6 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
     cells.head.reshape(-1)[cell[is_last]] = rows[is_last]
     cells.following[rows[1:]] = np.where(is_last[:-1], -1, rows[:-1])
     return cells
-
-
-@kernel
-def _nearest(points: Pairs, segments: Quads, distances: Floats) -> None:
-    """Write the distance of each point to the nearest segment."""
-    for p in range(len(points)):
-        for w in range(len(segments)):
-            x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
-            distances[p] = min(distances[p], segment_distance(x1, y1, x2, y2, points[p, 0], points[p, 1])[0])
 
 
 @inner

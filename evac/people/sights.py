@@ -167,6 +167,16 @@ def extent(along, across):  # type: ignore[no-untyped-def]
 
 
 @inner
+def is_ahead(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
+    """Return whether person j, at (dx, dy) from i and with a similar heading, is farther ahead on the way."""
+    if crowd.route[i] == crowd.route[j] or sights.level[i] >= sights.levels:
+        return sights.remaining[j] < sights.remaining[i]
+    fx = sights.direction[i, 0] + sights.direction[j, 0]
+    fy = sights.direction[i, 1] + sights.direction[j, 1]
+    return fx * dx + fy * dy > 0.0
+
+
+@inner
 def sees(world, sights, i, j):  # type: ignore[no-untyped-def]
     """Return whether the straight line from person i to j ends on the level of j and crosses no wall of either level.
 

@@ -14,7 +14,8 @@ from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.building.model.findings import Finding
 from evac.directions.fields import Fields, columns_of
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
-from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Quads, Struct, Triples, inner, kernel
+from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
+from evac.physics.contact.neighbours import segment_distance
 from evac.physics.seams import crossing, side_of
 from evac.physics.sight import bucket_at, passes_through
 from evac.physics.state import Crowd, World
@@ -430,25 +431,15 @@ def off_walls(world: World, x: float, y: float, level: int, radius: float) -> tu
             w = world.bucket_wall[slot]
             if world.wall_level[w] != level or world.wall_open[w]:
                 continue
-            wx, wy = nearest_on(world.wall, w, x, y)
-            away_x, away_y = x - wx, y - wy
-            distance = math.sqrt(away_x * away_x + away_y * away_y)
+            distance, wx, wy = segment_distance(
+                world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
+            )
             if 0.0 < distance < radius - OVERLAP:
-                x += (radius / distance - 1.0) * away_x
-                y += (radius / distance - 1.0) * away_y
+                x, y = x + (radius / distance - 1.0) * (x - wx), y + (radius / distance - 1.0) * (y - wy)
                 is_free = False
         if is_free:
             return x, y, moves
     return x, y, MOVES
-
-
-@inner
-def nearest_on(wall: Quads, w: int, x: float, y: float) -> tuple[float, float]:
-    """Return the point of row w of walls (w, 4) nearest to a position."""
-    tx, ty = wall[w, 2] - wall[w, 0], wall[w, 3] - wall[w, 1]
-    share = ((x - wall[w, 0]) * tx + (y - wall[w, 1]) * ty) / (tx * tx + ty * ty)
-    share = min(max(share, 0.0), 1.0)
-    return wall[w, 0] + share * tx, wall[w, 1] + share * ty
 
 
 @inner

@@ -154,13 +154,13 @@ def renew_velocity(rows):
 
 
 @inner
-def keep(rows):
-    """Copy percussions to `work_a` and velocities to `image_a`."""
+def copy_solution(rows, percussion, velocity, percussions, velocities):
+    """Copy a percussion for each row and a velocity for each body to other arrays."""
     for r in range(rows.size):
-        rows.work_a[r] = rows.percussion[r]
+        percussions[r] = percussion[r]
     for i in range(rows.bodies):
         for k in range(2):
-            rows.image_a[i, k] = rows.velocity[i, k]
+            velocities[i, k] = velocity[i, k]
 
 
 @inner
