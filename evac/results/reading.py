@@ -21,18 +21,11 @@ from evac.folder.tables import read_columns
 from evac.people.population import Group
 from evac.physics.state import Crowd, make_crowd
 from evac.results.record import Summary, read_summary
-from evac.results.results import CROSSINGS_COLUMNS, EXPOSURE_COLUMNS, PEOPLE_COLUMNS, Results
+from evac.results.results import AS_WRITTEN, CROSSINGS_COLUMNS, EXPOSURE_COLUMNS, PEOPLE_COLUMNS, TABLES, Results
 from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 if TYPE_CHECKING:
     from evac.case.case import Case
-
-#: Attributes of results that are those of the summary.
-AS_WRITTEN = (
-    *("title", "ended", "steps", "seed", "metrics", "versions", "entered_barred", "notes", "keeps_distance", "changes"),
-    *("waiting_outside", "resumed", "quickest", "conditions", "source", "places", "routes", "warnings"),
-    *("quality_warnings", "plugins", "files", "plugin_files"),
-)
 
 
 def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Results:
@@ -100,9 +93,11 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
             f"{summary.evacuated}; the files are not of one run: run the case again"
         )
     passages = _crossings(place / CROSSINGS_NAME, summary.people, portals)
-    data = {name: getattr(summary, name) for name in AS_WRITTEN}
+    names_of_same = (*AS_WRITTEN, "title", "ended", "places", "routes", "changes")
+    same: dict[str, Any] = {name: getattr(summary, name) for name in names_of_same}
+    same |= {name: _dumped(getattr(summary, name)) for name in TABLES}
     results = Results(
-        **data,
+        **same,
         settings=settings,
         case_or_reader=cache(partial(recorded_case, place, _with_infinity(settings), summary.source, (), plugin_files)),
         building_or_none=None if trajectory is None else _building_at_the_end(trajectory.building, summary, place),
@@ -115,10 +110,6 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
         start_level=start_level,
         crossings=passages,
         time=summary.simulated_time,
-        exits=_dumped(summary.exits),
-        portals=_dumped(summary.portals),
-        levels=_dumped(summary.levels),
-        stairs=_dumped(summary.stairs),
         doors=[door.model_dump() for door in summary.doors],
         stuck=tuple(one.person for one in summary.stuck),
         report=summary.contact.model_dump(),

@@ -27,7 +27,6 @@ from evac.folder.files import (
     EGRESS_NAME,
     FLOWS_NAME,
     PEOPLE_NAME,
-    PLUGIN_FILES,
     SUMMARY_NAME,
     TRAJECTORY_NAME,
     writing,
@@ -64,6 +63,16 @@ PEOPLE_COLUMNS = (
 
 #: Columns of people.csv in addition, of a case with conditions of the air: those of `Exposure`.
 EXPOSURE_COLUMNS = ("gas_dose", "heat_dose", "greatest_extinction", "greatest_irritants", "stopped_at")
+
+
+#: Attributes of results that summary.json has under their own names.
+AS_WRITTEN = (
+    *("warnings", "quality_warnings", "notes", "entered_barred", "waiting_outside", "steps", "seed", "source"),
+    *("metrics", "quickest", "conditions", "resumed", "keeps_distance", "plugins", "files", "plugin_files", "versions"),
+)
+
+#: The same of tables by name.
+TABLES = ("exits", "portals", "levels", "stairs")
 
 
 @cache
@@ -433,6 +442,7 @@ class Results:
     def summary(self) -> dict[str, Any]:
         """Return the content of ``summary.json``: plain numbers, strings, lists and dictionaries."""
         levels = list(self.levels)
+        stuck = zip(self.stuck, self.crowd.position[list(self.stuck)].tolist(), strict=True)
         summary = {
             "title": self.title,
             "people": self.number_of_people,
@@ -441,46 +451,25 @@ class Results:
             "ended": self.ended,
             "exit_status": self.exit_status,
             "places": [asdict(place) for place in self.places],
-            "entered_barred": {name: list(people) for name, people in self.entered_barred.items()},
-            "notes": list(self.notes),
             "stuck": [
-                {"person": int(row), "level": levels[self.crowd.level[row]], "x": x, "y": y}
-                for row, (x, y) in zip(self.stuck, self.crowd.position[list(self.stuck)].tolist(), strict=True)
+                {"person": int(row), "level": levels[self.crowd.level[row]], "x": x, "y": y} for row, (x, y) in stuck
             ],
             "not_started": self.not_started,
             "not_arrived": self.not_arrived,
-            "waiting_outside": self.waiting_outside,
             "staying": self.staying,
             "stopped": len(self.stopped),
-            "warnings": self.warnings,
-            "quality_warnings": self.quality_warnings,
             "simulated_time": self.time,
-            "steps": self.steps,
-            "exits": self.exits,
-            "portals": self.portals,
             "doors": self.doors,
             "left_by_other_exits": len(self.left_by_other_exits),
             "flows": self.flow_totals,
-            "levels": self.levels,
-            "stairs": self.stairs,
             "routes": [asdict(route) for route in self.routes],
             "contact": self.report,
             "wall_time": self.phases,
             "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
-            "metrics": self.metrics,
-            "quickest": self.quickest,
-            "conditions": self.conditions,
             "changes": [change.as_row() for change in self.changes],
-            "resumed": self.resumed,
-            "files": self.files,
-            PLUGIN_FILES: self.plugin_files,
-            "seed": self.seed,
-            "source": self.source,
             "case": self.settings,
-            "keeps_distance": self.keeps_distance,
-            "plugins": self.plugins,
-            "versions": self.versions,
         }
+        summary |= {name: getattr(self, name) for name in (*TABLES, *AS_WRITTEN)}
         return {key: plain(value) for key, value in summary.items()}
 
     @cached_property
