@@ -1,7 +1,7 @@
 """The header of a trajectory file: conversion of building and people to and from plain JSON, with checks on reading."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from math import pi
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -31,17 +31,6 @@ Read = TypeVar("Read", bound=BaseModel)
 
 class HeaderError(ValueError):
     """A key of a header is missing or has an invalid value; names the key."""
-
-
-@dataclass(frozen=True)
-class People:
-    """The people in a trajectory."""
-
-    # radius, height: (n,) float64 [m]
-    radius: FloatArray
-    height: FloatArray
-    group: IntArray  # (n,) int32: index in ``groups`` of each person, -1 for none
-    groups: tuple[str, ...]
 
 
 def building_to_json(building: Building) -> dict[str, Any]:
@@ -194,14 +183,15 @@ class _FieldRow(_Row):
     spacing: Length
 
 
-class _HeaderRow(_Row):
+class Header(_Row):
     """The keys of a header besides the building."""
 
-    origin: Annotated[FloatArray, _array(count=2)]
+    origin: Annotated[FloatArray, _array(count=2)]  # (2,) float64: of recorded positions in plan [m]
+    # radius, height: (n,) float64, of each person [m]
     radius: Annotated[FloatArray, _array()]
     height: Annotated[FloatArray, _array()]
     groups: list[str]
-    group: Annotated[IntArray, _array(whole=True)]
+    group: Annotated[IntArray, _array(whole=True)]  # (n,) int32: index in ``groups`` of each person, -1 for none
     level_fields: Annotated[list[_FieldRow], Field(max_length=MOST_FIELDS)]
     contrast: Annotated[float, Field(ge=1.0, le=20.0)] = 1.0
     arriving: list[str] = []
@@ -265,15 +255,15 @@ def _check_rows(key: str, rows: IntArray, count: int, least: int = 0) -> None:
         raise HeaderError(f"building.{key} contains numbers outside of {least} to {count - 1}")
 
 
-def read_header(data: Any) -> tuple[Building, People, FloatArray, tuple[LevelField, ...]]:
-    """Return building, people, origin (2,) of recorded positions in plan [m], and fields, with values of zero.
+def read_header(data: Any) -> tuple[Building, Header, tuple[LevelField, ...]]:
+    """Return the building, the other keys, and the fields of behaviours with values of zero.
 
     Raises
     ------
     HeaderError
         A key is missing, of the wrong kind, or out of range; names it.
     """
-    found, building = _read(_HeaderRow, data), building_from_json(data.get("building"))
+    found, building = _read(Header, data), building_from_json(data.get("building"))
     people = len(found.radius)
     for key in ("radius", "height", "group"):
         numbers = getattr(found, key)
@@ -290,8 +280,7 @@ def read_header(data: Any) -> tuple[Building, People, FloatArray, tuple[LevelFie
             fields[row.name] = LevelField(building, row.name, row.unit, row.spacing)
         except ValueError as error:
             raise HeaderError(f"level_fields.{index}: {error}") from error
-    own = People(found.radius, found.height, found.group, tuple(found.groups))
-    return building, own, found.origin, tuple(fields.values())
+    return building, found, tuple(fields.values())
 
 
 def fields_to_json(given: Iterable[LevelField]) -> list[dict[str, Any]]:

@@ -346,13 +346,13 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     if (names := header.get("fields")) not in (list(FIELDS), list(FIELDS_WITH_DOSE)):
         raise damaged(path, f"the header's fields are {names!r:.200}; they must be {list(FIELDS)}, or those and dose")
     try:
-        building, people, origin, fields = read_header(header)
+        building, people, fields = read_header(header)
     except HeaderError as error:
         raise damaged(path, f"the header is damaged: {error}") from error
     if not schema.equals(columns(len(people.radius), len(building.levels), fields, len(names) > len(FIELDS))):
         what = "the columns of the file are not those of its people, levels and fields"
         raise damaged(path, f"the header is damaged: {what}")
-    reader = FrameReader(path, data, schema, len(people.radius), building, origin)
+    reader = FrameReader(path, data, schema, len(people.radius), building, people.origin)
     reader.read(start)
     time = np.array([rows.time for rows in reader.frames], np.float64)
     for array in (people.group, people.radius, people.height, time):
@@ -362,7 +362,7 @@ def read_up_to(path: Path, length: int | None = None) -> Trajectory:
         header,
         building,
         people.group,
-        people.groups,
+        tuple(people.groups),
         people.radius,
         people.height,
         time,
