@@ -1,6 +1,6 @@
 """The engine, which makes the steps of a tick: what a simulation requires of one, and the compiled engine."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -89,15 +89,8 @@ class Engine(Protocol):
         """
         return []
 
-    def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
-        """Prepare a contact model, at least before its first tick; nothing happens if it has been prepared.
-
-        Parameters
-        ----------
-        model : ContactModel
-        progress : callable, optional
-            Called with the numbers of kernels compiled and to compile.
-        """
+    def load(self, model: ContactModel) -> None:
+        """Prepare a contact model, at least before its first tick; nothing happens if it has been prepared."""
 
     def advance(
         self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
@@ -249,7 +242,7 @@ class CompiledEngine(Engine):
             remember_by_person(self.state, *kept)
         return len(rows)
 
-    def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
+    def load(self, model: ContactModel) -> None:
         """Load the kernels that a scene is known to need, compiling those that are not on disk."""
         if self._model is model:
             return
@@ -261,7 +254,7 @@ class CompiledEngine(Engine):
             if model.law is not None:
                 call = AddressCall([State, type(self._own), float], (int,))
                 call.check(model.law, f"contact model {model.name!r}: law", type(model))
-        addresses_of(self.entries(model), progress)
+        addresses_of(self.entries(model))
         room, width = len(state.contacts.body), len(model.memory)
         state.contacts.memory, state.memory = np.zeros((room + 1, width)), make_kept(room if width else 0, width)
         if isinstance(model, SolvedContactModel):

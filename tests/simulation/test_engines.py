@@ -28,7 +28,7 @@ class FreeWalk(Engine):
         self.world, self.steps = world, 0
         self.events = allocate(Events, people)
 
-    def load(self, model, progress=None):
+    def load(self, model):
         pass
 
     def advance(self, model, crowd, first, steps, length, explicit, report):
