@@ -14,9 +14,6 @@ from pathlib import Path, PurePath
 MANIFEST_NAME = "manifest.jsonl"
 TEMPORARY = ".evac-"
 
-#: Files by which a result folder is known.
-IN_RESULTS = (MANIFEST_NAME, "summary.json", "trajectory.evac")
-
 #: States of a folder: a run writes to it, it is complete, or it is the earlier result that is being replaced.
 RUNNING, COMPLETE, REPLACED = "running", "complete", "replaced"
 
@@ -73,14 +70,14 @@ def note_written(paths: Iterable[Path]) -> None:
     """
     tables: dict[Path, list[dict[str, str]]] = {}
     for path in paths:
-        folder = next((up for up in path.parents if any((up / name).is_file() for name in IN_RESULTS)), None)
+        folder = next((up for up in path.parents if (up / MANIFEST_NAME).is_file()), None)
         if folder is None:
             continue
         parts = path.relative_to(folder).parts
         for count in range(1, len(parts)):
             if folder.joinpath(*parts[:count]).is_symlink():
                 raise OSError(f"{folder.joinpath(*parts[:count])} is a link, which is not followed")
-        if (folder / MANIFEST_NAME).is_file() and not any(part.startswith(TEMPORARY) for part in parts):
+        if not any(part.startswith(TEMPORARY) for part in parts):
             tables.setdefault(folder, []).append({"file": PurePath(*parts).as_posix()})
     for folder, lines in tables.items():
         _add(folder, lines, 0)
