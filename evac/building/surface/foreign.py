@@ -13,8 +13,8 @@ from evac.building.geometry.overlays import GRID, flat_parts, place_of
 from evac.building.geometry.polygons import least_height
 from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
-from evac.building.surface.patches import Patch, bodies, cells_of, closed_bodies, patches_of
-from evac.building.surface.surfacemesh import TriangleMesh
+from evac.building.surface.patches import Patch, bodies, closed_bodies, patches_of
+from evac.building.surface.surfacemesh import SurfaceMesh, TriangleMesh
 from evac.building.surface.welding import weld_points
 
 #: Faces whose heights differ by at most this are in contact [m].
@@ -103,12 +103,13 @@ def walked_surface(
     if not notes:
         return mesh, points
     try:
-        corners, of = cells_of(after)
+        drawn = SurfaceMesh.of_polygons([(tuple(patch.tags) or "", patch.plan, patch.height_at) for patch in after])
     except ValueError as error:
         raise BuildingError(f"{mesh.source}: {error}; repair the mesh there, or set building.headroom = 0") from error
-    made = np.arange(3 * len(corners)).reshape(-1, 3) + len(points)
-    cell_tags = {name: np.array([name in own for own in of], dtype=bool) for name in mesh.cell_tags}
-    whole = np.concatenate([points, corners.reshape(-1, 3)])
+    made = np.reshape(drawn.cells, (-1, 3)) + len(points)
+    none = np.zeros(len(made), dtype=bool)
+    cell_tags = {name: np.asarray(drawn.cell_tags.get(name, none)) for name in mesh.cell_tags}
+    whole = np.concatenate([points, drawn.points])
     findings = (*mesh.findings, *notes)
     return replace(mesh, points=whole, triangles=made, cell_tags=cell_tags, findings=findings), whole
 

@@ -1,6 +1,5 @@
 """Plane patches of a mesh: coplanar cells joined to a polygon in plan, and triangulated again."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
 from evac.building.geometry.components import connected_components
-from evac.building.geometry.overlays import GRID, LEAST_AREA, below, flat_parts, place_of
+from evac.building.geometry.overlays import GRID, LEAST_AREA, below, flat_parts
 
 #: Tolerances for coplanar cells: of their slopes, and of their heights at the origin of the patch [m].
 SAME_RISE, SAME_HEIGHT = 1e-3, 2e-3
@@ -34,6 +33,10 @@ class Patch:
         """Return the heights (n,) of points (n, 2) [m]."""
         heights: FloatArray = self.z + points @ self.rise
         return heights
+
+    def height_at(self, x: float, y: float) -> float:
+        """Return the height of a point [m]."""
+        return float(self.z + self.rise @ (x, y))
 
     def without(self, away: BaseGeometry) -> "Patch":
         """Return the patch without a part of its plan."""
@@ -93,29 +96,6 @@ def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags
             if part.area > LEAST_AREA
         ]
     return sorted(patches, key=lambda patch: (patch.z, *patch.plan.bounds, patch.body))
-
-
-def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]]:
-    """Triangulate patches; return triangles (t, 3, 3) [m] and the tags of each triangle.
-
-    Raises
-    ------
-    ValueError
-        Parts of a patch's outline are too close to each other for triangulation; names the place.
-    """
-    corners, tags = [np.empty((0, 3, 3))], list[frozenset[str]]()
-    for patch in patches:
-        for part in shapely.get_parts(patch.plan):
-            try:
-                pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
-            except shapely.GEOSException as error:
-                x, y = place_of(part)
-                raise ValueError(f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated: {error}") from error
-            plan = np.array([shapely.get_coordinates(piece)[:3] for piece in pieces]).reshape(-1, 2)
-            solid = np.column_stack([plan, patch.height(plan)]).reshape(-1, 3, 3)
-            corners.append(solid)
-            tags += [patch.tags] * len(solid)
-    return np.concatenate(corners), tags
 
 
 def bodies(count: int, triangles: IndexArray) -> IndexArray:
