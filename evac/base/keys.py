@@ -1,7 +1,7 @@
 """Types of the keys of case.toml, its tables, and faults that name a key and how to fix it."""
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
@@ -93,18 +93,13 @@ def _within(**bounds: float) -> BeforeValidator:
     return BeforeValidator(lambda value: distribution_from(value, **bounds))
 
 
-Radius = Annotated[
-    InstanceOf[Distribution], _within(minimum=LEAST_RADIUS, maximum=MOST_RADIUS), PlainSerializer(_as_written)
-]
-Height = Annotated[
-    InstanceOf[Distribution], _within(minimum=LEAST_HEIGHT, maximum=MOST_HEIGHT), PlainSerializer(_as_written)
-]
-Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_MASS), PlainSerializer(_as_written)]
-Tau = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_TAU), PlainSerializer(_as_written)]
-Speed = Annotated[InstanceOf[Distribution], _within(minimum=0.0, maximum=MOST_SPEED), PlainSerializer(_as_written)]
-StairSpeed = Annotated[
-    InstanceOf[Distribution] | InstanceOf[Factor], BeforeValidator(_stair_speed), PlainSerializer(_as_written)
-]
+_Written = PlainSerializer(_as_written)
+Radius = Annotated[InstanceOf[Distribution], _within(minimum=LEAST_RADIUS, maximum=MOST_RADIUS), _Written]
+Height = Annotated[InstanceOf[Distribution], _within(minimum=LEAST_HEIGHT, maximum=MOST_HEIGHT), _Written]
+Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_MASS), _Written]
+Tau = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_TAU), _Written]
+Speed = Annotated[InstanceOf[Distribution], _within(minimum=0.0, maximum=MOST_SPEED), _Written]
+StairSpeed = Annotated[InstanceOf[Distribution] | InstanceOf[Factor], BeforeValidator(_stair_speed), _Written]
 Parameters = Annotated[dict[str, Any] | Literal[False], BeforeValidator(_table_or_switch)]
 
 
@@ -142,19 +137,30 @@ class Table(BaseModel):
             Beginning of its message, before the key.
         """
         try:
-            return cls.model_validate(_without_arrays(given))
+            return cls.model_validate(with_own_classes(given))
         except ValidationError as found:
             first = faults_of(found, cls)[0]
             raise error(f"{where}{'.'.join(map(str, first.key))}: {first.text}") from None
 
 
-def _without_arrays(value: Any) -> Any:
-    """Return a value in which arrays and numbers of NumPy are lists and numbers of Python."""
+#: Functions that convert a value of a subclass.
+_OWN: dict[type, Callable[[Any], Any]] = {str: str.__str__, int: int.__int__, float: float.__float__}
+
+
+def with_own_classes(value: Any) -> Any:
+    """Return a copy in which arrays are lists, and subclasses of Python's own types, as in scripts, are these types.
+
+    Values of other types stay as they are.
+    """
+    if type(value) in (str, bool, int, float):
+        return value
     if isinstance(value, Mapping):
-        return {key: _without_arrays(item) for key, item in value.items()}
+        return {with_own_classes(key): with_own_classes(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_without_arrays(item) for item in value]
-    return value.tolist() if hasattr(value, "tolist") else value
+        return [with_own_classes(item) for item in value]
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return next((own(value) for kind, own in _OWN.items() if isinstance(value, kind)), value)
 
 
 @dataclass(frozen=True)

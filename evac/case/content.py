@@ -1,7 +1,7 @@
 """The content of a case.toml as plain data, and checks of its size before single keys are checked."""
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,6 @@ LONGEST_SHAPE, SHAPES = 4_000_000, {"polygon", "polygons"}
 
 #: Integers of TOML have 64 bits.
 _LEAST_WHOLE, _GREATEST_WHOLE = -(2**63), 2**63 - 1
-
-#: Functions that convert a value of a subclass.
-_OWN: dict[type, Callable[[Any], Any]] = {str: str.__str__, int: int.__int__, float: float.__float__}
 
 #: Byte order marks of encodings other than UTF-8; UTF-32 comes before UTF-16, whose mark is a prefix of it.
 _MARKS = {b"\xff\xfe\0\0": "UTF-32", b"\0\0\xfe\xff": "UTF-32", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
@@ -119,21 +116,6 @@ def content_faults(content: Mapping[str, Any]) -> list[Fault]:
         elif not _LEAST_WHOLE <= value <= _GREATEST_WHOLE:
             faults["whole"] = Fault(key, "an integer beyond 64 bits; write a smaller one, or a decimal point")
     return list(faults.values())
-
-
-def with_own_classes(value: Any) -> Any:
-    """Return a copy without subclasses of Python's own types, such as an enumeration of strings in a script.
-
-    Other processes may not have such a class, and could not load the case. Values of other types are returned as
-    they are.
-    """
-    if type(value) in (str, bool, int, float):
-        return value
-    if isinstance(value, Mapping):
-        return {with_own_classes(key): with_own_classes(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [with_own_classes(item) for item in value]
-    return next((own(value) for kind, own in _OWN.items() if isinstance(value, kind)), value)
 
 
 def _may_be_wrong(item: Any) -> bool:

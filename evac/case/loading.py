@@ -9,10 +9,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from evac.base.errors import PluginError, ScenarioError, escaped, usable_path
-from evac.base.keys import Fault, Key, faults_of, is_multiple
+from evac.base.keys import Fault, Key, faults_of, is_multiple, with_own_classes
 from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
-from evac.case.content import content_faults, read_table, with_own_classes
+from evac.case.content import content_faults, read_table
 from evac.case.events import event_faults
 from evac.case.fire import ConditionSettings, SmokeSettings
 from evac.case.overrides import apply, dotted
