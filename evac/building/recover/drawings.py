@@ -170,9 +170,8 @@ def doors_of(
         others = [tip for j, tip in enumerate(tips) if j != k and tip.distance(tips[k]) < BETWEEN_LEAVES]
         around = [ground, *others]
         far = [min(part.distance(shapely.Point(end)) for part in around) for end in one.ends]
-        along = [_along(one.hinge, end, ground) for end in one.ends]
         is_leaf = [_is_leaf(shapely.LineString([one.hinge, end]), drawn) for end in one.ends]
-        strike = int(np.argmin(np.round(far, 2) + 1e-3 * np.array(along)))
+        strike = int(np.argmin(np.round(far, 2)))
         if is_leaf[0] != is_leaf[1]:
             strike = int(is_leaf[0])
         if far[strike] <= BESIDE_WALL:
@@ -186,12 +185,6 @@ def _is_leaf(line: BaseGeometry, leaves: shapely.STRtree) -> bool:
     body = line.buffer(LEAF, cap_style="flat")
     near = shapely.intersection(leaves.geometries[leaves.query(body, predicate="intersects")], body)
     return bool(shapely.length(near).max(initial=0.0) > MOST_OF_LEAF * line.length)
-
-
-def _along(hinge: FloatArray, end: FloatArray, walls: BaseGeometry) -> float:
-    """Return how far a line from a hinge is from walls ahead of its end [m]: a leaf is far from them."""
-    ahead = end + BESIDE_WALL * (end - hinge) / np.hypot(*(end - hinge))
-    return float(walls.distance(shapely.Point(ahead)))
 
 
 def _joined(doors: FloatArray) -> FloatArray:
