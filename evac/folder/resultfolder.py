@@ -195,12 +195,10 @@ class ResultFolder:
         """
         return self.running if read_manifest(self.path).state else self.publish()
 
-    def discard(self, plugin_files: Iterable[str] = ()) -> None:
+    def discard(self) -> None:
         """Remove the files of evac and plugins in ``RESULT.running``, and the folder if it is then empty."""
         with writing("the results", self.running):
             if self.running.exists():
-                for name in plugin_files:
-                    (self.running / name).unlink(missing_ok=True)
                 remove_written(self.running)
                 (self.running / MANIFEST_NAME).unlink(missing_ok=True)
                 _remove_if_empty(self.running)

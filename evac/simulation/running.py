@@ -385,7 +385,7 @@ def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, er
             without = f", without {', '.join(missing)}" if missing else ""
             error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}{without}")
         elif not first:
-            place.discard(simulation.recording.plugin_files())
+            place.discard()
 
 
 def _check_interval(checkpoint: float | None) -> None:

@@ -149,7 +149,7 @@ def test_a_run_that_has_not_begun_leaves_nothing_but_files_of_others(tmp_path):
     with ResultFolder(tmp_path / "r") as place:
         place.start()
         write_noted(place.running, inside_csv="of a plugin", trajectory_evac="EVACTRJ2")
-        place.discard(["inside.csv"])
+        place.discard()
     assert contents(tmp_path) == {"r.running/mine.txt": "mine"}
 
 
