@@ -12,14 +12,7 @@ if TYPE_CHECKING:
 #: Maximum number of openings in the picture and on the screen; the report lists all.
 MOST_OPENINGS = 20
 WALLS = "Where the file names no openings, these are pieces of the outer edges, which may be walls."
-TITLES = {
-    "found": "Found in the file",
-    "assumed": "Assumed",
-    "repaired": "Repaired",
-    "left out": "Left out",
-    "warning": "Warnings",
-    "missing": "Missing",
-}
+TITLES = {kind: kind.capitalize() for kind in KINDS} | {"found": "Found in the file", "warning": "Warnings"}
 
 
 def report_text(made: "Imported", digest: str) -> str:

@@ -10,20 +10,7 @@ from llvmlite import binding as llvm
 GENERIC = "x86-64-v3"
 
 #: Features of processors of that level beyond the baseline, and features that imply them, by their LLVM names.
-_GENERIC_FEATURES = (
-    "avx2",
-    "bmi",
-    "bmi2",
-    "cx16",
-    "f16c",
-    "fma",
-    "lzcnt",
-    "movbe",
-    "popcnt",
-    "sahf",
-    "sse4.2",
-    "xsave",
-)
+_GENERIC_FEATURES = "avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse4.2 xsave"
 
 
 @dataclass(frozen=True)
@@ -37,13 +24,8 @@ class Processor:
     def options(self) -> dict[str, Any]:
         """Return the options of the LLVM target machine for code that is loaded into this process."""
         relocation = "static" if self.triple.startswith("x86") else "default"
-        return {
-            "cpu": self.name,
-            "features": self.features,
-            "reloc": relocation,
-            "codemodel": "jitdefault",
-            "jit": True,
-        }
+        where = {"reloc": relocation, "codemodel": "jitdefault", "jit": True}
+        return {"cpu": self.name, "features": self.features, **where}
 
 
 @lru_cache
@@ -64,4 +46,4 @@ def missing_features() -> tuple[str, ...]:
     if generic().name != GENERIC:
         return ()
     has = llvm.get_host_cpu_features()
-    return tuple(feature for feature in _GENERIC_FEATURES if not has.get(feature))
+    return tuple(feature for feature in _GENERIC_FEATURES.split() if not has.get(feature))

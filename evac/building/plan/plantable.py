@@ -15,18 +15,8 @@ from evac.base.errors import BuildingError, escaped, quoted_line
 from evac.base.parameters import did_you_mean
 from evac.building.plan.plan import Item, Plan, Stair
 
-#: Name of each list of tables, and the method of `Plan` that takes the keys of one table as arguments.
-SECTIONS = {
-    "storeys": "storey",
-    "stairs": "stair",
-    "flights": "flight",
-    "landings": "landing",
-    "doors": "door",
-    "exits": "exit",
-    "openings": "opening",
-    "areas": "area",
-    "obstacles": "obstacle",
-}
+#: Lists of tables; the keys of a table are the arguments of the method of `Plan` with the name in the singular.
+SECTIONS = ("storeys", "stairs", "flights", "landings", "doors", "exits", "openings", "areas", "obstacles")
 
 
 def read_table(path: Path) -> dict[str, Any]:
@@ -68,18 +58,19 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
         if key != "headroom" and key not in SECTIONS:
             raise BuildingError(f"{source}: {prefix}{key}: unknown key; {did_you_mean(key, ['headroom', *SECTIONS])}")
     plan = Plan(source, headroom=table.get("headroom", HEADROOM))
-    for section, method in SECTIONS.items():
+    for section in SECTIONS:
+        add = getattr(plan, section.removesuffix("s"))
         items = table.get(section, [])
         if not isinstance(items, list):
             raise BuildingError(f"{source}: {prefix}{section} must be a list of tables: [[{section}]]")
         for index, item in enumerate(items):
             name = item["name"] if isinstance(item, Mapping) and "name" in item else index
             key = escaped(f"{prefix}{section}.{name}")
-            _check_keys(f"{source}: {key}", item, getattr(plan, method))
+            _check_keys(f"{source}: {key}", item, add)
             values = dict(item)
             if section == "storeys" and isinstance(values.get("file"), str):
                 values["file"] = folder / values["file"]
-            getattr(plan, method)(**values)
+            add(**values)
     return plan
 
 
