@@ -150,28 +150,20 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     rows = [
         (p.name, round(p.width, 3), state(p)) for p in building.portals if is_verbose or tuple(p.levels) not in within
     ]
-    if rows:
-        which = "Portals" if is_verbose else "Portals (without those within a stair)"
-        show_table(which, ("portal", "width [m]", ""), rows)
-    if building.exits:
-        exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in in_order(building.exits)]
-        show_table("Exits", ("exit", "level", "width [m]", ""), exits)
-    if building.doors:
-        doors = [(door.name, names[door.level], round(door.width, 3)) for door in in_order(building.doors)]
-        show_table("Doors between rooms", ("door", "level", "clear width [m]"), doors)
-    if building.areas:
-        areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in in_order(building.areas)]
-        show_table("Areas", ("area", "level", "m2"), areas)
-    if building.places:
-        places = [(one.name, one.kind, names[one.level], one.area or one.exit, one.use) for one in building.places]
-        show_table("Places and lines", ("name", "kind", "level", "area or exit", ""), places)
-    if building.stairs:
-        stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
-        show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
-    assumed = [finding for finding in building.findings if finding.kind in ASSUMED]
-    if assumed:
-        found = [(finding.kind, finding.where, finding.text) for finding in assumed]
-        show_table("Assumed, repaired or left out", ("kind", "place", "description"), found)
+    which = "Portals" if is_verbose else "Portals (without those within a stair)"
+    show_table(which, ("portal", "width [m]", ""), rows)
+    exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in in_order(building.exits)]
+    show_table("Exits", ("exit", "level", "width [m]", ""), exits)
+    doors = [(door.name, names[door.level], round(door.width, 3)) for door in in_order(building.doors)]
+    show_table("Doors between rooms", ("door", "level", "clear width [m]"), doors)
+    areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in in_order(building.areas)]
+    show_table("Areas", ("area", "level", "m2"), areas)
+    places = [(one.name, one.kind, names[one.level], one.area or one.exit, one.use) for one in building.places]
+    show_table("Places and lines", ("name", "kind", "level", "area or exit", ""), places)
+    stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
+    show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
+    found = [(one.kind, one.where, one.text) for one in building.findings if one.kind in ASSUMED]
+    show_table("Assumed, repaired or left out", ("kind", "place", "description"), found)
 
 
 def show_people(simulation: "Simulation") -> None:
@@ -220,8 +212,7 @@ def show_course(case: "Case") -> None:
             rows.append((group.name, where, when))
         elif not group.leave:
             rows.append((group.name, group.area or group.level, "they do not leave"))
-    if rows:
-        show_table("People who arrive or stay", ("group", "place", ""), rows)
+    show_table("People who arrive or stay", ("group", "place", ""), rows)
     events = [
         (
             one.name or "",
@@ -232,8 +223,7 @@ def show_course(case: "Case") -> None:
         )
         for one in case.event
     ]
-    if events:
-        show_table("Events", ("event", "time or condition", "kind", "target", "value"), events)
+    show_table("Events", ("event", "time or condition", "kind", "target", "value"), events)
 
 
 def _span(low: float, high: float) -> str:

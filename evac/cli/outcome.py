@@ -47,10 +47,10 @@ def show_results(results: Results) -> None:
     summary = results.summary()
     _show_outcome(summary, results)
     _show_places(summary, results)
-    if stuck := summary["stuck"]:
-        rows = [(one["person"], one["level"], round(one["x"], 2), round(one["y"], 2)) for one in stuck[:MOST_LISTED]]
-        more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
-        show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)
+    stuck = summary["stuck"]
+    rows = [(one["person"], one["level"], round(one["x"], 2), round(one["y"], 2)) for one in stuck[:MOST_LISTED]]
+    more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
+    show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)
     _show_contact(summary["contact"])
     wall = summary["wall_time"]
     phases = [*wall.items(), ("all", sum(wall.values()))]
@@ -93,16 +93,14 @@ def _show_outcome(summary: dict[str, Any], results: Results) -> None:
 
 
 def _show_places(summary: dict[str, Any], results: Results) -> None:
-    columns = ("people", "last_out", "width", "flow", "flow_per_metre")
+    columns: tuple[str, ...] = ("people", "last_out", "width", "flow", "flow_per_metre")
     labels = {way.name: results.building.label_of(way) for way in results.building.exits}
     exits = [(labels[name], *(use[column] for column in columns)) for name, use in summary["exits"].items()]
     exits = in_order(exits, itemgetter(0))
     show_table("Exits", ("exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"), exits)
-    if summary["stairs"]:
-        stairs = [
-            (name, use["people"], use["greatest_number"], use["last_left"]) for name, use in summary["stairs"].items()
-        ]
-        show_table("Stairs", ("stair", "people", "maximum number", "last left [s]"), stairs)
+    columns = ("people", "greatest_number", "last_left")
+    stairs = [(name, *(use[column] for column in columns)) for name, use in summary["stairs"].items()]
+    show_table("Stairs", ("stair", "people", "maximum number", "last left [s]"), stairs)
 
 
 def _show_contact(contact: dict[str, Any]) -> None:

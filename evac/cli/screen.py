@@ -26,13 +26,15 @@ def console() -> Console:
 
 
 def show_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table; columns of numbers are aligned to the right."""
+    """Print a table, if it has rows; columns of numbers are aligned to the right."""
     rows, to = [list(row) for row in rows], console()
+    if not rows:
+        return
     table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     cells = [[column, *(shown(row[k]) for row in rows)] for k, column in enumerate(columns)]
     widths = _widths(cells, to.width - EDGES - GAP * (len(columns) - 1))
     for index, column in enumerate(columns):
-        numeric = bool(rows) and all(_is_numeric(row[index]) for row in rows)
+        numeric = all(_is_numeric(row[index]) for row in rows)
         table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold", width=widths[index])
     for row in rows:
         table.add_row(*(Text(shown(value)) for value in row))

@@ -273,7 +273,7 @@ def test_the_generic_processor_is_a_level_of_x86_64_or_a_baseline(monkeypatch):
     assert generic().name == ("x86-64-v3" if triple.startswith("x86_64") else "generic")
     assert generic() != host()
     monkeypatch.setattr(processor.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
-    features = dict.fromkeys(processor._GENERIC_FEATURES, True) | {"fma": False}
+    features = dict.fromkeys(processor._GENERIC_FEATURES.split(), True) | {"fma": False}
     monkeypatch.setattr(processor.llvm, "get_host_cpu_features", lambda: features)
     assert processor.missing_features.__wrapped__() == ("fma",)
     monkeypatch.setattr(processor.llvm, "get_process_triple", lambda: "aarch64-unknown-linux-gnu")
