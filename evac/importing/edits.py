@@ -1,11 +1,11 @@
 """The plan that an import writes, and the edits that users have made in it since an earlier import."""
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from evac.base.errors import BuildingError
 from evac.building.model.findings import Finding
+from evac.building.model.names import numbered
 from evac.building.plan.plantable import SECTIONS
 from evac.case.toml import toml_lines, toml_value
 
@@ -54,10 +54,9 @@ def with_former_names(imported: Table, former: Table) -> dict[str, Any]:
     for section in RENAMED:
         names = {_shape(item): item.get("name") for item in former.get(section, ())}
         items = [(item, names.get(_shape(item))) for item in imported.get(section, ())]
-        taken = {name for _, name in items}
+        taken = {name for _, name in items if name}
         for number, (item, name) in enumerate(items):
-            free = (f"{item['name']} ({k})" for k in itertools.count(2))
-            own = name or next(one for one in itertools.chain([item["name"]], free) if one not in taken)
+            own = name or numbered(item["name"], taken)
             taken.add(own)
             items[number] = item | {"name": own}, name
         if items:
