@@ -70,13 +70,13 @@ class Camera {
     return [0, 1].map((i) => range(at, (place) => place[i]));
   }
 
-  // Shows all of the points, and leaves shares of the picture free at the left and at the top.
-  makeRoom(points, left, top) {
+  // Shows all of the points, and leaves shares of the picture free at the left, at the top and at the bottom.
+  makeRoom(points, left, top, bottom) {
     for (let turn = 0; turn < 4; turn++) {
-      this.zoom(Math.max(...this.bounds(points).map(([low, high], i) => (high - low) / (2 * (FILLED - (i ? top : left))))));
+      this.zoom(Math.max(...this.bounds(points).map(([low, high], i) => (high - low) / (2 * (FILLED - (i ? top + bottom : left))))));
       this.update();
       const [across, up] = this.bounds(points).map(centre);
-      this.pan(left - across, -top - up);
+      this.pan(left - across, bottom - top - up);
       this.update();
     }
   }

@@ -47,7 +47,7 @@ class Labels {
   }
 
   // Room that the names of storeys need beside the building.
-  margin() { return Math.max(0, ...this.items.map(({ kind, span }) => kind === "storey" ? 1.2 * span.offsetWidth + 2 * GAP : 0)); }
+  margin() { return Math.max(0, ...this.items.map(({ kind, span }) => kind === "storey" ? span.offsetWidth + 3 * GAP : 0)); }
 
   rename(item, text) {
     if (item.text === text) return;
@@ -62,9 +62,11 @@ class Labels {
   update(camera, state, selected, event, people, density, width, height) {
     const { cells } = this;
     const aim = [...camera.matrix, this.layout.spread, this.layout.storey, width, height], isMoved = aim.some((value, k) => value !== this.aim?.[k]);
+    if (isMoved && (width !== cells.width || height !== cells.height)) for (const item of this.items) item.size = null;
     for (const item of this.items) if (isMoved) item.boxes = new Map();  // By the side: null where a floor lies before it.
     this.aim = aim;
     cells.clear(width, height, heightOfTools());
+    if (isMoved && this.layout.storey < 0 && !this.layout.isPlan) this.nameStoreys(camera);
     cells.markPeople(camera, people);
     if (camera.isFlat) cells.mark(...SCALE.map((value, i) => value + (i % 2 ? height : width)));
     Object.assign(this.who, { to: selected });
@@ -91,7 +93,7 @@ class Labels {
       item.span.className = note ? "closed" : "exit";
       this.rename(item, note ? `${item.name} (${note})` : item.name);
     }
-    const boxes = to ? new Map() : item.boxes, places = SIDES[to ? "pointer" : item.kind === "storey" && camera.isFlat && !layout.isSection ? "plan" : item.kind] ?? SIDES.any;
+    const boxes = to ? new Map() : item.boxes, places = SIDES[to ? "pointer" : item.kind === "storey" && !layout.isPlan ? "column" : item.kind] ?? SIDES.any;
     const fits = (side) => {
       if (!boxes.has(side)) boxes.set(side, this.boxAt(item, to?.at ?? this.anchor(item, camera), side, camera, density));
       const box = boxes.get(side);
@@ -99,6 +101,20 @@ class Labels {
     };
     item.side = (places.includes(item.side) ? [item.side, ...places] : places).find(fits);  // The last one first, so that it does not jump.
     return item.side ? boxes.get(item.side) : null;
+  }
+
+  // Puts the names of storeys in a column beside the building, at their heights: of every storey or, where there is no room
+  // for all, of every second, third and so on.
+  nameStoreys(camera) {
+    const { width, height } = this.cells, items = this.items.filter(({ kind }) => kind === "storey");
+    const at = items.map((item) => camera.project(this.anchor(item, camera))).map(([x, y]) => [(x + 1) / 2 * width, (1 - y) / 2 * height]);
+    const right = Math.min(...at.map(([x]) => x)) - 2 * GAP, sizes = items.map(({ span }) => [span.offsetWidth, span.offsetHeight]);
+    let step = 1;
+    while (at.some(([, y], k) => k + step < at.length && k % step === 0 && Math.abs(at[k + step][1] - y) < sizes[k][1] + CELL)) step++;
+    items.forEach((item, k) => {
+      const [[x, y], [w, h]] = [at[k], sizes[k]];
+      item.boxes.set(SIDES.column[0], k % step ? null : [right - w, y - h / 2, right, y + h / 2, x, y]);
+    });
   }
 
   // The box at a side of a point; null where the point is not before the eye or a floor lies before the box.
@@ -136,8 +152,8 @@ const SIDES = {
   any: [[0, 0], ...around(1)],
   pointer: near.flatMap((down) => [0, 0.5, -0.5, 1, -1, 1.5, -1.5].map((right) => [right, down])).sort(([a, b], [c, d]) => Math.hypot(6 * a, b) - Math.hypot(6 * c, d)),
   exit: [...around(1), ...around(2), ...around(3), ...around(4)],
-  plan: [...[1, 1.25, 1.5, 1.75, 2, 2.5, 3, 4].map((right) => [right, -1]), [1, 1], [-1, 1], [-1, -1], [-1, 0]],  // Above it.
-  storey: [[-1.15, 0], [-2, 0], [-3, 0], [1, 0]],  // At its height.
+  storey: [...[1, 1.25, 1.5, 1.75, 2, 2.5, 3, 4].map((right) => [right, -0.75]), [1, 1], [-1, 1], [-1, -1], [-1, 0]],  // Above it.
+  column: [[-1, 0]],
 };
 
 const NEAR = 12;  // A label so near to what it names has no line to it [pixels].

@@ -60,6 +60,7 @@ class Layout {
   // `view` is 3d, plan or section; `storey` is -1 for all of them.
   arrange(view, storey, spread, aspect) {
     this.isFlat = view !== "3d";
+    this.isPlan = view === "plan";
     this.storey = storey;
     this.spread = this.isFlat || storey >= 0 ? 1 : spread;
     const many = this.storeys.length, gap = 0.08 * Math.max(...this.extent) + 1;
