@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.saved import copies_of, part_of, take, taken
 from evac.building.model.building import Exit
-from evac.directions.descent import descend
-from evac.directions.fields import Fields
+from evac.directions.descent import Ways, descend
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
 from evac.directions.march.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
@@ -67,44 +67,72 @@ class Column:
         hesitation: float = 0.0,
         lower: "Column | None" = None,
     ) -> None:
-        packed, marched = fields.packed, fields.marched
+        marched = fields.marched
         assert marched is not None
         of_class, index = divmod(number, len(fields.routes))
         grids, self._factor = fields.grids[of_class].grids, fields.grids[of_class].factor
         self._clear = self._factor
-        blocked = marched.classes[of_class].blocked
         self.number, self._grids, self._gates = number, grids, gates
-        blocked_nodes = blocked[index] if blocked else np.zeros(0, np.int64)
-        self._places = {
-            grid.level: slice(first, first + grid.sheet.size)
-            for grid in grids.levels
-            if (field := packed.field_of[grid.level, number]) >= 0
-            for first in [int(packed.offset[field])]
-        }
         self._travel_time, self._all_directions = travel_time, direction
-        base = np.full(grids.size, math.inf)
-        self._direction = np.zeros((grids.size, 2))
-        for level, place in self._places.items():
-            base[grids.levels[level].packed] = packed.travel_time[place]
-            self._direction[grids.levels[level].packed] = packed.direction[place]
+        base = self._read(fields.packed)
         ways = make_ways(grids, np.zeros(0))
         slowness = marched.rates[index] / ways.cosine[:, None]
         exits = exits_of_route(grids.building, routes_at_present(marched.building, fields.routes)[index])
         strips, starts = _strips_and_starts(grids, exits, base, slowness)
         joins = (grids.own_nodes | strips) & np.isfinite(base)
-        joins[blocked_nodes] = False
-        elsewhere = marched.classes[of_class].elsewhere.get(index, np.zeros(0, np.int64))
-        joins[elsewhere] = False
+        of_widths, nothing = marched.classes[of_class], np.zeros(0, np.int64)
+        blocked = of_widths.blocked[index] if of_widths.blocked else nothing
+        elsewhere = of_widths.elsewhere.get(index, nothing)
+        joins[blocked] = joins[elsewhere] = False
         # Nodes from which no exit of the route can be reached keep their values, and those from which no way is wide
         # enough for the bodies take those of the class below.
-        elsewhere = elsewhere[np.isin(ways.level_of[elsewhere], list(self._places))]
+        elsewhere, blocked = (of[np.isin(ways.level_of[of], list(self._places))] for of in (elsewhere, blocked))
         self._elsewhere = self._in_fields(elsewhere), base[elsewhere], self._direction[elsewhere]
-        blocked_nodes = blocked_nodes[np.isin(ways.level_of[blocked_nodes], list(self._places))]
-        self._blocked = None if lower is None else (self._in_fields(blocked_nodes), lower._in_fields(blocked_nodes))
+        self._blocked = None if lower is None else (self._in_fields(blocked), lower._in_fields(blocked))
         if marched.building.areas and not exits:  # of a route to an area, where the times are zero
             starts |= base == 0.0
         starts &= joins
         self._solved = joins & ~starts
+        self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation))
+        _start_at_exits(self.waves, grids, exits, starts)
+        self.speed, self._wanted = np.ones(grids.size), np.ones(grids.size)
+        self.stale: set[int] = set()
+        self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
+        self._fills = [self._fill_of(level, joins, base) for level in range(len(grids.levels))]
+        self._pockets = Pockets(grids, joins, starts, ways.source, ways.twin)
+        for to, from_ in self._fills:
+            self._pockets.of[to] = self._pockets.of[from_]
+        self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
+        self._resting: set[int] = set()  # levels all of whose nodes are left out
+        self._march(set(self._places), set(self._places))
+
+    def _read(self, packed: PackedFields) -> FloatArray:
+        """Read directions and places of the levels from the fields of the empty building; return the times (nodes,)."""
+        grids = self._grids
+        self._places = {
+            grid.level: slice(first, first + grid.sheet.size)
+            for grid in grids.levels
+            if (field := packed.field_of[grid.level, self.number]) >= 0
+            for first in [int(packed.offset[field])]
+        }
+        time = np.full(grids.size, math.inf)
+        self._direction = np.zeros((grids.size, 2))
+        for level, place in self._places.items():
+            time[grids.levels[level].packed] = packed.travel_time[place]
+            self._direction[grids.levels[level].packed] = packed.direction[place]
+        return time
+
+    def _make_waves(
+        self,
+        ways: Ways,
+        slowness: FloatArray,
+        joins: BoolArray,
+        starts: BoolArray,
+        time: FloatArray,
+        hesitation: float,
+    ) -> Waves:
+        """Return waves whose times are known at the nodes that join."""
+        grids = self._grids
         nodes = np.flatnonzero(self._solved)
         is_border = ways.twin[nodes] >= 0
         for step in (1, ways.stride[ways.level_of[nodes]].astype(np.int64)):
@@ -112,7 +140,7 @@ class Column:
                 is_border |= (beside >= 0) & (starts[beside] | (ways.level_of[beside] != ways.level_of[nodes]))
         source, twin = _one_way(grids, ways.source, ways.twin)
         nobody = np.full(grids.size, -1, np.int32)
-        self.waves = Waves(
+        return Waves(
             level_of=ways.level_of,
             border=nodes[is_border],
             source=source,
@@ -124,40 +152,19 @@ class Column:
             factor=self._factor.copy(),
             spacing=grids.lattice.spacing,
             state=np.where(joins, FINAL, APART).astype(np.uint8),
-            time=np.where(joins, base, math.inf),
+            time=np.where(joins, time, math.inf),
             exit=nobody,
-            gate_at=gates.at,
+            gate_at=self._gates.at,
             gate=nobody.copy(),
             walk=np.zeros(grids.size),
             former=nobody.copy(),
-            hesitation=float(hesitation),
+            hesitation=hesitation,
             before=np.full(grids.size, -1, np.int64),
             leans=np.zeros((len(grids.levels), len(grids.levels)), np.uint8),
             heap=np.zeros(grids.size, np.int64),
             key=np.zeros(grids.size),
             place=np.zeros(grids.size, np.int64),
         )
-        for grid in grids.levels:
-            nodes = np.flatnonzero(starts[grid.packed])
-            ends = [exit_ for exit_ in exits if exit_.level == grid.level]
-            if len(nodes) and ends:
-                points = shapely.points(
-                    grid.window.places(np.stack(np.unravel_index(nodes, grid.window.shape), axis=1))
-                )
-                away = np.stack([shapely.distance(chain(exit_.segments), points) for exit_ in ends]).argmin(axis=0)
-                self.waves.exit[grid.offset + nodes] = np.array([exit_.index for exit_ in ends])[away]
-                links = [grids.building.link_of(exit_) for exit_ in ends]
-                self.waves.gate[grid.offset + nodes] = np.array(links)[away]
-        self.speed, self._wanted = np.ones(grids.size), np.ones(grids.size)
-        self.stale: set[int] = set()
-        self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
-        self._fills = [self._fill_of(level, joins, base) for level in range(len(grids.levels))]
-        self._pockets = Pockets(grids, joins, starts, ways.source, ways.twin)
-        for to, from_ in self._fills:
-            self._pockets.of[to] = self._pockets.of[from_]
-        self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
-        self._resting: set[int] = set()  # levels all of whose nodes are left out
-        self._march(set(self._places), set(self._places))
 
     def _fill_of(self, level: int, joins: BoolArray, base: FloatArray) -> tuple[IndexArray, IndexArray]:
         """Return the nodes of a level that are not marched, and for each the node whose direction it takes."""
@@ -415,6 +422,18 @@ def _strips_and_starts(
         else:
             starts[grid.packed] |= base[grid.packed] <= cell
     return strips, starts
+
+
+def _start_at_exits(waves: Waves, grids: BuildingGrids, exits: list[Exit], starts: BoolArray) -> None:
+    """Give the nodes (nodes,) where a march starts the nearest exit of their level, and its gate."""
+    for grid in grids.levels:
+        nodes = np.flatnonzero(starts[grid.packed])
+        ends = [exit_ for exit_ in exits if exit_.level == grid.level]
+        if len(nodes) and ends:
+            points = shapely.points(grid.window.places(np.stack(np.unravel_index(nodes, grid.window.shape), axis=1)))
+            away = np.stack([shapely.distance(chain(exit_.segments), points) for exit_ in ends]).argmin(axis=0)
+            waves.exit[grid.offset + nodes] = np.array([exit_.index for exit_ in ends])[away]
+            waves.gate[grid.offset + nodes] = np.array([grids.building.link_of(exit_) for exit_ in ends])[away]
 
 
 def _one_way(grids: BuildingGrids, source: IndexArray, twin: IndexArray) -> tuple[IndexArray, IndexArray]:
