@@ -320,6 +320,25 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
             gx, gy, norm = tx, ty, 1.0
         hx, hy = gx / norm, gy / norm
         motion.next[i, 0], motion.next[i, 1] = hx, hy
+    best, least = speed_behind(world, crowd, sights, motion, rule, i, hx, hy, length, gap)
+    if first < sights.number:
+        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, SOON, TOUCHING))
+        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, 0.0, TOUCHING))
+        free = free_of_walls(world, crowd, sights, motion, i, free)
+        walkers = free_way(crowd, sights, motion, rule, 0, first, i, hx, hy, SOON, TOUCHING)
+        # A way of tau u is left to the present velocity u after the desired one is zero.
+        stop = crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
+        if min(free, walkers) < rule.sight:
+            best = max(min(best, (min(free, walkers) - stop) / rule.oncoming_time_gap), 0.0)
+        if free < rule.sight and will_start(crowd, sights, first, time):
+            least = min(max((free - stop) / rule.oncoming_time_gap, 0.0), least)
+    motion.factor[i] = max(best, least) / wanted
+
+
+@inner
+def speed_behind(world, crowd, sights, motion, rule, i, hx, hy, length, gap):  # type: ignore[no-untyped-def]
+    """Return the speed at which person i keeps its distances along h, and the one below which it does not fall."""
+    wanted, is_inside = sights.wanted[i], sights.level[i] < sights.levels
     best, least = wanted, min(rule.creep, wanted)
     for k in range(sights.number):
         j = sights.near[k]
@@ -352,18 +371,7 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
             continue
         if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
             best, least = speed, 0.0 if leads_on else min(rule.creep, wanted)
-    if first < sights.number:
-        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, SOON, TOUCHING))
-        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, 0.0, TOUCHING))
-        free = free_of_walls(world, crowd, sights, motion, i, free)
-        walkers = free_way(crowd, sights, motion, rule, 0, first, i, hx, hy, SOON, TOUCHING)
-        # A way of tau u is left to the present velocity u after the desired one is zero.
-        stop = crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
-        if min(free, walkers) < rule.sight:
-            best = max(min(best, (min(free, walkers) - stop) / rule.oncoming_time_gap), 0.0)
-        if free < rule.sight and will_start(crowd, sights, first, time):
-            least = min(max((free - stop) / rule.oncoming_time_gap, 0.0), least)
-    motion.factor[i] = max(best, least) / wanted
+    return best, least
 
 
 @inner
