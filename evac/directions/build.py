@@ -148,37 +148,41 @@ def build_fields(
     solved = solver.solve_classes(narrowest, classes)
     if anywhere:
         _lead_anywhere(solver, solved, narrowest, classes)
-    steepest = max([1.0, *(rate.max() for rate in solver.rates)])
-    steepest /= min(math.cos(level.slope) for level in building.levels)
-    levels = solved[0].grids.levels
     keep_grids = keep_grids or any(route.strategy == QUICKEST for route in routes)
-    field_of = np.full((len(levels), len(solved) * len(routes)), -1, dtype=np.int32)
-    sizes: list[int] = []
-    for column, reaching in enumerate(solver.reaching * len(solved)):
-        field_of[list(reaching), column] = range(len(sizes), len(sizes) + len(reaching))
-        sizes += [levels[level].sheet.size for level in reaching]
-    walls = find_cell_walls([own.grids for own in solved], len(routes), steepest)
-    # What is joined is let go, since it may be a large part of the memory.
-    direction = _joined([part for own in solved for part in own.directions], (2,))
-    for own in solved:
-        own.directions.clear()
     return Fields(
         routes=tuple(routes),
-        packed=PackedFields(
-            origin=np.array([grid.window.origin for grid in levels]),
-            shape=np.array([grid.window.shape for grid in levels], dtype=np.int32),
-            spacing=float(spacing),
-            width=np.array([own.width for own in classes], dtype=np.float64),
-            field_of=field_of,
-            offset=np.cumsum([0, *sizes], dtype=np.int64)[: len(sizes)],
-            direction=direction,
-            travel_time=_joined([part for own in solved for part in own.travel_times], ()),
-            walls=walls,
-        ),
+        packed=_packed(solver, solved, classes),
         marched=Marched(building, spacing, clearance, solver.rates, tuple(own.marched for own in solved)),
         comfort=float(comfort),
         clearance=float(clearance),
         grids=tuple(ClassGrids(own.grids, own.factor) for own in solved) if keep_grids else (),
+    )
+
+
+def _packed(solver: "_Solver", solved: Sequence["_Solved"], classes: Sequence[BodyClass]) -> PackedFields:
+    """Return the fields of all classes in arrays; those of `solved` are let go, since they may be large."""
+    steepest = max([1.0, *(rate.max() for rate in solver.rates)])
+    steepest /= min(math.cos(level.slope) for level in solver.building.levels)
+    levels = solved[0].grids.levels
+    field_of = np.full((len(levels), len(solved) * len(solver.routes)), -1, dtype=np.int32)
+    sizes: list[int] = []
+    for column, reaching in enumerate(solver.reaching * len(solved)):
+        field_of[list(reaching), column] = range(len(sizes), len(sizes) + len(reaching))
+        sizes += [levels[level].sheet.size for level in reaching]
+    walls = find_cell_walls([own.grids for own in solved], len(solver.routes), steepest)
+    direction = _joined([part for own in solved for part in own.directions], (2,))
+    for own in solved:
+        own.directions.clear()
+    return PackedFields(
+        origin=np.array([grid.window.origin for grid in levels]),
+        shape=np.array([grid.window.shape for grid in levels], dtype=np.int32),
+        spacing=float(solver.spacing),
+        width=np.array([own.width for own in classes], dtype=np.float64),
+        field_of=field_of,
+        offset=np.cumsum([0, *sizes], dtype=np.int64)[: len(sizes)],
+        direction=direction,
+        travel_time=_joined([part for own in solved for part in own.travel_times], ()),
+        walls=walls,
     )
 
 
