@@ -170,6 +170,14 @@ def test_tools_are_in_one_row_and_the_clock_is_in_sight(browser, page, width, he
     assert browser.run("document.getElementById('time').getBoundingClientRect().bottom") < height
 
 
+def test_buttons_stand_beside_a_long_title_where_the_page_is_low(browser, page):
+    browser.show(page, 844, 390)
+    browser.run("kept = document.getElementById('title').innerText; title.textContent = kept.repeat(3)")
+    bottom, top = browser.run("[title.getBoundingClientRect().bottom, theme.getBoundingClientRect().top]")
+    browser.run("title.textContent = kept")
+    assert top < bottom
+
+
 def test_every_storey_is_named_in_plan_and_section(browser, page):
     browser.show(page)
     for view in ("plan", "section"):
