@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.directions.routes import Route
 from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
 
@@ -144,7 +144,18 @@ class Fields:
             return self.uncongested.lengths
         if self.marched is None:
             return np.zeros((3, 0)).T
-        return find_lengths(self.marched, self.routes, self.packed.field_of, self.packed.travel_time)
+        return find_lengths(self.marched, self.routes, self.packed)
+
+    @cached_property
+    def _passable(self) -> PackedFields:
+        """The fields with infinite travel times from where no way is as wide as the bodies."""
+        from evac.directions.lengths import passable_times
+
+        if self.uncongested is not None:
+            return self.uncongested._passable
+        if self.marched is None:
+            return self.packed
+        return self.packed.replace(travel_time=passable_times(self.marched, self.packed))
 
     def with_own_directions(self) -> "Fields":
         """Return fields with copies of travel times and directions, which routes that are solved again may change."""
@@ -191,6 +202,18 @@ class Fields:
         ]
         # Within a cell of an exit, the bilinear value can be negative by rounding.
         return np.maximum(np.stack(columns, axis=1), 0.0)
+
+    def are_passable(
+        self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0
+    ) -> BoolArray:
+        """Return whether a way to the destination is as wide as the body (n,), for routes from positions.
+
+        Where it is not, there can be a travel time nevertheless, and a direction towards the narrow place.
+        """
+        from evac.directions.sampling import sample_travel_times
+
+        column = columns_of(self.packed, route, radius)
+        return np.isfinite(_sampled(sample_travel_times, self._passable, level, position, column, ()))
 
     def directions_at(
         self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.descent import Ways, add_lengths
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
 from evac.directions.routes import Route
+
+if TYPE_CHECKING:
+    from evac.directions.fields import PackedFields
 
 #: Nodes that are looked at together where that takes much memory for each.
 CHUNK = 2**17
@@ -67,9 +71,7 @@ def barred_on(building: Building, route: Route) -> frozenset[int]:
     return frozenset(portal.index for portal in building.portals if steep.intersection(portal.levels))
 
 
-def find_lengths(
-    marched: Marched, routes: tuple[Route, ...], field_of: NDArray[np.int32], travel_time: FloatArray
-) -> FloatArray:
+def find_lengths(marched: Marched, routes: tuple[Route, ...], packed: "PackedFields") -> FloatArray:
     """Return the flat, up and down lengths (nodes, 3) of the path from each node of packed fields [m].
 
     Each column is contiguous, since they are sampled one by one.
@@ -78,33 +80,45 @@ def find_lengths(
     ----------
     marched : Marched
     routes : tuple of Route
-    field_of : (levels, columns) int32
-    travel_time : (nodes,) float64
-        Of `PackedFields`.
+    packed : PackedFields
     """
-    found: FloatArray = np.empty((3, len(travel_time))).T
-    first = 0
+    found: FloatArray = np.empty((3, len(packed.travel_time))).T
     for number, of_class in enumerate(marched.classes):
         grids = build_grids(marched.building, marched.spacing, marched.clearance, of_class.barred)
         cost = np.empty(grids.size)
         ways = make_ways(grids, cost)
         for index, route in enumerate(routes_at_present(marched.building, routes)):
             cost[:] = math.inf
-            places = []
-            for grid in grids.levels:
-                if field_of[grid.level, number * len(routes) + index] >= 0:
-                    places.append((grid.packed, slice(first, first + grid.sheet.size)))
-                    first += grid.sheet.size
-            for packed, place in places:
-                cost[packed] = travel_time[place]
+            places = _places_of(packed, number * len(routes) + index)
+            for on_grids, place in places:
+                cost[on_grids] = packed.travel_time[place]
             for grid in grids.levels:
                 cost[grid.stands_for[0]] = math.inf
             lengths = _lengths(grids, ways, exits_of_route(grids.building, route), marched.rates[index])
             if of_class.blocked:
                 lengths[of_class.blocked[index]] = math.inf
-            for packed, place in places:
-                found[place] = lengths[packed]
+            for on_grids, place in places:
+                found[place] = lengths[on_grids]
     return found
+
+
+def passable_times(marched: Marched, packed: "PackedFields") -> FloatArray:
+    """Return the travel times (nodes,) of packed fields, inf from where no way is as wide as the bodies [s]."""
+    times: FloatArray = packed.travel_time.copy()
+    for number, of_class in enumerate(marched.classes):
+        for index, blocked in enumerate(of_class.blocked):
+            for on_grids, place in _places_of(packed, number * len(of_class.blocked) + index):
+                own = blocked[(blocked >= on_grids.start) & (blocked < on_grids.stop)]
+                times[own + (place.start - on_grids.start)] = math.inf
+    return times
+
+
+def _places_of(packed: "PackedFields", column: int) -> list[tuple[slice, slice]]:
+    """Return where each level of a column is in values on all grids, and where in packed fields."""
+    sizes = packed.shape.prod(axis=1, dtype=np.int64)
+    each = zip(np.cumsum(sizes) - sizes, sizes, packed.field_of[:, column], strict=True)
+    starts = ((first, size, packed.offset[field]) for first, size, field in each if field >= 0)
+    return [(slice(first, first + size), slice(start, start + size)) for first, size, start in starts]
 
 
 def take_halos(grids: BuildingGrids, values: FloatArray) -> None:

@@ -308,7 +308,7 @@ class Places:
         place = crowd.level[rows], crowd.position[rows], routes, crowd.contact_radius[rows]
         times = fields.travel_time_at(*place)
         if is_limited:
-            times[~np.isfinite(fields.lengths_at(*place)).all(axis=1)] = np.inf
+            times[~fields.are_passable(*place)] = np.inf
         return times
 
     def settle(self, time: float, fields: "Fields", velocity: FloatArray) -> None:

@@ -102,8 +102,10 @@ def test_where_no_way_is_wide_enough_directions_lead_to_the_gap_and_lengths_are_
     for one in (fields, alone):
         assert np.isfinite(one.travel_time_at(0, [west, east], 0, 0.25)).all()
         assert np.isfinite(one.lengths_at(0, [west, east], 0, 0.25)[:, 0]).tolist() == [False, True]
+        assert one.are_passable(0, [west, east], 0, 0.25).tolist() == [False, True]
         assert one.directions_at(0, [west], 0, 0.25)[0] @ [2.0, -3.8] > 0.0
     assert np.isfinite(fields.lengths_at(0, [west], 0, 0.2)).all()
+    assert fields.are_passable(0, [west], 0, 0.2).all()
 
 
 def test_a_route_to_an_exit_that_is_too_narrow_has_no_length(drawing):
@@ -117,6 +119,7 @@ def test_a_route_to_an_exit_that_is_too_narrow_has_no_length(drawing):
         lengths = [fields.lengths_at(0, start, route, 0.25)[0, 0] for route in range(3)]
         assert lengths[0] == lengths[1] == pytest.approx(9.0, abs=0.2)
         assert np.isinf(lengths[2])
+        assert [fields.are_passable(0, start, route, 0.25)[0] for route in range(3)] == [True, True, False]
 
 
 def test_without_a_gap_between_the_bodies_nothing_changes():
