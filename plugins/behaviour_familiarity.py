@@ -46,13 +46,6 @@ class Familiarity(Behaviour):
     The default of `notices` is the share of people who saw a conventional sign in an experiment by Xie et al., from the
     abstract of Galea, Xie and Lawrence (2014); most of them followed it. `preference` and `trust` are assumptions.
 
-    Raises
-    ------
-    ScenarioError
-        `knows` is not a table of shares.
-    ScenarioError
-        From `prepare`: people may know no exit, or a sign shows an exit that is in neither list.
-
     References
     ----------
     Sime: Movement toward the familiar. Environment and Behavior 17 (1985), 697-724. Xie, Filippidis, Galea,

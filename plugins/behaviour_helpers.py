@@ -86,14 +86,6 @@ class Helpers(Behaviour):
     et al., and carrying the slowest; the default of `preparation` is an assumption, too. `devices` adds others, such as
     ``{ sledge = { flat = 0.7, up = 0.0, down = 0.6, handlers = 2 } }``.
 
-    Raises
-    ------
-    ScenarioError
-        `devices` are not what they must be.
-    ScenarioError
-        From `prepare`: a group or device does not exist; a group has too few helpers; somebody is in none of the
-        areas, or goes to a refuge that is none of them, or has no speed that could be scaled.
-
     References
     ----------
     Hunt et al.: Simulating movement devices used in hospital evacuation. Fire Technology (2020),

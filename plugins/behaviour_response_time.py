@@ -34,13 +34,6 @@ class ResponseTime(Behaviour):
     gets: an alarm at the place of the person (an event of kind "alarm"), people who walk within ``sees`` on the same
     level and are not hidden by walls, or a field, such as smoke, that has reached its threshold at the person.
 
-    Raises
-    ------
-    PluginError
-        `time` is not a distribution of times of at least 0 s.
-    ScenarioError
-        From `prepare`: the ``time`` of a group is not such a distribution.
-
     Examples
     --------
     >>> ResponseTime(time={"uniform": [0.0, 10.0]}, per="group").per

@@ -57,13 +57,6 @@ class RouteChoice(Behaviour):
 
     The choice does not depend on the crowd. People whose group has ``exits`` choose among these only.
 
-    Raises
-    ------
-    PluginError
-        No strategy is given, or `change_at` without `change_to`.
-    ScenarioError
-        From `prepare`: a group has an exit or a strategy that is not among those of this behaviour.
-
     Examples
     --------
     >>> RouteChoice(exits=["north", "south"], strategies=["fastest"]).routes()

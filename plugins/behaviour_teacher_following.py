@@ -73,11 +73,6 @@ class TeacherFollowing(Behaviour):
 
     Teachers wait for gaps in the line and not for the length of the class, because a class is long in a queue, where a
     teacher who walked slowly ahead of it would be overtaken and pushed aside.
-
-    Raises
-    ------
-    ScenarioError
-        The teacher of a group is not the name of another group, or that group does not have exactly one person.
     """
 
     name = "teacher_following"

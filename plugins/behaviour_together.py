@@ -36,11 +36,6 @@ class Together(Behaviour):
     `patience` after the last arrival, they are counted, which takes the time `count`, and leave. An example is a class
     that its teacher counts; with `teacher_following`, the class also walks behind the teacher. The notes of the results
     name who was missing.
-
-    Raises
-    ------
-    ScenarioError
-        From `prepare`: ``gather`` is not one of `places`.
     """
 
     name = "together"

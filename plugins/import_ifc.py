@@ -104,13 +104,7 @@ class IfcImporter(Importer):
 
 
 def _content(path: Path) -> bytes:
-    """Return the text of a file, or of the one file in an archive.
-
-    Raises
-    ------
-    ValueError
-        It is not IFC in STEP format, or truncated.
-    """
+    """Return the text of a file, or of the one file in an archive."""
     content = path.read_bytes()
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:

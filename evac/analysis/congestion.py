@@ -96,11 +96,6 @@ def find_congestion(
     spacing : float [m]
         Side length of the cells.
 
-    Raises
-    ------
-    ResultError
-        The density is not positive, the time is negative, or no frame was recorded.
-
     Notes
     -----
     Congested cells that touch, also at corners, form one place.
@@ -126,11 +121,6 @@ class Exceedance:
     trajectory : Trajectory
     density : float [1/m2]
     spacing : float [m]
-
-    Raises
-    ------
-    ResultError
-        The density is not positive, or no frame was recorded.
     """
 
     def __init__(self, trajectory: Trajectory, density: float = DENSITY, spacing: float = SPACING) -> None:

@@ -36,11 +36,6 @@ class Grid(Cells):
     Attributes
     ----------
     on_floor : (ny, nx) bool
-
-    Raises
-    ------
-    ResultError
-        The cells are too small or too many, or the kernel covers too many of them.
     """
 
     def __init__(self, level: Level, spacing: float, kernel_radius: float) -> None:

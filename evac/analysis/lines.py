@@ -103,12 +103,6 @@ def line_flows(trajectory: Trajectory, moves: Moves | None = None) -> Mapping[st
     Doors and lines are passed on straight ways between recorded positions, at a constant speed, and on the way from the
     last recorded position to the exit that is nearest to it.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    moves : Moves, optional
-        `Results.moves`.
-
     Examples
     --------
     >>> door = line_flows(trajectory)["main_door"]  # doctest: +SKIP

@@ -184,17 +184,6 @@ def level_maps(
     watch : callable, optional
         Gets the index of a level, numbers of recorded times (f,) and the densities then, (f, ny, nx) [1/m2].
 
-    Returns
-    -------
-    mapping of str to LevelMaps
-        Maps by the name of the level.
-
-    Raises
-    ------
-    ResultError
-        A level does not exist, `spacing` or another parameter is not positive, or no frame lies between `start` and
-        `end`.
-
     Examples
     --------
     >>> maps = level_maps(evac.read_trajectory("school-result"), ["ground"])["ground"]  # doctest: +SKIP

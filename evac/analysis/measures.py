@@ -101,13 +101,7 @@ class Measuring:
         }
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned."""
         people = self.waited.shape
         self.waited[:] = taken(state, "waited", np.float64, people, 0.0, MOST)
         self._had_started[:] = taken(state, "had_started", np.bool_, people, False, True)

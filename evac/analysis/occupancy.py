@@ -112,11 +112,6 @@ def moves_of(
         Times at which people came [s], NaN for those who have not; by default all are there from time zero.
     exit_used : (n,) int32, optional
         Exit of each person who is out.
-
-    Raises
-    ------
-    ResultError
-        A person crosses a portal of a level on which, according to the log, it is not.
     """
     level = np.array(start_level, dtype=np.int32)
     portal = crossings[1] < len(building.portals)

@@ -20,12 +20,6 @@ if TYPE_CHECKING:
 def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.TrajectoryData, pedpy.WalkableArea]":
     """Return the motion on one level and its floor as objects of PedPy.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    level : str or int
-        Name of the level, or its index in ``building.levels``.
-
     Returns
     -------
     motion : pedpy.TrajectoryData
@@ -33,11 +27,6 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
         the level are in it; a person who leaves the level and returns has a gap in the frames.
     area : pedpy.WalkableArea
         The plan of the level.
-
-    Raises
-    ------
-    ResultError
-        PedPy is not installed, the level does not exist, nobody was ever on it, or fewer than two frames were recorded.
     """
     try:
         import pandas as pd

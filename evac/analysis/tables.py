@@ -33,10 +33,6 @@ MOTION_COLUMNS = {
 def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     """Return the motion of all people: a row for each person inside at each recorded time.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-
     Returns
     -------
     mapping of str to (r,) array
@@ -84,11 +80,6 @@ def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:
     frames : (f,) int32
         Rows of ``trajectory.time``.
     frame_rate : float [1/s]
-
-    Raises
-    ------
-    ResultError
-        Fewer than two frames were recorded, or frames other than the last are not at equal intervals.
     """
     time = trajectory.time
     if len(time) < 2:

@@ -22,13 +22,7 @@ def read_only(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def as_floats(values: Any) -> FloatArray:
-    """Return what a plugin has returned as float64; NumPy would drop the imaginary part of complex numbers.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Something is not a real number.
-    """
+    """Return what a plugin has returned as float64; NumPy would drop the imaginary part of complex numbers."""
     if np.iscomplexobj(values):
         raise TypeError("complex numbers were returned, not real ones")
     return np.asarray(values, np.float64)

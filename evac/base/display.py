@@ -29,11 +29,6 @@ class Display:
 
     A context manager; call `phase` with a description of each phase before the loop, and the display itself with a
     `Progress` at every tick.
-
-    Parameters
-    ----------
-    has_lines : bool
-        Whether lines are printed if there is no terminal.
     """
 
     def __init__(self, has_lines: bool = True) -> None:
@@ -122,14 +117,7 @@ class Display:
 
 @contextmanager
 def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator[Callable[[Progress], None] | None]":
-    """Enter the display of a run started from Python, and return the function to call at every tick.
-
-    Parameters
-    ----------
-    progress : callable, bool or None
-        A function is returned as it is. None: a bar on a terminal, a line in a notebook, nothing elsewhere; True: as
-        None, with lines elsewhere; False: nothing.
-    """
+    """Enter the display of a run started from Python, and return the function to call at every tick."""
     if callable(progress):
         yield progress
     elif progress is False:

@@ -58,11 +58,6 @@ class Distribution:
 
         A truncated distribution is sampled by inversion, which is equivalent to rejection sampling but needs exactly
         one random number per person, whatever the bounds.
-
-        Raises
-        ------
-        ScenarioError
-            A list has fewer than `n` values.
         """
         if self.kind == "list":
             if len(self.numbers) < n:
@@ -205,24 +200,7 @@ _LAWS: dict[str, Callable[[float, float], _Law]] = {
 def parse(
     value: object, key: str, *, minimum: float | None = None, above: float | None = None, maximum: float | None = None
 ) -> Distribution:
-    """Parse a distribution as written in case.toml.
-
-    Parameters
-    ----------
-    value : number or mapping
-        A number, or a table with exactly one of the names in `KINDS` and optionally ``minimum`` and ``maximum``.
-    key : str
-        Dotted key, for messages.
-    minimum, above : float
-        Closed or open lower bound that every possible value must satisfy.
-    maximum : float
-        Upper bound that every possible value must satisfy, or the mean if the distribution is unbounded above.
-
-    Raises
-    ------
-    ScenarioError
-        The value is not a distribution, is empty, contains a number that is not finite, or violates a bound.
-    """
+    """Parse a distribution as written in case.toml."""
     try:
         return distribution_from(value, minimum=minimum, above=above, maximum=maximum)
     except ValueError as error:

@@ -14,13 +14,6 @@ class Interrupt:
     Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside the main thread, which is the
     only one that receives signals, no handler is installed.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Names of the signals; those that do not exist on the system are skipped.
-    announce : callable, optional
-        Called by the handler with the number of the first signal. It must not raise.
-
     Attributes
     ----------
     wanted : int

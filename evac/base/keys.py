@@ -126,16 +126,7 @@ class Table(BaseModel):
 
     @classmethod
     def read(cls, given: Mapping[str, Any], error: type[EvacError], where: str) -> Self:
-        """Return the table with keys given from Python, where arrays may stand for lists.
-
-        Parameters
-        ----------
-        given : mapping
-        error : type of EvacError
-            Class of the error for a key that is not known or has a wrong value.
-        where : str
-            Beginning of its message, before the key.
-        """
+        """Return the table with keys given from Python, where arrays may stand for lists."""
         try:
             return cls.model_validate(with_own_classes(given))
         except ValidationError as found:

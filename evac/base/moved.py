@@ -32,13 +32,7 @@ class MovedModules(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Raise an error for a module that has moved.
-
-        Raises
-        ------
-        ModuleNotFoundError
-            Names the present module.
-        """
+        """Raise an error for a module that has moved."""
         if fullname in MOVED:
             raise ModuleNotFoundError(f"{fullname} is now {MOVED[fullname]}", name=fullname)
         return None

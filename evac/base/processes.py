@@ -37,15 +37,6 @@ class Pool:
 
     A process that dies breaks its task alone, and another one takes its place. The processes end with this one, for
     whatever reason it ends.
-
-    Parameters
-    ----------
-    workers : int
-        Greatest number of processes.
-    first : tuple of callable and arguments, optional
-        Call that each process makes before its first task, for what all tasks need.
-    is_quiet : bool
-        Whether what the processes print and their errors are discarded, instead of shown beside those of this one.
     """
 
     def __init__(
@@ -74,16 +65,6 @@ class Pool:
         """Submit the call of a function at the level of a module, which must not be the main script.
 
         Function and arguments are pickled when a process is free, without copies of arrays.
-
-        Returns
-        -------
-        Future
-            With the exception `BrokenExecutor` if the process dies.
-
-        Raises
-        ------
-        OSError
-            There is no process, and none can be started.
         """
         if len(self._threads) < min(self.workers, len(self._left) + 1):
             self._add_worker()
@@ -163,13 +144,7 @@ class Pool:
 
 
 def start_worker(is_quiet: bool) -> "subprocess.Popen[bytes]":
-    """Start a process that answers questions from its standard input on its standard output.
-
-    Raises
-    ------
-    OSError
-        The process cannot be started.
-    """
+    """Start a process that answers questions from its standard input on its standard output."""
     if not sys.executable or getattr(sys, "frozen", False):
         raise OSError("this program is not started by an interpreter of Python")
     folders = json.dumps([os.path.abspath(folder) for folder in sys.path])

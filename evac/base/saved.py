@@ -32,23 +32,6 @@ def taken(
     Owners of a state call this in their ``restore``, so that no kernel reads an index, a shape or a number that a run
     cannot have.
 
-    Parameters
-    ----------
-    state : mapping of str to array
-    name : str
-    kind : dtype
-    shape : tuple of int or None
-        None permits any length.
-    least, most : number, or array that can be broadcast
-        Range of the values, including both.
-    nan : bool
-        Whether NaN is permitted.
-
-    Raises
-    ------
-    SavedError
-        The array is missing, has another kind or shape, or contains a value outside of the range; names it.
-
     Examples
     --------
     >>> taken({"route": np.array([0, 1], np.int32)}, "route", np.int32, (2,), 0, 1)
@@ -104,21 +87,7 @@ def part_of(state: Mapping[str, NDArray[Any]], prefix: str) -> Iterator[dict[str
 
 
 def state_of(plugin: Any, what: str, prefix: str) -> dict[str, NDArray[Any]]:
-    """Return copies of the arrays that `state` of a plugin returns.
-
-    Parameters
-    ----------
-    plugin : Behaviour, ContactModel or Recorder
-    what : str
-        Kind and name of the plugin, for the message.
-    prefix : str
-        Put before their names.
-
-    Raises
-    ------
-    PluginError
-        It fails, or returns something else than a dictionary of arrays.
-    """
+    """Return copies of the arrays that `state` of a plugin returns."""
     with plugin_code(f"{what}: state", plugin):
         state = plugin.state()
     if not isinstance(state, dict):

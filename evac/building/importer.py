@@ -63,22 +63,7 @@ class Importer(Configurable, ABC):
 
 
 def optional_library(path: Path, module: str, extra: str) -> None:
-    """Raise an error that says what to install if an optional library is missing.
-
-    Parameters
-    ----------
-    path : Path
-        The file that is to be read.
-    module : str
-        Import name of the library.
-    extra : str
-        Name of the extra of evac that installs the library.
-
-    Raises
-    ------
-    BuildingError
-        The library is not installed.
-    """
+    """Raise an error that says what to install if an optional library is missing."""
     if find_spec(module) is None:
         raise BuildingError(
             f"{path}: reading this file requires {module}, which is not installed: pip install 'evac[{extra}]'"

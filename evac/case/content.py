@@ -29,13 +29,7 @@ _MARKS = {b"\xff\xfe\0\0": "UTF-32", b"\0\0\xfe\xff": "UTF-32", b"\xff\xfe": "UT
 
 
 def read_table(path: Path) -> dict[str, Any]:
-    """Return the content of a TOML file; a byte order mark of UTF-8 is allowed.
-
-    Raises
-    ------
-    ScenarioError
-        The file cannot be read, is too large, or is not valid UTF-8 or TOML; names the line.
-    """
+    """Return the content of a TOML file; a byte order mark of UTF-8 is allowed."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise ScenarioError(
@@ -63,13 +57,7 @@ def read_table(path: Path) -> dict[str, Any]:
 
 
 def parse(text: str) -> dict[str, Any]:
-    """Return the content of a text in TOML.
-
-    Raises
-    ------
-    ValueError
-        The text is not valid TOML; names the fault, and the line if it is known.
-    """
+    """Return the content of a text in TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:

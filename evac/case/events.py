@@ -94,14 +94,7 @@ class EventSettings(Table):
 
 
 def event_faults(case: "Case", hears_alarms: bool) -> list[Fault]:
-    """Return the faults of events that refer to others, to groups or to behaviours of the case.
-
-    Parameters
-    ----------
-    case : Case
-    hears_alarms : bool
-        Whether a behaviour in use acts on alarms, or may do so because it is not known yet.
-    """
+    """Return the faults of events that refer to others, to groups or to behaviours of the case."""
     faults: list[Fault] = []
     names, groups = [one.name for one in case.event], [group.name for group in case.people]
     for index, one in enumerate(case.event):

@@ -34,13 +34,7 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
 
 
 def value_of(word: str) -> Any:
-    """Return the value of a word read as TOML, or the word itself.
-
-    Raises
-    ------
-    ValueError
-        The word begins like a quoted string, an array or a table, and is not valid TOML.
-    """
+    """Return the value of a word read as TOML, or the word itself."""
     try:
         return parse(f"value = {word}")["value"]
     except ValueError:

@@ -69,16 +69,7 @@ class LineSettings(Table):
 
 
 def place_faults(case: "Case", groups: Sequence[Any], follows_signs: bool) -> list[Fault]:
-    """Return the faults of places, and of groups and events that name them.
-
-    Parameters
-    ----------
-    case : Case
-    groups : sequence of str
-        Names of the groups in the order of the tables.
-    follows_signs : bool
-        Whether a behaviour in use does, or may do so because it is not known yet.
-    """
+    """Return the faults of places, and of groups and events that name them."""
     faults: list[Fault] = []
     for index, place in enumerate(case.place):
         if any(place.name == other.name or place.area == other.area is not None for other in case.place[:index]):

@@ -50,24 +50,6 @@ def run_plugin_files(case: "Case", announce: Callable[[Path], None] | None = Non
     Plugin files named in a case are code by the author of the case. They are executed only by this function, and only
     if they are inside the case's folder, so that a case cannot execute other files of the computer. Files given in
     addition to the case (``--plugin``, ``plugin_files``) have been executed when it was loaded.
-
-    Parameters
-    ----------
-    case : Case
-    announce : callable, optional
-        Called with the path of each file before it is executed.
-
-    Returns
-    -------
-    Case
-        The same object if there is no file to execute.
-
-    Raises
-    ------
-    ScenarioError
-        A file lies outside of the folder, in which case none is executed; or a name is unknown.
-    PluginError
-        A plugin file cannot be loaded.
     """
     if not case.unloaded_files:
         return case
@@ -91,15 +73,6 @@ def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
     """Return the loaded plugin files that provide models or behaviours none of which the case uses.
 
     Files that also provide something that needs no table in a case, such as importers and hooks, are not among them.
-
-    Parameters
-    ----------
-    case : Case
-
-    Returns
-    -------
-    list of (Path, list of str)
-        Each file, and the tables or keys with which a case uses what it provides.
     """
     models = case.contact.tables.values()
     used = {("contact_model", case.contact.model), *(("solver", table.get("solver")) for table in models)}
@@ -114,13 +87,7 @@ def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
 
 
 def without_unknown(case: "Case") -> "Case":
-    """Return a case without its plugin files and without all keys that may need them.
-
-    Raises
-    ------
-    ScenarioError
-        The contact model needs the plugin files, and a case needs a contact model.
-    """
+    """Return a case without its plugin files and without all keys that may need them."""
     from evac.case.loading import case_from
 
     content = copy.deepcopy(dict(case._origin.table))

@@ -134,12 +134,7 @@ class Air:
 
 
 def _checked(found: FloatArray, names: Sequence[str], people: int, source: ConditionSource) -> FloatArray:
-    """Return the values (q, n) of a source, which lie in the ranges of quantities or are NaN.
-
-    Raises
-    ------
-    PluginError
-    """
+    """Return the values (q, n) of a source, which lie in the ranges of quantities or are NaN."""
     what = f"source {source.name!r}: at"
     if found.shape != (len(names), people):
         wrong = f"returns values of shape {found.shape}, not {(len(names), people)}"

@@ -54,13 +54,7 @@ MINUTE = 60.0
 
 
 def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
-    """Return the quantities without which a case cannot be run: for the speed in smoke, and for the dose.
-
-    Raises
-    ------
-    ScenarioError
-        A quantity that is declared off does not exist.
-    """
+    """Return the quantities without which a case cannot be run: for the speed in smoke, and for the dose."""
     dose, needed = case.dose, list[str]()
     if law.needs_extinction:
         needed.append("extinction")

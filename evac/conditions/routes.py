@@ -136,13 +136,7 @@ class RoutesInSmoke:
         return counts | {f"smoky.{name}": values for name, values in smoky.items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
-        """Restore the arrays that `state` returned.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned."""
         self._counts[:] = taken(state, "counts", np.int64, (2,), 0, np.iinfo(np.int64).max)
         self._version = int(taken(state, "version", np.int64, (), -1, np.iinfo(np.int64).max))
         with part_of(state, "smoky.") as own:

@@ -73,13 +73,7 @@ class Block:
         return 1 in self.shape[1:]
 
     def frame(self, index: int) -> FloatArray:
-        """Return the values (z, y, x) of a time; two of them are kept.
-
-        Raises
-        ------
-        ScenarioError
-            The file has changed, or a value is not a number; names the file and the time.
-        """
+        """Return the values (z, y, x) of a time; two of them are kept."""
         if index not in self._frames:
             size = int(np.prod(self.shape))
             kind = _frame_of(size)
@@ -146,11 +140,6 @@ def read_slices(
         As FDS writes them.
     shift : (3,) float [m]
         Added to the coordinates of the files.
-
-    Raises
-    ------
-    ScenarioError
-        A file is missing or damaged; names the file and the line, or what is wrong in it.
     """
     try:
         if path.stat().st_size > MOST_BYTES:

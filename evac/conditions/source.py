@@ -49,13 +49,7 @@ class SourceScene:
     files: list[Path] = field(default_factory=list)
 
     def file(self, name: str) -> Path:
-        """Return the path of a data file, relative to the folder of the case.
-
-        Raises
-        ------
-        ScenarioError
-            There is no such file.
-        """
+        """Return the path of a data file, relative to the folder of the case."""
         path = usable_path(self.folder / name, ScenarioError)
         if not path.is_file():
             raise ScenarioError(f"{path}: no such file; check the path")
@@ -63,13 +57,7 @@ class SourceScene:
         return path
 
     def levels(self) -> list[int]:
-        """Return the indices of the levels that the table names, or those of its stairs or its area; all if none.
-
-        Raises
-        ------
-        ScenarioError
-            There is no level, stair or area of a name.
-        """
+        """Return the indices of the levels that the table names, or those of its stairs or its area; all if none."""
         named, levels = self.settings.level, self.building.levels
         if self.settings.area is not None:
             area = self.building.area_named(self.settings.area)

@@ -44,26 +44,7 @@ IN_A_CASE: tuple[tuple[type, Callable[..., None]], ...] = (
 
 
 def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int = 20, **values: Any) -> None:
-    """Run all checks that apply to a plugin class.
-
-    Parameters
-    ----------
-    cls : type
-        A `ContactModel`, `Solver`, `Force`, `Behaviour`, `Recorder`, `Importer`, `Exporter`,
-        `SmokeLaw` or `ConditionSource`.
-    case : Case, optional
-        Case that already uses the plugin; by default the shipped square room, changed to use the plugin. Without a
-        case, an importer is checked with damaged files only.
-    ticks : int
-        Number of ticks of the case that are run.
-    **values
-        Parameters of the plugin, if no case is given.
-
-    Raises
-    ------
-    PluginError
-        A check failed; the first failure is reported. An exception that the plugin raised is its cause.
-    """
+    """Run all checks that apply to a plugin class."""
     check: Callable[..., None]
     for check in classes.CHECKS:
         run_check(cls, check, cls, values)

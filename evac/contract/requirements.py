@@ -42,11 +42,6 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
     """Check that a module has plugin classes or valid hooks, and was written for this version of the interface.
 
     `plugin` is the name of the plugin for the message, as in all functions of this module.
-
-    Raises
-    ------
-    PluginError
-        It does not; names the plugin and what to change.
     """
     what = f"plugin {plugin}"
     marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
@@ -70,13 +65,7 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
 
 
 def check_interface(module: ModuleType, plugin: str) -> None:
-    """Check that a module, or its package, states the version of the plugin interface, and that it is this one.
-
-    Raises
-    ------
-    PluginError
-        The version is missing, invalid or another one; names the plugin, both versions, and what to change.
-    """
+    """Check that a module, or its package, states the version of the plugin interface, and that it is this one."""
     package, own = sys.modules.get(module.__package__ or ""), hooks.INTERFACE
     stated = getattr(module, "evac_interface", getattr(package, "evac_interface", None))
     if stated == own and isinstance(stated, int):
@@ -115,13 +104,7 @@ def classes_in(module: ModuleType) -> list[type[Any]]:
 
 
 def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
-    """Check that a hook returns a list, of classes of a kind or, for the kind ``"case"``, of folders.
-
-    Raises
-    ------
-    PluginError
-        It does not; names the hook and what it returns.
-    """
+    """Check that a hook returns a list, of classes of a kind or, for the kind ``"case"``, of folders."""
     what, returns = f"plugin {plugin}", f"{hook.__name__}() returns"
     if isinstance(answer, str | bytes) or not isinstance(answer, Sequence):
         got = reprlib.repr(getattr(answer, "__name__", answer))
@@ -136,13 +119,7 @@ def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
 
 
 def check_class(cls: Any, plugin: str) -> str:
-    """Check that a class is a complete plugin class with a valid name, and return its kind, a key of `BASES`.
-
-    Raises
-    ------
-    PluginError
-        It is not; names the class, what is wrong, and where.
-    """
+    """Check that a class is a complete plugin class with a valid name, and return its kind, a key of `BASES`."""
     kind = kind_of(cls)
     if not kind:
         bases = ", ".join(base for _, base in BASES.values())

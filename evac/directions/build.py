@@ -113,18 +113,6 @@ def build_fields(
         Whether routes lead to any exit from where none of their own exits can be reached.
     keep_grids : bool
         Whether the fields may be solved again during a run, so that their grids are needed.
-
-    Returns
-    -------
-    Fields
-        ``travel_time`` is the cost that the strategy minimises, in seconds: "shortest" assumes 1 m/s everywhere,
-        "comfortable" weights the time on stairs by `comfort`.
-
-    Raises
-    ------
-    ScenarioError
-        A route names an exit or a strategy that does not exist, the grid has too many nodes, or an exit is
-        narrower than two of its cells. Ranges of numbers are checked with the case.
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)

@@ -289,11 +289,6 @@ class Column:
         The march ends when the times on the levels that are `occupied` by people on this route are known: others would
         be higher. Levels that are not solved to their end keep their directions, and are stale until they are. The
         first time, nobody has chosen an exit yet.
-
-        Returns
-        -------
-        int
-            The number of levels that were solved.
         """
         waves, former = self.waves, self.waves.former
         levels, solved = self._behind(changed | self.stale) - self._resting, self.stale
@@ -310,13 +305,7 @@ class Column:
         return 0
 
     def _march(self, levels: Set[int], needed: Set[int], others: Set[int] = frozenset()) -> set[int]:
-        """March through some levels until the times on those of them that are needed, and on others, are known.
-
-        Returns
-        -------
-        set of int
-            Levels not among them on which times would decrease.
-        """
+        """March through some levels until the times on those of them that are needed, and on others, are known."""
         waves, grids = self.waves, self._grids
         missing = 0
         for level in levels:

@@ -23,10 +23,6 @@ STEP, BINS = 1.0, 300
 class Gates:
     """Gates of a building: its portals and exits by link index, then its doors.
 
-    Parameters
-    ----------
-    grids : BuildingGrids
-
     Attributes
     ----------
     at : (nodes,) int32

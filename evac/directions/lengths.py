@@ -75,12 +75,6 @@ def find_lengths(marched: Marched, routes: tuple[Route, ...], packed: "PackedFie
     """Return the flat, up and down lengths (nodes, 3) of the path from each node of packed fields [m].
 
     Each column is contiguous, since they are sampled one by one.
-
-    Parameters
-    ----------
-    marched : Marched
-    routes : tuple of Route
-    packed : PackedFields
     """
     found: FloatArray = np.empty((3, len(packed.travel_time))).T
     for number, of_class in enumerate(marched.classes):

@@ -47,14 +47,6 @@ class Settings(Protocol):
 class Quickest:
     """The routes with the strategy "quickest" of a run, and the density that they avoid.
 
-    Parameters
-    ----------
-    fields : Fields
-        Directions of the building, with the grids that they were solved on; not changed.
-    settings : Settings
-    before : Quickest, optional
-        Those of the same run before a link was opened or closed, whose densities and counts are kept.
-
     Attributes
     ----------
     fields : Fields

@@ -25,13 +25,6 @@ LEAST_SHARE = 1e-5
 class Smoky:
     """The routes of a run in smoke.
 
-    Parameters
-    ----------
-    fields : Fields
-        Directions of the building, with the grids that they were solved on; not changed.
-    quickest : Quickest, optional
-        The routes that follow the crowd: these are solved with smoke and crowd.
-
     Attributes
     ----------
     fields : Fields

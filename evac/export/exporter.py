@@ -59,27 +59,7 @@ class Exporter(Configurable, ABC):
 
 
 def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = None) -> list[Path]:
-    """Write a recorded run with an exporter.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    exporter : Exporter
-    path : Path, optional
-        File, or folder for an exporter with several files, created if missing; by default `Exporter.place`.
-
-    Returns
-    -------
-    list of Path
-        The files that a user opens.
-
-    Raises
-    ------
-    ResultError
-        The run contains nothing that can be written, or a file cannot be written.
-    PluginError
-        The exporter fails.
-    """
+    """Write a recorded run with an exporter."""
     place = exporter.place(trajectory) if path is None else path
     told = f"the {exporter.name} export"
     with plugin_code(f"{place}: exporter {exporter.name!r}", exporter, COPY):

@@ -34,13 +34,7 @@ class PolyData:
 
 
 def write_polydata(data: PolyData, path: Path) -> None:
-    """Write a ``.vtp`` file.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Write a ``.vtp`` file."""
     raw = _Raw()
     texts = "".join(raw.text(name, words) for name, words in data.texts.items())
     point_arrays = "".join(raw.array(name, values) for name, values in data.point_arrays.items())

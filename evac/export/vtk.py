@@ -39,16 +39,6 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
     [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m], radius [m] and, if recorded, dose. In
     the .pvd, people are part 0 and the building part 1 of every time [s]. The building is a tree of blocks, see
     `building_blocks`.
-
-    Returns
-    -------
-    path : Path
-        The .pvd file.
-
-    Raises
-    ------
-    ResultError
-        The trajectory has no frame, or a file cannot be written.
     """
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")

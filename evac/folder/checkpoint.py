@@ -78,21 +78,7 @@ class Header(_Table):
 
 
 def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write a checkpoint to a temporary file, flush it to disk, and then replace the previous one atomically.
-
-    Parameters
-    ----------
-    path : Path
-    header : mapping
-        JSON data; numbers may be infinite.
-    arrays : mapping of str to array
-        Arrays of booleans, integers or floats.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written, in which case the previous one is kept, or an array has another type or an odd name.
-    """
+    """Write a checkpoint to a temporary file, flush it to disk, and then replace the previous one atomically."""
     for name, array in arrays.items():
         if array.dtype.kind not in _KINDS:
             raise ResultError(f"{path}: array {name!r} has type {array.dtype}; use booleans, integers or floats")
@@ -107,13 +93,7 @@ def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
 
 
 def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return header and arrays of a checkpoint after verifying its checksum.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be read, is damaged, or was written by another version of evac.
-    """
+    """Return header and arrays of a checkpoint after verifying its checksum."""
     try:
         data = content_of(path)
     except OSError as error:

@@ -15,13 +15,7 @@ CHUNK = 1 << 20
 
 
 def digest_of_file(path: Path) -> str:
-    """Return the SHA-256 of a file as hexadecimal text.
-
-    Raises
-    ------
-    EvacError
-        It cannot be read.
-    """
+    """Return the SHA-256 of a file as hexadecimal text."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -60,13 +54,7 @@ class RunningDigest:
         self.length = 0
 
     def extend(self, path: Path, length: int) -> str:
-        """Return the digest of the first `length` bytes of a file as hexadecimal text.
-
-        Raises
-        ------
-        ResultError
-            The file cannot be read, is a link, or is shorter.
-        """
+        """Return the digest of the first `length` bytes of a file as hexadecimal text."""
         if length < self.length:  # written anew
             self._hash, self.length = hashlib.sha256(), 0
         with writing("its digest", path):

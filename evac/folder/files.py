@@ -87,24 +87,6 @@ def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
     """Give a temporary path to write to; the file then replaces `path` as a whole, when it is on the disk.
 
     A link at `path` is replaced, not followed. If the code within fails, the file at `path` stays as it was.
-
-    Parameters
-    ----------
-    path : Path
-    what : str
-        Description of the content, for messages.
-    is_synced : bool
-        False for files that can be written again, such as the many frames of an animation: they are not flushed.
-
-    Yields
-    ------
-    Path
-        An empty file in the same folder, with the same ending.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written.
     """
     with writing(what, path):
         if path.is_dir() and not path.is_symlink():
@@ -128,13 +110,7 @@ def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
 
 
 def move_into(source: Path, target: Path) -> None:
-    """Move the files of a folder to another one, in which they replace those of the same names; links are replaced.
-
-    Raises
-    ------
-    OSError
-        A file cannot be moved, or a folder in `target` that a file belongs in is a link.
-    """
+    """Move the files of a folder to another one, in which they replace those of the same names; links are replaced."""
     for path in sorted(source.rglob("*")):
         new = target / path.relative_to(source)
         if path.is_dir():
@@ -156,20 +132,7 @@ def _sync(path: Path, mode: int) -> None:
 
 @contextmanager
 def writing(what: str, place: Path) -> Iterator[None]:
-    """Convert an OSError to a ResultError that names what cannot be written and where.
-
-    Parameters
-    ----------
-    what : str
-        Description of the content, such as ``"the results"``.
-    place : Path
-        File or folder.
-
-    Raises
-    ------
-    ResultError
-        The code within the context raises an OSError.
-    """
+    """Convert an OSError to a ResultError that names what cannot be written and where."""
     try:
         yield
     except OSError as error:

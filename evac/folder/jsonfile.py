@@ -33,26 +33,14 @@ def plain(value: Any) -> Any:
 
 
 def write_json(path: Path, data: Mapping[str, Any], what: str) -> None:
-    """Write plain data as a JSON file.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written; names it, and what it contains.
-    """
+    """Write plain data as a JSON file."""
     text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path, what) as new:
         new.write_text(text + "\n", encoding="utf-8")
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the content of a JSON file that holds a table.
-
-    Raises
-    ------
-    ResultError
-        It is not there, or holds something else.
-    """
+    """Return the content of a JSON file that holds a table."""
     try:
         data = json.loads(content_of(path).decode())
     except FileNotFoundError as error:
@@ -75,13 +63,7 @@ def _is_nested(value: Any, deeper_than: int) -> bool:
 
 
 def checked(kind: type[Read], data: dict[str, Any], path: Path) -> Read:
-    """Return checked data of a JSON file.
-
-    Raises
-    ------
-    ResultError
-        A key is missing or of the wrong kind; names it.
-    """
+    """Return checked data of a JSON file."""
     try:
         return kind.model_validate(data)
     except ValidationError as error:

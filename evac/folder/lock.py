@@ -23,15 +23,6 @@ class FileLock:
 
     The file contains the process that holds the lock. It is removed when the lock is released; a file left by a killed
     process does not block others.
-
-    Parameters
-    ----------
-    path : Path
-        The file; its folder is created if missing.
-    what : str
-        Beginning of the message: ``"result.running is being written"``.
-    advice : str
-        What to do if another process holds the lock.
     """
 
     def __init__(self, path: Path, what: str, advice: str) -> None:
@@ -50,13 +41,7 @@ class FileLock:
         self.release()
 
     def acquire(self) -> None:
-        """Acquire the lock.
-
-        Raises
-        ------
-        ResultError
-            Another process, which is named, holds the lock, or the file cannot be written.
-        """
+        """Acquire the lock."""
         while self._file < 0:
             with writing("the lock", self.path):
                 self.path.parent.mkdir(parents=True, exist_ok=True)

@@ -50,24 +50,12 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def mark(folder: Path, state: str, result: str) -> None:
-    """Add the state of a folder to its manifest, which is created if missing.
-
-    Raises
-    ------
-    OSError
-        The manifest cannot be written, or is a link.
-    """
+    """Add the state of a folder to its manifest, which is created if missing."""
     _add(folder, [{"is": state, "of": result}], os.O_CREAT)
 
 
 def note_written(paths: Iterable[Path]) -> None:
-    """Add files to the manifest of the result folder that contains them, if they lie in one.
-
-    Raises
-    ------
-    OSError
-        The manifest cannot be written, or a folder between it and a file is a link.
-    """
+    """Add files to the manifest of the result folder that contains them, if they lie in one."""
     tables: dict[Path, list[dict[str, str]]] = {}
     for path in paths:
         folder = next((up for up in path.parents if (up / MANIFEST_NAME).is_file()), None)

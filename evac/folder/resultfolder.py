@@ -38,22 +38,12 @@ EARLIER = ".earlier"
 class ResultFolder:
     """A result folder that is being written; a context manager that holds its lock.
 
-    Parameters
-    ----------
-    path : str or Path
-        New, empty, or the result folder of an earlier run.
-
     Attributes
     ----------
     path : Path
         The given path.
     running : Path
         Folder to which a run writes.
-
-    Raises
-    ------
-    ResultError
-        On entering: another process writes there, or the folder is not a result folder or cannot be replaced.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -98,13 +88,7 @@ class ResultFolder:
         return self.running.exists()
 
     def start(self) -> None:
-        """Create ``RESULT.running``; files left in it by an earlier run are removed.
-
-        Raises
-        ------
-        ResultError
-            It cannot be created or written.
-        """
+        """Create ``RESULT.running``; files left in it by an earlier run are removed."""
         with writing("the results", self.running):
             self.running.mkdir(parents=True, exist_ok=True)
             self._check_no_study()
@@ -114,18 +98,7 @@ class ResultFolder:
             self._hold()
 
     def reopen(self, source: Path) -> None:
-        """Rename the folder of a run that is resumed to ``RESULT.running``.
-
-        Parameters
-        ----------
-        source : Path
-            ``RESULT.running``, or ``RESULT`` after a stop.
-
-        Raises
-        ------
-        ResultError
-            It cannot be renamed or written.
-        """
+        """Rename the folder of a run that is resumed to ``RESULT.running``."""
         with writing("the results", self.running):
             if not self.running.exists() or not self.running.samefile(source):
                 if self.running.exists():  # of another run, which cannot be resumed
@@ -143,13 +116,7 @@ class ResultFolder:
             os.rename(self.running, self._place)
 
     def check(self) -> None:
-        """Check that ``RESULT.running`` is still the folder created by this run.
-
-        Raises
-        ------
-        ResultError
-            It has been removed or replaced.
-        """
+        """Check that ``RESULT.running`` is still the folder created by this run."""
         try:
             is_there = self._made is not None and os.path.samestat(self.running.stat(), self._made)
         except OSError:
@@ -161,18 +128,7 @@ class ResultFolder:
             )
 
     def publish(self) -> Path:
-        """Replace ``RESULT`` by ``RESULT.running``, keeping files in ``RESULT`` that evac has not written.
-
-        Returns
-        -------
-        Path
-            ``RESULT``.
-
-        Raises
-        ------
-        ResultError
-            The folder was removed or cannot be renamed; the earlier result is then kept.
-        """
+        """Replace ``RESULT`` by ``RESULT.running``, keeping files in ``RESULT`` that evac has not written."""
         self.check()
         with writing("the results", self.path):
             for path in sorted(self.running.iterdir()):  # not the frames of an animation, which can be written again
@@ -186,13 +142,7 @@ class ResultFolder:
         return self.path
 
     def publish_if_new(self) -> Path:
-        """Publish the files of an unfinished run as ``RESULT``, unless there is an earlier result.
-
-        Returns
-        -------
-        Path
-            ``RESULT``, or ``RESULT.running`` if there is an earlier result.
-        """
+        """Publish the files of an unfinished run as ``RESULT``, unless there is an earlier result."""
         return self.running if read_manifest(self.path).state else self.publish()
 
     def discard(self) -> None:
@@ -279,13 +229,7 @@ def find_result(path: Path) -> Path:
 
 
 def check_result(path: Path) -> None:
-    """Check that a path to read results from exists and is not that of a case.
-
-    Raises
-    ------
-    ResultError
-        It does not exist, or is a case; the message names the result folder of the case if it exists.
-    """
+    """Check that a path to read results from exists and is not that of a case."""
     is_case = (
         path.suffix == ".toml" if path.is_file() else (path / CASE_NAME).is_file() and not read_manifest(path).state
     )
@@ -301,13 +245,7 @@ def check_result(path: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Check that a folder is missing, empty or a result folder of evac.
-
-    Raises
-    ------
-    ResultError
-        It contains other files, or is not a folder.
-    """
+    """Check that a folder is missing, empty or a result folder of evac."""
     if not folder.exists():
         return
     if not folder.is_dir():
@@ -323,12 +261,6 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     """Remove the files that the manifest of a folder lists; links are neither followed nor removed.
 
     What a killed process was writing beside them, under a temporary name, is removed too.
-
-    Parameters
-    ----------
-    folder : Path
-    keep : iterable of str
-        Names of files that are kept, relative to the folder.
     """
     kept = set(keep)
     listed = [name for name in read_manifest(folder).files if is_within(name) and not is_link(folder, name)]

@@ -38,13 +38,7 @@ def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]])
 
 
 def read_columns(path: Path, wanted: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return the columns of a CSV file as text.
-
-    Raises
-    ------
-    ResultError
-        The file is not there, a column is missing, or a row is cut short.
-    """
+    """Return the columns of a CSV file as text."""
     try:
         head, *rows = list(csv.reader(io.StringIO(content_of(path).decode(), newline=""))) or [[]]
     except (OSError, ValueError, csv.Error) as error:

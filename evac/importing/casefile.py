@@ -86,18 +86,7 @@ def case_text(
 
 
 def check_folder(folder: Path, case: str, report: str) -> str:
-    """Check that a folder is missing, empty, or that of an import.
-
-    Returns
-    -------
-    str
-        The digest of the case as it was written, if it has been changed since; otherwise empty.
-
-    Raises
-    ------
-    ScenarioError
-        It contains something else.
-    """
+    """Check that a folder is missing, empty, or that of an import."""
     usable_path(folder, ScenarioError)
     if folder.exists() and not folder.is_dir():
         raise ScenarioError(f"{folder}: not a folder; choose another one for the case (--out)")

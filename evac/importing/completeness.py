@@ -15,15 +15,7 @@ MOST_NAMED = 10
 
 
 def with_missing(building: Building, findings: Sequence[Finding]) -> list[Finding]:
-    """Return findings with what the building lacks first, the worst first, in place of warnings that tell the same.
-
-    Parameters
-    ----------
-    building : Building
-        Without exits, nothing is said about ways out.
-    findings : sequence of Finding
-        Those of the kind "missing" are what the importer could not use, such as stairs.
-    """
+    """Return findings with what the building lacks first, the worst first, in place of warnings that tell the same."""
     if not building.exits:
         return list(findings)
     reached = levels_reaching(building, building.exits)

@@ -43,13 +43,7 @@ def comments_of(text: str) -> list[str]:
 
 
 def with_former_names(imported: Table, former: Table) -> dict[str, Any]:
-    """Return an imported plan in which what has not moved keeps its name, although importers number what they find.
-
-    Parameters
-    ----------
-    imported, former : table
-        The plan as it is imported now, and as it was imported before.
-    """
+    """Return an imported plan in which what has not moved keeps its name, although importers number what they find."""
     table = dict(imported)
     for section in RENAMED:
         names = {_shape(item): item.get("name") for item in former.get(section, ())}
@@ -67,25 +61,7 @@ def with_former_names(imported: Table, former: Table) -> dict[str, Any]:
 def with_edits(
     imported: Table, former: Table, edited: Table, check: Callable[[Table], None]
 ) -> tuple[dict[str, Any], list[str], list[Finding]]:
-    """Return an imported plan with the edits of an earlier one.
-
-    Parameters
-    ----------
-    imported : table
-        The plan as it is imported now.
-    former, edited : table
-        The plan as it was imported before, and as the user has left it.
-    check : callable
-        Raises BuildingError where a plan cannot be built.
-
-    Returns
-    -------
-    table
-    list of str
-        Lines of the edits that no longer fit.
-    list of Finding
-        What was kept, and what was not.
-    """
+    """Return an imported plan with the edits of an earlier one."""
     new, old, own = (_items(table) for table in (imported, former, edited))
     changed = [key for key in {**old, **own} if own.get(key) != old.get(key) and own.get(key) != new.get(key)]
     merged = own | {

@@ -219,15 +219,7 @@ class _Draft:
         self._build(comments=self._proposals())
 
     def add(self, exits: Sequence[Mapping[str, Any]], folder: Path) -> None:
-        """Add exits [name, segment, level], and the edits that a user has made to the plan of an earlier import.
-
-        Raises
-        ------
-        BuildingError
-            The plan in the folder cannot be read.
-        ScenarioError
-            It has been changed, and the present building has no plan.
-        """
+        """Add exits [name, segment, level], and the edits that a user has made to the plan of an earlier import."""
         is_edited = _is_edited(folder)
         if self.table is None:
             if is_edited:
@@ -288,13 +280,7 @@ class _Draft:
 
 @contextmanager
 def _drafted(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside a folder, which an error leaves as it was.
-
-    Raises
-    ------
-    ScenarioError
-        The folder cannot be written.
-    """
+    """Yield a temporary folder beside a folder, which an error leaves as it was."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=".evac-import-", dir=folder.parent, ignore_cleanup_errors=True) as draft:

@@ -47,10 +47,6 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
     building : Building
     given : sequence of (level, (4,) array [m])
         Openings in the file; if there are none, the outer edges of all floors are used.
-
-    Returns
-    -------
-    list of Opening
     """
     found: list[tuple[int, FloatArray]] = []
     for name, ends in given:

@@ -230,13 +230,7 @@ def _without_collections() -> Generator[None, None, None]:
 @global_compiler_lock  # type: ignore[untyped-decorator]
 @_without_collections()
 def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
-    """Compile a kernel for a processor; return its object code, in which it has the name `symbol`.
-
-    Raises
-    ------
-    PluginError
-        Numba cannot compile the kernel.
-    """
+    """Compile a kernel for a processor; return its object code, in which it has the name `symbol`."""
     arguments = [type_of(kind) for _, kind in entry.signature[0]]
     compiling = numba.typeof(entry).dispatcher
     try:
@@ -268,12 +262,7 @@ def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
 
 
 def _check_names(entry: Entry, module: Any) -> None:
-    """Refuse code that cannot be loaded, since LLVM ends the process that loads it.
-
-    Raises
-    ------
-    PluginError
-    """
+    """Refuse code that cannot be loaded, since LLVM ends the process that loads it."""
     declared = [function.name for function in module.functions if function.is_declaration]
     for name in declared:
         if not (name.startswith("llvm.") or name == NOTE_RAISED or llvm.address_of_symbol(name)):
@@ -282,12 +271,7 @@ def _check_names(entry: Entry, module: Any) -> None:
 
 
 def _check_result(entry: Entry, returned: types.Type) -> None:
-    """Refuse a kernel whose return type differs from its declaration.
-
-    Raises
-    ------
-    PluginError
-    """
+    """Refuse a kernel whose return type differs from its declaration."""
     wanted = entry.signature[1]
     given = list(returned) if isinstance(returned, types.BaseTuple) else [returned]
     if wanted and not (len(given) == len(wanted) and all(map(_fits, given, wanted))):

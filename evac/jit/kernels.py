@@ -76,11 +76,6 @@ class Entry(Kernel):
     """A kernel with a declared signature, which has its own machine code and address.
 
     The signature is given by the annotations, or by the `AddressCall` that it is made for.
-
-    Raises
-    ------
-    TypeError
-        The function lacks annotations, or has annotations of unsupported types.
     """
 
     def __init__(self, function: Callable[..., Any], like: "AddressCall | None" = None) -> None:
@@ -150,15 +145,7 @@ class Entry(Kernel):
         self._address = address
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run the kernel.
-
-        Raises
-        ------
-        TypeError
-            An argument does not match the signature.
-        PluginError
-            A function under ``numba.njit`` has raised an exception, in this kernel or in one that it calls.
-        """
+        """Run the kernel."""
         if INTERPRETED or len(self.signature[1]) > 1:
             return self.function(*arguments)
         if self._call is None:
@@ -221,13 +208,6 @@ class AddressCall:
     """A call of machine code at an address with a fixed signature, by which kernels call exchangeable parts.
 
     The first argument of a call is the address.
-
-    Parameters
-    ----------
-    arguments : sequence of types
-        Types of the arguments, as in the annotations of entries.
-    returns : tuple of types
-        Types of the results; several for pair forces.
     """
 
     def __init__(self, arguments: Sequence[Any], returns: tuple[Any, ...]) -> None:
@@ -235,13 +215,7 @@ class AddressCall:
         self.returns = tuple(str(kind_of(hint)) for hint in returns)
 
     def check(self, entry: Any, what: str, plugin: Any) -> None:
-        """Check that an entry has this signature; `what` is its name in the message, `plugin` the class that names it.
-
-        Raises
-        ------
-        PluginError
-            The object is not an entry, or its signature differs.
-        """
+        """Check that an entry has this signature; for a plugin class and the name `what`."""
         got = f"the {type(entry).__name__} {getattr(entry, '__name__', entry)}"
         if isinstance(entry, Entry):
             try:

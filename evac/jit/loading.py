@@ -37,20 +37,7 @@ def _engine() -> Any:
 
 
 def addresses_of(entries: Iterable[Entry], progress: Compiling | None = None) -> None:
-    """Load the machine code of entries; compile entries that are not on disk.
-
-    Parameters
-    ----------
-    entries : iterable of Entry
-        Missing entries are compiled together, in several processes if there are many.
-    progress : callable, optional
-        Called with the number of kernels compiled so far and the total number to compile; never if there are none.
-
-    Raises
-    ------
-    PluginError
-        A kernel cannot be compiled.
-    """
+    """Load the machine code of entries; compile entries that are not on disk."""
     if INTERPRETED:
         return
     with _lock:

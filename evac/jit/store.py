@@ -104,13 +104,7 @@ class Store:
         return None
 
     def write(self, name: str, digest: str, code: bytes) -> None:
-        """Store object code and remove older files of the same kernel.
-
-        Raises
-        ------
-        OSError
-            The file cannot be written, or others can write to the folder. A file is written completely or not at all.
-        """
+        """Store object code and remove older files of the same kernel."""
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         problem = exposure(self.folder)
         if problem:
@@ -159,11 +153,6 @@ def exposure(path: Path) -> str:
     """Return why other users, except root, could have written a folder or file; empty if they could not.
 
     Systems without owners and modes, such as Windows, protect the folder by its location in the user's profile.
-
-    Raises
-    ------
-    OSError
-        The path does not exist or cannot be accessed.
     """
     if not hasattr(os, "geteuid"):
         return ""

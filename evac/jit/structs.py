@@ -36,13 +36,7 @@ Kind = Array | str | type["Struct"]
 
 
 def kind_of(hint: Any) -> Kind:
-    """Return the kind of values of an annotated type.
-
-    Raises
-    ------
-    TypeError
-        Kernels do not support the type.
-    """
+    """Return the kind of values of an annotated type."""
     if get_origin(hint) is Annotated:
         for note in get_args(hint)[1:]:
             if isinstance(note, Array):
@@ -71,12 +65,7 @@ def describe(kind: Kind) -> str:
 
 
 def check_array(array: Any, kind: Array, name: str) -> None:
-    """Check that kernels can read a value as an array of a kind.
-
-    Raises
-    ------
-    TypeError
-    """
+    """Check that kernels can read a value as an array of a kind."""
     if not isinstance(array, np.ndarray):
         raise TypeError(f"{name}: must be an array, not {type(array).__name__}")
     fits = array.ndim == len(kind.shape) and all(
@@ -140,12 +129,6 @@ class Struct:
         First word of each attribute.
     memory_address : int
         Address of the memory of an instance.
-
-    Raises
-    ------
-    TypeError
-        An array does not fit, or an attribute is missing or unknown; or a subclass declares an attribute with the name
-        of an attribute of this base class.
 
     Notes
     -----

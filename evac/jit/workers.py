@@ -49,23 +49,7 @@ class Compilation(NamedTuple):
 def compile_tasks(
     tasks: Sequence[Compilation], processor: Processor, store: Store | None, progress: Compiling | None = None
 ) -> Generator[tuple[Compilation, bytes], None, None]:
-    """Compile kernels, in the estimated optimal number of processes, and yield each with its object code.
-
-    Parameters
-    ----------
-    tasks : sequence of Compilation
-        Distinct kernels.
-    processor : Processor
-        Processor that the digests were made for.
-    store : Store, optional
-        Store of the compiled kernels.
-    progress : callable, optional
-
-    Raises
-    ------
-    PluginError
-        A kernel cannot be compiled. Kernels compiled before are kept.
-    """
+    """Compile kernels, in the estimated optimal number of processes, and yield each with its object code."""
     left = dict.fromkeys(tasks)
 
     def tell() -> None:
@@ -91,19 +75,7 @@ def compile_tasks(
 
 
 def divide(tasks: Sequence[Compilation], most: int) -> list[list[Compilation]]:
-    """Divide kernels among processes to minimise the total time; shared functions are lowered once in each process.
-
-    Parameters
-    ----------
-    tasks : sequence of Compilation
-    most : int
-        Maximum number of processes; fewer are used if more would save less than a fifth of the time.
-
-    Returns
-    -------
-    list of list of Compilation
-        One list for each process, the smallest kernels first.
-    """
+    """Divide kernels among processes to minimise the total time; shared functions are lowered once in each process."""
     sizes = {task: {k: len(k.function.__code__.co_code) for k in kernels_in(task.entry)} for task in tasks}
     ordered = sorted(tasks, key=lambda task: sum(sizes[task].values()), reverse=True)
     best: list[list[Compilation]] = [ordered]

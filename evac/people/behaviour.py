@@ -330,11 +330,6 @@ def contact_radius(
     settings : mapping of str to mapping
         For each behaviour by name, the keys of the group.
     radius : (n,) float64 [m]
-
-    Raises
-    ------
-    PluginError
-        A behaviour returns no valid radii.
     """
     smallest = radius
     for behaviour in behaviours:

@@ -33,12 +33,6 @@ def routes_of(case: "Case") -> tuple[Route, ...]:
 def default_clearance(case: "Case", behaviours: Sequence[Behaviour] = ()) -> float:
     """Return the default clearance of directions from walls: the largest contact radius, at most twice the mean one.
 
-    Parameters
-    ----------
-    case : Case
-    behaviours : sequence of Behaviour
-        The behaviours of the case.
-
     Returns
     -------
     float [m]
@@ -74,11 +68,6 @@ def reference_speeds(case: "Case") -> tuple[float, float, float]:
 
     By default, ``directions.stairs_up`` and ``stairs_down`` are the ratios of the people's mean speeds on stairs to
     their mean speed on the flat.
-
-    Raises
-    ------
-    ScenarioError
-        A required mean speed is zero.
     """
     flat = math.fsum(people.count * people.speed.mean() for people in case.people)
     factors = []
@@ -101,13 +90,7 @@ def reference_speeds(case: "Case") -> tuple[float, float, float]:
 
 
 def check_people(case: "Case", building: Building) -> None:
-    """Check the names that groups use against the building.
-
-    Raises
-    ------
-    ScenarioError
-        One line for each unknown area, level or exit, with the most similar existing name.
-    """
+    """Check the names that groups use against the building."""
     areas = [area.name for area in building.areas]
     is_shut = {exit_.name for exit_ in building.exits if not building.is_open(exit_)}
     problems: list[str] = []

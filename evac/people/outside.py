@@ -59,11 +59,6 @@ def make_outside(n: int) -> Outside:
 class PeopleOutside:
     """Owner of the arrays of the people who have left.
 
-    Parameters
-    ----------
-    building : Building
-    crowd : Crowd
-
     Attributes
     ----------
     arrays : Outside
@@ -131,13 +126,7 @@ class PeopleOutside:
         return copies_of(self.arrays.values())
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned."""
         is_out = self._crowd.level < 0
         last = np.where(is_out, self._levels - 1, -1)
         is_seen = taken(state, "level", np.int32, is_out.shape, -1, last) >= 0

@@ -68,11 +68,6 @@ def place(
     Returns
     -------
     (n, 2) float64 [m]
-
-    Raises
-    ------
-    ScenarioError
-        The discs do not fit; gives the approximate number that would.
     """
     reach = float(radii.max())
     fitting = int(DENSEST * polygon.buffer(reach).area / (np.pi * float(np.square(radii).mean())))

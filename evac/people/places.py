@@ -62,16 +62,7 @@ class PeopleAt:
 
 
 def with_places(case: "Case", building: Building) -> Building:
-    """Return the building with the places and lines of a case.
-
-    Raises
-    ------
-    ScenarioError
-        One line for each place whose area or exit does not exist, or which is not on its level, and for each line
-        whose level does not exist, or which is not on it.
-    BuildingError
-        The level of a sign does not exist.
-    """
+    """Return the building with the places and lines of a case."""
     places, problems = list[Place](), list[str]()
     for one in case.place:
         try:
@@ -173,15 +164,6 @@ class Places:
     an assembly area, opens before they have arrived, they take it. Who has arrived stays, until an event sends the
     group elsewhere.
 
-    Parameters
-    ----------
-    case : Case
-    building : Building
-        With the places of the case, see `with_places`.
-    routes : sequence of Route
-        Routes of the fields.
-    crowd : Crowd
-
     Attributes
     ----------
     arrived : (n,) bool
@@ -256,13 +238,7 @@ class Places:
         self._crowd.route[rows[~goes]] = routes[~goes]
 
     def assign(self, fields: "Fields") -> None:
-        """Send people to places, and those who have none to their exits, unless a behaviour leads them to an area.
-
-        Parameters
-        ----------
-        fields : Fields
-            The present ones.
-        """
+        """Send people to places, and those who have none to their exits, unless a behaviour leads them to an area."""
         taken_up = np.bincount(self._meant[self._meant >= 0], minlength=len(self._places))
         for group, ways in enumerate(self._ways):
             if not ways:

@@ -242,23 +242,6 @@ def build_population(
     Each quantity of each group has its own random generator, spawned from (seed, group, quantity), so it is
     independent of other groups and quantities, the contact model and the step. People with given positions are
     placed first; people in areas do not overlap them. Given positions may overlap each other, but not walls.
-
-    Parameters
-    ----------
-    case : Case
-    building : Building
-    fields : Fields
-        Must contain every route of `evac.people.groups.routes_of`.
-    seed : int
-        Seed of the properties and positions, unless ``simulation.population_seed`` is given.
-    behaviours : sequence of Behaviour
-        The behaviours of the case, which may state contact radii.
-
-    Raises
-    ------
-    ScenarioError
-        An area, level or exit is unknown; a position is outside its level or in a wall; more people than fit; nobody
-        comes.
     """
     check_people(case, building)
     due = {people.name: times_of_arrival(people, seed) for people in case.people if people.arrive is not None}

@@ -24,18 +24,7 @@ ROUNDING = 1e-6
 
 
 def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
-    """Return a warning for each quantity of a group outside its usual range, and one for initial overlaps.
-
-    Parameters
-    ----------
-    crowd : Crowd
-        The population before its first step.
-    groups : sequence of Group
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Return a warning for each quantity of a group outside its usual range, and one for initial overlaps."""
     notes = []
     for group in groups:
         for name, unit, low, high in USUAL:
@@ -65,11 +54,6 @@ def late_starts(crowd: Crowd, duration: float) -> tuple[str, ...]:
     crowd : Crowd
     duration : float
         ``simulation.duration`` [s].
-
-    Returns
-    -------
-    tuple of str
-        One line, or none.
     """
     late = np.isfinite(crowd.start_time) & (crowd.start_time > duration)
     if not late.any():
@@ -82,18 +66,7 @@ def late_starts(crowd: Crowd, duration: float) -> tuple[str, ...]:
 
 
 def rivals(keepers: Sequence[str]) -> tuple[str, ...]:
-    """Return a warning if several behaviours that keep distances are in use.
-
-    Parameters
-    ----------
-    keepers : sequence of str
-        Names of the behaviours in use that keep distances.
-
-    Returns
-    -------
-    tuple of str
-        One line, or none.
-    """
+    """Return a warning if several behaviours that keep distances are in use."""
     if len(keepers) < 2:
         return ()
     return (
@@ -105,10 +78,6 @@ def rivals(keepers: Sequence[str]) -> tuple[str, ...]:
 
 def overlapping(crowd: Crowd) -> tuple[int, float]:
     """Return the number of overlapping pairs of bodies and the largest overlap.
-
-    Parameters
-    ----------
-    crowd : Crowd
 
     Returns
     -------

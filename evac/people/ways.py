@@ -63,33 +63,6 @@ def check_ways(
     at an exit, or a point in its place does. The last criterion is checked for every route that is available there,
     since behaviours may change the route, and only if the clearance of directions is at least one cell: with less
     clearance, directions touch corners, which a point does not pass as a body does.
-
-    Parameters
-    ----------
-    source : Path
-        File of the case, for messages.
-    building : Building
-    fields : Fields
-    world : World
-        World of the building and the fields.
-    crowd : Crowd
-        The people at the start.
-    groups : tuple of Group
-    full : sequence of str
-        Names of the refuges that are full.
-    may_wait : bool
-        Whether people may have no way at the start, because an event opens one later.
-
-    Returns
-    -------
-    tuple of Finding
-        A warning for each place that people of a group do not fit through on their way to an exit.
-
-    Raises
-    ------
-    ScenarioError
-        People cannot reach any permitted exit, or the criteria disagree; names the group, the place and what to
-        change.
     """
     waiting = _without_way(fields, crowd, groups)
     if waiting and not may_wait:
@@ -107,17 +80,7 @@ def check_ways(
 
 
 def cut_off(building: Building, fields: Fields, crowd: Crowd, groups: "tuple[Group, ...]") -> tuple[str, ...]:
-    """Return a warning for each group of which people have no way left to any exit, or to the end of their route.
-
-    Parameters
-    ----------
-    building : Building
-        As it is now.
-    fields : Fields
-        Of this building.
-    crowd : Crowd
-    groups : tuple of Group
-    """
+    """Return a warning for each group of which people have no way left to any exit, or to the end of their route."""
     lines = []
     for group, lost in _without_way(fields, crowd, groups):
         levels = ", ".join(repr(building.levels[level].name) for level in np.unique(crowd.level[lost]).tolist())

@@ -111,29 +111,13 @@ class Engine(Protocol):
             Whether the drive is integrated by explicit Euler, as in the paper.
         report : bool
             Whether contact forces are written for the last step.
-
-        Returns
-        -------
-        Events
-            In the order in which they are to be counted; its arrays are valid until the next call.
-
-        Raises
-        ------
-        SimulationError
-            A step failed; names the time, the person and the place.
         """
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Return copies of the arrays, besides the crowd, that the next tick depends on, by name."""
 
     def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore the arrays that `snapshot` returned; called after `load`.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `snapshot` returns.
-        """
+        """Restore the arrays that `snapshot` returned; called after `load`."""
 
     def own_arrays(self) -> list[str]:
         """Return the names of the arrays that the loaded contact model keeps in the engine."""
@@ -157,26 +141,6 @@ class Engine(Protocol):
 
 class CompiledEngine(Engine):
     """The step loop of a run, with its state and compiled kernels.
-
-    Parameters
-    ----------
-    world : World
-    people : int
-        Number of people in the run.
-    forces : sequence of Force
-        Forces in use.
-    full : bool
-        Whether to include parts that the scene does not need (``evac run --full``).
-    levels : sequence of str
-        Names of the levels, for messages; otherwise messages show level indices.
-    solvers : mapping of str to type
-        Registered solvers by name, see `Registry.solvers`.
-    threads : int
-        Threads that share a step; their number does not change the results.
-    people_per_thread : int
-        People inside for each of the threads below which a step has one.
-    spare_waiting : bool
-        Whether forces between people do not act on those who have not reached their response time.
 
     Attributes
     ----------

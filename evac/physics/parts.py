@@ -62,14 +62,7 @@ def entries_of_parts(model: ContactModel, forces: Sequence[Force], has_seams: bo
 
 
 def functions_of(force: Force) -> list[Entry]:
-    """Return the compiled functions of a force.
-
-    Raises
-    ------
-    PluginError
-        If it names none, if one has another signature or reads a parameter that does not exist, or if parameters or
-        cut-off are invalid.
-    """
+    """Return the compiled functions of a force."""
     functions: list[Entry] = []
     what = f"force {force.name!r}"
     for name, call in (("pair", call_pair_force), ("body", call_body_force)):
@@ -91,13 +84,7 @@ def load_solver(solver: type[Solver]) -> LoadedSolver:
 
 
 def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
-    """Return the solver of a contact model, or its stronger solver for solves that fail.
-
-    Raises
-    ------
-    PluginError
-        The solver is not registered, or its kernel has the wrong signature.
-    """
+    """Return the solver of a contact model, or its stronger solver for solves that fail."""
     name = model.solver
     for _ in range(1 + stronger):
         if name not in solvers:

@@ -21,18 +21,7 @@ ROUNDING = 1e-6
 
 
 def make_world(building: Building, fields: Fields) -> World:
-    """Pack a building and its fields.
-
-    Parameters
-    ----------
-    building : Building
-    fields : Fields
-
-    Returns
-    -------
-    World
-        Constant except for its open flags, which `set_open` changes.
-    """
+    """Pack a building and its fields."""
     count = len(building.levels)
     segment, start, to, link = _links(building)
     # Every link is also a wall, which is absent while the link is open: closed doors are walls.
@@ -75,17 +64,7 @@ def make_world(building: Building, fields: Fields) -> World:
 
 
 def set_open(world: World, link: int, state: int) -> None:
-    """Open or close a portal, an exit or a door: a closed one is a wall on both sides.
-
-    Parameters
-    ----------
-    world : World
-        Its open flags are changed.
-    link : int
-        Index of a portal, ``Building.link_of`` an exit, or number of a door as in ``Building.closed``.
-    state : {0, 1, 2}
-        Closed, open, or open for those people whom it lets through (``Crowd.passing``, `World.link_from`).
-    """
+    """Open or close a portal, an exit or a door: a closed one is a wall on both sides."""
     world.link_open[link] = state
     first, links = len(world.wall) - len(world.link_segment), len(world.link_open) - world.doors
     walls = first + np.flatnonzero(world.link_id == link)

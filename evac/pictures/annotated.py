@@ -57,13 +57,7 @@ class Mark:
 def draw_levels(
     building: Building, path: Path, findings: Sequence[Finding] = (), marks: Sequence[Mark] = (), title: str = ""
 ) -> None:
-    """Draw the plan of every storey to a PNG, SVG or PDF file, see `levels_figure`.
-
-    Raises
-    ------
-    ResultError
-        The ending is unknown, or the file cannot be written.
-    """
+    """Draw the plan of every storey to a PNG, SVG or PDF file, see `levels_figure`."""
     if path.suffix.lower() not in PICTURES:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {', '.join(PICTURES)}")
     figure = levels_figure(building, findings, marks, title)
@@ -91,17 +85,6 @@ def levels_figure(
 
     Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
     numbers at their places and listed below, in their order.
-
-    Parameters
-    ----------
-    building : Building
-    findings : sequence of Finding
-    marks : sequence of Mark
-        Segments to number.
-    title : str or None
-    greatest : tuple of float
-    part : slice
-        As for `draw_plans`.
     """
     plans = draw_plans(building, title, side=MARGIN, has_widths=True, greatest=greatest, part=part)
     listed = list(enumerate((finding for finding in findings if finding.kind != "found"), start=1))

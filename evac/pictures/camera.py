@@ -36,11 +36,6 @@ class Camera:
         Factor for heights that separates storeys; by default large enough to show the floor of each.
     zoom : float
         Factor relative to the size at which the building fills the picture.
-
-    Raises
-    ------
-    ResultError
-        A parameter is out of range.
     """
 
     azimuth: float | None = None

@@ -44,22 +44,7 @@ class Colouring:
 
 
 def colouring(trajectory: Trajectory, colour_by: str, service: str = "") -> Colouring:
-    """Return the colouring of people by a quantity.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    colour_by : str
-        One of `COLOURINGS`. Density is that of the maps at the person's position, see `evac.analysis.maps.LevelMaps`;
-        the others are those of `evac.analysis.measures.Measures`.
-    service : str
-        Levels of service (`evac.pictures.scales.SERVICES`) in the colours of which densities are shown, if not empty.
-
-    Raises
-    ------
-    ResultError
-        The quantity is unknown.
-    """
+    """Return the colouring of people by a quantity."""
     if colour_by not in COLOURINGS:
         raise ResultError(f"unknown colouring {colour_by!r}; {did_you_mean(colour_by, COLOURINGS)}")
     if colour_by == "group":

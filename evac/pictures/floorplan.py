@@ -76,11 +76,6 @@ def draw_plans(
         Greatest width and height of all plans together [inches].
     part : slice
         Which of the plans, counted from the lowest storey.
-
-    Raises
-    ------
-    ResultError
-        A level does not exist.
     """
     if levels is None:
         panels = [(name, tuple(shown)) for name, shown in storeys(building)]

@@ -59,30 +59,6 @@ def draw_map(
 
     The title names what changed during this time.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    quantity : str
-        One of `evac.analysis.maps.QUANTITIES`. On the map of ``"flow"``, portals and exits are labelled with the number
-        of people who passed and the flow between the first and the last fifth of them.
-    maps : mapping of str to LevelMaps, optional
-        Result of `level_maps` for the levels drawn; computed if not given.
-    levels : sequence of str or int, optional
-        Levels by name or index, each in its own plan; by default all levels, grouped by storey.
-    dpi : int
-    service : str
-        ``"fruin"`` or ``"weidmann"``: levels of service as colours of densities.
-
-    Returns
-    -------
-    Figure
-        A figure of matplotlib.
-
-    Raises
-    ------
-    ResultError
-        The quantity or a level does not exist, or no frame was recorded.
-
     Examples
     --------
     >>> draw_map(evac.read_trajectory("school-result"), "density").savefig("density.png")  # doctest: +SKIP
@@ -114,16 +90,6 @@ def draw_maps(
         Greatest width and height of all plans together [inches].
     has_title : bool
         Without a title, what it says has to be said beside the picture.
-
-    Yields
-    ------
-    Figure
-        The same figure each time, so that it has to be saved before the next one is drawn.
-
-    Raises
-    ------
-    ResultError
-        As for `draw_map`.
     """
     if maps is None:
         maps = level_maps(trajectory, levels)
@@ -246,21 +212,7 @@ def write_maps(
     levels: Sequence[str | int] | None = None,
     service: str = "",
 ) -> list[Path]:
-    """Write the pictures of maps: ``map_QUANTITY.png`` in a folder, or one file for one quantity.
-
-    Parameters
-    ----------
-    trajectory, maps, levels, service
-        As for `draw_map`.
-    quantities : iterable of str
-    path : Path
-        Folder, or file with one of the endings `FORMATS`.
-
-    Raises
-    ------
-    ResultError
-        As for `draw_map`, or a file cannot be written.
-    """
+    """Write the pictures of maps: ``map_QUANTITY.png`` in a folder, or one file for one quantity."""
     written = []
     quantities = list(quantities)
     for quantity, figure in zip(

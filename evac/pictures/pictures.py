@@ -190,12 +190,6 @@ def new_plain_axes(
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written.
-    """
+    """Write a picture."""
     with replacing(path, "the picture") as new:
         figure.savefig(new)

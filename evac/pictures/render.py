@@ -66,12 +66,6 @@ class Renderer:
         Size of the letters of a picture on a page, which has the title, the time and the legend of groups beside it
         [pixels]; 0 for a picture by itself.
 
-    Raises
-    ------
-    ResultError
-        The trajectory has no frame; a level, the view or the colouring does not exist; or the size or the zoom is out
-        of range.
-
     Examples
     --------
     >>> image = Renderer(evac.read_trajectory("school-result"), view="plan").image(40)  # doctest: +SKIP
@@ -196,13 +190,7 @@ def _check_size(size: tuple[int, int]) -> None:
 
 
 def render_picture(renderer: Renderer, path: Path, time: float | None = None) -> None:
-    """Draw the frame nearest to `time` [s], by default the one in the middle of the run, to a PNG or JPEG file.
-
-    Raises
-    ------
-    ResultError
-        There is no frame at that time, the file's ending is unknown, or the file cannot be written.
-    """
+    """Draw the frame nearest to `time` [s], by default the one in the middle of the run, to a PNG or JPEG file."""
     trajectory = renderer.trajectory
     _check_ending(path, PICTURES)
     first, last = float(trajectory.time[0]), float(trajectory.time[-1])
@@ -214,23 +202,7 @@ def render_picture(renderer: Renderer, path: Path, time: float | None = None) ->
 
 
 def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: float = 5.0) -> None:
-    """Draw the whole run to an animated GIF, or to an MP4 film if imageio-ffmpeg is installed.
-
-    Parameters
-    ----------
-    renderer : Renderer
-    path : Path
-    fps : float
-        Pictures per second of the film.
-    speed : float
-        Simulated seconds per second of the film; each picture shows the nearest recorded frame.
-
-    Raises
-    ------
-    ResultError
-        `fps` or `speed` is out of range or gives too many pictures, the file's ending is unknown, imageio-ffmpeg is
-        missing for an MP4 film, or the file cannot be written.
-    """
+    """Draw the whole run to an animated GIF, or to an MP4 film if imageio-ffmpeg is installed."""
     _check_ending(path, FILMS)
     trajectory = renderer.trajectory
     count = number_of_pictures(trajectory, fps, speed)
@@ -257,13 +229,7 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
 
 
 def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
-    """Return the number of pictures of a film of a whole run.
-
-    Raises
-    ------
-    ResultError
-        `fps` or `speed` is out of range, or there are too many pictures.
-    """
+    """Return the number of pictures of a film of a whole run."""
     if not LEAST_FPS <= fps <= MOST_FPS:
         raise ResultError(f"fps: must be between {LEAST_FPS:g} and {MOST_FPS:,g} pictures per second, got {fps:g}")
     if not 0.0 < speed < math.inf:

@@ -54,13 +54,7 @@ class Scale:
     service: str = ""  # name of the levels of service that replace its colours
 
     def with_service(self, service: str) -> "Scale":
-        """Return the scale of a density with levels of service, and other scales as they are.
-
-        Raises
-        ------
-        ResultError
-            There are no such levels of service.
-        """
+        """Return the scale of a density with levels of service, and other scales as they are."""
         if service and service not in SERVICES:
             raise ResultError(f"unknown levels of service {service!r}; {did_you_mean(service, list(SERVICES))}")
         if self.unit != "1/m²" or not service:

@@ -17,13 +17,7 @@ THIN, GREY = 0.02, (70, 66, 62)
 
 
 class Smoke:
-    """The smoke of a trajectory, drawn onto pictures of its building.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        One that has the field.
-    """
+    """The smoke of a trajectory, drawn onto pictures of its building."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         self._field, building = trajectory.field(SMOKE), trajectory.building

@@ -24,15 +24,7 @@ def font(size: int, is_bold: bool = False) -> ImageFont.FreeTypeFont:
 
 
 class Pen:
-    """Draws text and scales into a picture; lengths are in pixels, font sizes scale with the picture.
-
-    Parameters
-    ----------
-    image : Image
-        Modified in place.
-    letters : int
-        Size of letters; with 0 it follows from that of the picture.
-    """
+    """Draws text and scales into a picture; lengths are in pixels, font sizes scale with the picture."""
 
     def __init__(self, image: Image.Image, letters: int = 0) -> None:
         self.draw = ImageDraw.Draw(image)

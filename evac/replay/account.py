@@ -41,15 +41,7 @@ class Account:
 
 
 def account_of_run(results: Results, error: BaseException | None = None) -> Account:
-    """Return the account of a run from its results.
-
-    Parameters
-    ----------
-    results : Results
-        For a failed run, the results until the failure.
-    error : BaseException, optional
-        The error with which the run failed.
-    """
+    """Return the account of a run from its results."""
     crowd, answer = results.crowd, results.answer
     group = np.full(results.number_of_people, -1, np.int32)
     for index, members in enumerate(results.groups):
@@ -70,18 +62,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
 
 
 def account_of_folder(trajectory: Trajectory) -> Account:
-    """Return the account of a run from its result folder.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        ``summary.json`` and ``people.csv`` in the same folder are used if they exist; a killed run has none.
-
-    Raises
-    ------
-    ResultError
-        ``summary.json`` or ``people.csv`` cannot be read, or belongs to another run.
-    """
+    """Return the account of a run from its result folder."""
     folder, header = trajectory.path.parent, trajectory.header
     known: dict[str, Any] = {name: getattr(trajectory, name) for name in ("groups", "group", "radius", "height")}
     known["moves"] = recorded_moves(trajectory)

@@ -86,16 +86,6 @@ class _Stream:
 class MotionPacker:
     """Encodes and compresses one frame after the other, so that little memory is needed.
 
-    Parameters
-    ----------
-    people : int
-    building : Building
-        Building as it is before all changes.
-    smoke : LevelField, optional
-        The field of smoke, if there is one.
-    contrast : float
-        Visibility times extinction coefficient.
-
     Attributes
     ----------
     frames : int
@@ -221,13 +211,7 @@ class MotionPacker:
         return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned in a packer for the same people and building.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned in a packer for the same people and building."""
         self.frames = int(taken(state, "frames", np.int64, (1,), 0, MOST_FRAMES)[0])
         bounds = {"seen": (0, self.frames), "started": (0, 1), "smoke": (0, 255)}
         bounds |= dict.fromkeys(("level", "first_level"), (-1, len(self._planes) - 1))

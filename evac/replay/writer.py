@@ -36,22 +36,7 @@ LOADER, MAIN = "loader.js", "main.js"
 
 
 def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequence[Change]) -> None:
-    """Write the page of a run.
-
-    Parameters
-    ----------
-    path : Path
-    motion : MotionPacker
-        With all states of the run.
-    account : Account
-    changes : sequence of Change
-        All changes of the scene during the run, in order.
-
-    Raises
-    ------
-    ResultError
-        No state was added, or the file cannot be written.
-    """
+    """Write the page of a run."""
     if not motion.frames:
         raise ResultError(f"{path}: nothing to replay; the run ended before its first output")
     building, floors = building_for_page(motion.building, motion.origin)
@@ -108,16 +93,6 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
         The page.
     every : float, optional
         Least time between two states [s]; by default all recorded states are used.
-
-    Returns
-    -------
-    int
-        Number of states.
-
-    Raises
-    ------
-    ResultError
-        The trajectory has no state, `every` is not positive, or a file cannot be read or written.
     """
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")

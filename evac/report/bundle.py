@@ -38,20 +38,7 @@ versions and on the same kind of processor. summary.json and report.html are tho
 
 
 def write_bundle(run: Results, report: str, path: Path) -> None:
-    """Write a zip from which a run can be repeated; the files that it has read must be where they were.
-
-    Parameters
-    ----------
-    run : Results
-    report : str
-        The page.
-    path : Path
-
-    Raises
-    ------
-    ResultError
-        A file that the run has read is missing, or the zip cannot be written.
-    """
+    """Write a zip from which a run can be repeated; the files that it has read must be where they were."""
     record = run.record
     folder = Path(record.source).parent.resolve()
     named = _names(folder, [Path(file) for file in record.files])

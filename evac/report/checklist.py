@@ -30,15 +30,7 @@ def points() -> tuple[Point, ...]:
 
 
 def checklist_section(numbers: dict[str, str], lacking: Collection[str] = ()) -> Section:
-    """Return the checklist.
-
-    Parameters
-    ----------
-    numbers : dict of str to str
-        Number of each section of the report that is not missing, by its id.
-    lacking : collection of str
-        Contents that sections lack.
-    """
+    """Return the checklist."""
     rows = [(str(number), point.words, *_where(point, numbers, lacking)) for number, point in enumerate(points(), 1)]
     return section("checklist", f"{APPENDIX}checklist of the documentation", rows=rows)
 

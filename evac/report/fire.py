@@ -11,13 +11,7 @@ from evac.results.results import Results
 
 
 def fire_section(run: Results) -> Section:
-    """Return the section on the conditions of the air of a run.
-
-    Parameters
-    ----------
-    run : Results
-        Of a case with conditions.
-    """
+    """Return the section on the conditions of the air of a run."""
     conditions = run.conditions
     assert conditions is not None
     return section(

@@ -32,18 +32,7 @@ WORDS = {
 def model_section(
     case: CaseTable, versions: Mapping[str, str], plugins: Sequence[str], seed: str, command: str
 ) -> Section:
-    """Return the section on the model.
-
-    Parameters
-    ----------
-    case : CaseTable
-    versions : mapping of str to str
-    plugins : sequence of str
-    seed : str
-        One seed, or the seeds of a study.
-    command : str
-        That repeats it, once the case of the appendix is in ``case.toml``.
-    """
+    """Return the section on the model."""
     return section(
         "model",
         f"{APPENDIX}model, parameters and versions",

@@ -26,20 +26,7 @@ STOPPED = ("interrupted", "failed")
 
 
 def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> str:
-    """Return the report of a run as a page of HTML.
-
-    Parameters
-    ----------
-    folder : Path
-        Result folder; of interrupted and failed runs too.
-    labels : Labels
-    places : Places
-
-    Raises
-    ------
-    ResultError
-        A file of the folder is missing or damaged.
-    """
+    """Return the report of a run as a page of HTML."""
     run = read_results(folder)
     summary = run.record
     picture = figures.cover(run.trajectory) if run.trajectory else None

@@ -46,16 +46,7 @@ class Head:
 
 
 def page(head: Head, labels: Labels, sections: Iterable[Section]) -> str:
-    """Return the whole page.
-
-    Parameters
-    ----------
-    head : Head
-    labels : Labels
-    sections : iterable of Section
-        In order; they are numbered, after the fields to fill in. Appendices are put behind the others, the
-        checklist is the first of them, and space for remarks the last.
-    """
+    """Return the whole page."""
     remarks = section("remarks", f"{APPENDIX}remarks of the reviewer")
     given = [section("purpose", "Project and purpose"), *sections, remarks]
     body = [part for part in given if not part.title.startswith(APPENDIX)]
@@ -80,13 +71,7 @@ def page(head: Head, labels: Labels, sections: Iterable[Section]) -> str:
 
 
 def write_page(text: str, path: Path) -> None:
-    """Write a page, which replaces an earlier one as a whole.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written.
-    """
+    """Write a page, which replaces an earlier one as a whole."""
     with writing("the report", path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path, "the report") as new:

@@ -71,23 +71,7 @@ def is_study(folder: Path) -> bool:
 
 
 def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK, places: Places = USUAL) -> str:
-    """Return the report of a study as a page of HTML.
-
-    Parameters
-    ----------
-    folder : Path
-        Of `evac repeat` or `evac sweep`.
-    runs : sequence of Path
-        Result folders of runs of the study. Plans and the picture on the cover are those of the first; places, course,
-        times, congestion and maps of each are added.
-    labels : Labels
-    places : Places
-
-    Raises
-    ------
-    ResultError
-        A file is missing or damaged, or a run is none of the study.
-    """
+    """Return the report of a study as a page of HTML."""
     study = Study.read(folder)
     data = read_json(folder / SUMMARY_NAME)
     summary = checked(StudySummary, data, folder / SUMMARY_NAME)

@@ -22,14 +22,7 @@ TEST_COLUMNS = ("test", "measured", "expected", "by")
 
 @cache
 def evidence() -> Mapping[str, Any]:
-    """Return the evidence that this version of evac comes with.
-
-    Returns
-    -------
-    mapping
-        ``kinds``: by name ``title``, ``examined``, ``verdicts``, ``command``, ``commit`` and ``versions``; ``tests``:
-        a row for each criterion of the standard tests, with the verdict of each model that was put to them.
-    """
+    """Return the evidence that this version of evac comes with."""
     text = files("evac.report").joinpath(EVIDENCE_NAME).read_text(encoding="utf-8")
     verdicts: Mapping[str, Any] = json.loads(text)
     return verdicts

@@ -89,22 +89,7 @@ class Ending:
         self._least[:, rows] = np.inf
 
     def reason(self, step: int, crowd: Crowd, fields: Fields, can_change: bool = False) -> str:
-        """Return why the run ends with this tick; an empty string if it continues.
-
-        Parameters
-        ----------
-        step : int
-            Number of steps made.
-        crowd : Crowd
-        fields : Fields
-        can_change : bool
-            Whether the scene is going to change, so that a crowd that is blocked may still get out.
-
-        Returns
-        -------
-        str
-            `EVERYBODY_OUT`, `EVERYBODY_SAFE`, `EVERYBODY_ABLE_OUT`, `DURATION_OVER`, `NO_PROGRESS` or an empty string.
-        """
+        """Return why the run ends with this tick; an empty string if it continues."""
         over = self.over(step, crowd)
         if over:
             return over
@@ -125,12 +110,6 @@ class Ending:
         """Return the rows of people inside who have made no progress for `STANDING`, or `no_progress` if that is less.
 
         People who have not started are not stuck.
-
-        Parameters
-        ----------
-        step : int
-            Number of steps made.
-        crowd : Crowd
         """
         time = step * self._settings.step
         standing = time - np.fmax(self._progress_at, crowd.arrival_time) >= min(STANDING, self._settings.no_progress)

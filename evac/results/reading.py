@@ -125,13 +125,7 @@ def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tup
 
 
 def check_trajectory(trajectory: Trajectory, summary: Summary) -> None:
-    """Check that a trajectory and the summary beside it are of the same run.
-
-    Raises
-    ------
-    ResultError
-        They are not.
-    """
+    """Check that a trajectory and the summary beside it are of the same run."""
     own = trajectory.header.get("seed"), trajectory.number_of_people
     if own != (summary.seed, summary.people):
         raise ResultError(
@@ -144,26 +138,7 @@ def check_trajectory(trajectory: Trajectory, summary: Summary) -> None:
 def recorded_case(
     folder: Path, table: Mapping[str, Any], source: str, used: Sequence[str], plugin_files: Sequence[Path]
 ) -> "Case":
-    """Return the case of a result; its plugin files must be given, because the folder may be a stranger's.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the result, for messages.
-    table : mapping
-        Content of the case.
-    source : str
-        Its file, to which paths in it are relative.
-    used : sequence of str
-        Plugin files that were used in addition to those that the case names.
-    plugin_files : sequence of Path
-        The given ones, resolved.
-
-    Raises
-    ------
-    EvacError
-        A plugin file is not given, or the case is not valid.
-    """
+    """Return the case of a result; its plugin files must be given, because the folder may be a stranger's."""
     from evac.case.loading import case_from
 
     named = [(Path(source).parent / name).resolve() for name in table.get("plugins", {}).get("files", [])]

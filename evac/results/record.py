@@ -203,12 +203,6 @@ class Summary(Record):
 
 
 def read_summary(folder: Path) -> tuple[Summary, dict[str, Any]]:
-    """Return the checked content of ``summary.json`` in a result folder, and its case with every key.
-
-    Raises
-    ------
-    ResultError
-        The file is missing or damaged; names the key.
-    """
+    """Return the checked content of ``summary.json`` in a result folder, and its case with every key."""
     data = read_json(folder / SUMMARY_NAME)
     return checked(Summary, data, folder / SUMMARY_NAME), data["case"]

@@ -534,17 +534,7 @@ def results_of(
     crushing: Observation | None = None,
     **others: Any,
 ) -> Results:
-    """Return the results of a run, with the tables and quality warnings that follow from its data.
-
-    Parameters
-    ----------
-    case, building, crowd, start_level, crossings, report
-        As the attributes of `Results`.
-    chatter, crushing : Observation, optional
-        Observations during the run, see `evac.results.watch.Watch`.
-    **others
-        Other attributes of `Results`.
-    """
+    """Return the results of a run, with the tables and quality warnings that follow from its data."""
     moves = moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
     exits = exit_table(building, crowd.exit_used, crowd.exit_time)
     names = [level.name for level in building.levels]

@@ -107,13 +107,7 @@ class Watch:
         return {f"{name}.{key}": array for name, arrays in copies.items() for key, array in arrays.items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]], levels: int) -> None:
-        """Restore the arrays that `state` returned, in a building with a number of levels.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
+        """Restore the arrays that `state` returned, in a building with a number of levels."""
         for name, part in self._parts().items():
             with part_of(state, f"{name}.") as own:
                 take(own, vars(part), {key: part.bounds(key, levels) for key in vars(part)})

@@ -141,17 +141,7 @@ def make_shared(case: "Case") -> Ground:
 def make_population(
     case: "Case", ground: Ground, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
 ) -> tuple[Population, Places, tuple[Finding, ...], BorderScene]:
-    """Draw the people of a case, and check all that depends on them before a run.
-
-    Returns
-    -------
-    Population
-    Places
-    tuple of Finding
-        A warning for each place that people do not fit through on their way to an exit.
-    BorderScene
-        The scene that the contact model has accepted.
-    """
+    """Draw the people of a case, and check all that depends on them before a run."""
     building = ground.building
     people = build_population(case, building, ground.fields, case.simulation.seed, behaviours)
     places = Places(case, building, ground.fields.routes, people.crowd)
@@ -212,22 +202,7 @@ def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:
 
 
 def read_surface(importer: "Importer", path: Path, registry: Registry | None = None) -> SurfaceMesh:
-    """Return the surface that an importer reads from a file; a plan is converted to a surface.
-
-    Parameters
-    ----------
-    importer : Importer
-    path : Path
-    registry : Registry, optional
-        Registry whose importers read the files that a plan names; by default the built-in and the installed ones.
-
-    Raises
-    ------
-    BuildingError
-        The file is missing, empty or damaged, or its plan does not make a surface.
-    PluginError
-        The importer fails, or returns neither a surface nor a plan.
-    """
+    """Return the surface that an importer reads from a file; a plan is converted to a surface."""
     read = read_file(importer, path)
     if isinstance(read, SurfaceMesh):
         return read

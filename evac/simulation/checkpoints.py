@@ -139,13 +139,7 @@ class Checkpoint:
 
     @property
     def files(self) -> dict[str, tuple[int, str]]:
-        """Names of the files that recorders append to, their lengths [bytes], and their SHA-256 up to there.
-
-        Raises
-        ------
-        ResultError
-            A file lies outside of the folder or is a link, so that truncating it would damage another file.
-        """
+        """Names of the files that recorders append to, their lengths [bytes], and their SHA-256 up to there."""
         folder = self.path.parent
         for name in (*self.header.files, *self.header.plugin_files):
             if not is_within(name) or is_link(folder, name):
@@ -160,13 +154,7 @@ class Checkpoint:
         case_file: str | Path | None = None,
         announce: Callable[[Path], None] | None = None,
     ) -> "Case":
-        """Return the case of the run as it was at the start, with overrides applied; arguments are those of `resumed`.
-
-        Raises
-        ------
-        ScenarioError
-            The case cannot be loaded any more, or an override changes a key that must not change.
-        """
+        """Return the case of the run as it was at the start, with overrides applied."""
         given = self.header.case
         source = Path(given.source)
         files = [Path(path).resolve() for path in plugin_files]
@@ -192,15 +180,7 @@ class Checkpoint:
         return changed
 
     def restore(self, simulation: Simulation, case_before: "Case") -> None:
-        """Restore the state of a simulation of the same case as before, or of a changed one, except for the recorders.
-
-        Raises
-        ------
-        ScenarioError
-            The changed case gives people other routes, or its state has arrays of other shapes.
-        ResultError
-            An array is missing or has a wrong shape.
-        """
+        """Restore the state of a simulation of the same or a changed case, except for the recorders."""
         routes = [str(route) for route in simulation.fields.routes]
         if routes != self.header.routes:
             raise ScenarioError(

@@ -18,13 +18,6 @@ if TYPE_CHECKING:
 class Deciding:
     """Calls the behaviours of a run; errors name the behaviour.
 
-    Parameters
-    ----------
-    simulation : Simulation
-        With its scene, its people, and the air that they breathe.
-    behaviours : sequence of Behaviour
-        Those of the case, in the order in which they act.
-
     Attributes
     ----------
     used : list of (Behaviour, BehaviourScene)

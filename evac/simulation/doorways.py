@@ -24,20 +24,7 @@ MOST_NAMED = 20
 
 
 def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iterable[int]) -> list[int]:
-    """Mark the people whose bodies are on the lines of links that close.
-
-    Parameters
-    ----------
-    building, fields
-        As they were before.
-    crowd : Crowd
-    links : iterable of int
-
-    Returns
-    -------
-    list of int
-        The people on the lines, in ascending order.
-    """
+    """Mark the people whose bodies are on the lines of links that close."""
     found: list[int] = []
     for link in sorted(links):
         levels, segments = line_of(building, link)
@@ -62,15 +49,7 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
 
 
 def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> None:
-    """Let people leave the lines of links that get one direction, to their side, if they are behind these.
-
-    Parameters
-    ----------
-    building : Building
-    crowd : Crowd
-    links : mapping of int to int
-        The level or side from which each link is passed from now on.
-    """
+    """Let people leave the lines of links that get one direction, to their side, if they are behind these."""
     for link, origin in links.items():
         levels, segments = line_of(building, link)
         _release(crowd, link)

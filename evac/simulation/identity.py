@@ -71,11 +71,6 @@ def ground_key(case: "Case") -> str:
 
     It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
     of groups, contact models and behaviours may differ, as may the seed.
-
-    Raises
-    ------
-    EvacError
-        A file of the building cannot be read.
     """
     importers = make_importers(case)
     parts = (

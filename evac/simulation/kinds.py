@@ -28,15 +28,7 @@ class Kind(NamedTuple):
 
 
 def check(scene: "Scene", change: Change) -> None:
-    """Refuse a change that cannot be made.
-
-    Raises
-    ------
-    ScenarioError
-        There is no such kind, its value is not one of the kind, or there is no such group or route.
-    BuildingError
-        The building has nothing of this name, or it cannot be changed in this way.
-    """
+    """Refuse a change that cannot be made."""
     if change.kind not in KINDS:
         hint = did_you_mean(change.kind, (*KINDS,))
         raise ScenarioError(f"change of {change.what!r}: there is no kind {change.kind!r}; {hint}")

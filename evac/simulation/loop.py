@@ -28,10 +28,6 @@ class Operation:
 class Loop:
     """Advances a simulation by one tick after the other.
 
-    Parameters
-    ----------
-    simulation : Simulation
-
     Attributes
     ----------
     operations : list of Operation

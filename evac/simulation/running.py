@@ -256,26 +256,7 @@ def run_into(
     checkpoint: float | None,
     writing: Callable[[], None],
 ) -> Results:
-    """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Created with the folder ``place.running``.
-    place : ResultFolder
-        Locked, and started or reopened.
-    progress, checkpoint
-        As for `run`.
-    interrupt : Interrupt
-        If it has noted a signal, the run is interrupted, and a checkpoint is saved.
-    writing : callable
-        Called when the run is over, before its outputs are written.
-
-    Returns
-    -------
-    Results
-        Their ``folder`` is RESULT, or RESULT.running if the run was stopped and RESULT holds an earlier result.
-    """
+    """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written."""
     first = simulation.step
     simulation.loop.operations += [
         Operation("result folder", "output", place.check),

@@ -54,13 +54,7 @@ def write_ground(ground: Ground, folder: Path) -> GroundFile:
 
 
 def read_ground(file: GroundFile) -> Ground:
-    """Return a ground with arrays that are mapped read-only from the file.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read, or has been changed.
-    """
+    """Return a ground with arrays that are mapped read-only from the file."""
     with Path(file.path).open("rb") as stream:
         mapped = memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
     *arrays, rest = (mapped[start : start + length] for start, length in file.spans)
@@ -98,17 +92,7 @@ def shared_ground(case: "Case", key: str, file: GroundFile | None = None) -> Gro
 
 
 def simulation_of(case: "Case", key: str = "", file: GroundFile | None = None, **options: Any) -> Simulation:
-    """Return a simulation of a case; its ground is taken from the cache or the file, or computed and cached.
-
-    Parameters
-    ----------
-    case : Case
-    key : str
-        The case's key from `evac.simulation.identity.ground_key`.
-    file : GroundFile, optional
-    **options
-        Further arguments of `Simulation`.
-    """
+    """Return a simulation of a case; its ground is taken from the cache or the file, or computed and cached."""
     key = key or ground_key(case)
     ground = _kept(key, file)
     simulation = Simulation(case, ground=ground, **options)

@@ -18,19 +18,7 @@ if TYPE_CHECKING:
 
 
 class Timetable:
-    """Applies the events of a case to a scene.
-
-    Parameters
-    ----------
-    events : tuple of EventSettings
-    scene : Scene
-        With its people. Events at given times are applied here.
-
-    Raises
-    ------
-    ScenarioError, BuildingError
-        An event concerns something that does not exist, or cannot be changed so.
-    """
+    """Applies the events of a case to a scene."""
 
     def __init__(self, events: "tuple[EventSettings, ...]", scene: Scene) -> None:
         self._events, self._scene = events, scene

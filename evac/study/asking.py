@@ -173,13 +173,7 @@ def sweep(
 def rule_of(
     runs: int | None, until: float | None, statistic: str, least: int | None, most: int | None, repetitions: int
 ) -> Rule:
-    """Return the stopping rule for these arguments.
-
-    Raises
-    ------
-    ScenarioError
-        The arguments contradict each other, or one is out of range.
-    """
+    """Return the stopping rule for these arguments."""
     if until is None:
         if least is not None or most is not None:
             raise ScenarioError("least and most can be used only with until; give runs instead, or add until")

@@ -33,20 +33,7 @@ CHECKED_TOGETHER = 10
 
 
 class Conductor:
-    """Executes or checks the requested runs, and passes on each row as soon as its run has ended.
-
-    Parameters
-    ----------
-    points : sequence of Point
-    on_row : callable
-        Called with each row, in the order in which runs end; it may request more runs.
-    workers : int
-        Number of local processes, including this one. Others are not started for work that takes less time than
-        starting them. Ignored if there is an executor.
-    executor : Executor, optional
-        Object with the interface of `concurrent.futures.Executor`, which executes all runs, short ones several per
-        task. Its workers must be able to import evac and the plugins, and to read the file of the building.
-    """
+    """Executes or checks the requested runs, and passes on each row as soon as its run has ended."""
 
     def __init__(
         self, points: Sequence[Point], on_row: Callable[[Row], None], workers: int, executor: Executor | None = None
@@ -75,15 +62,7 @@ class Conductor:
             self._waiting.append(Task(order, tuple(runs[k : k + CHECKED_TOGETHER]), only_check=True))
 
     def conduct(self) -> None:
-        """Execute all requested tasks, including those that are requested meanwhile.
-
-        Raises
-        ------
-        EvacError
-            A process cannot load a case or its plugins.
-        SimulationError
-            Processes were killed repeatedly.
-        """
+        """Execute all requested tasks, including those that are requested meanwhile."""
         at_once = True
         self._spent, self._made, self._files = 0.0, 0, {}
         with TemporaryDirectory(prefix="evac-study-", ignore_cleanup_errors=True) as folder:

@@ -34,13 +34,6 @@ def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
     curves : iterable of (people,) float64 [s]
         Ascending exit times of each complete run; only one curve at a time is kept in memory. The number of people can
         differ between runs to which they come at a rate: then a curve has as many points as the first one.
-
-    Returns
-    -------
-    list of dict
-        ``runs`` j; ``TET``, ``SD``: relative change of mean and standard deviation of the evacuation time by run j;
-        ``ERD``, ``EPC``, ``SC``: absolute change, by run j, of the Euclidean relative difference, the Euclidean
-        projection coefficient and the secant cosine of the average curves of j and of j - 1 runs; None if undefined.
     """
     rows: list[dict[str, Any]] = []
     times: list[float] = []

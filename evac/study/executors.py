@@ -32,18 +32,7 @@ def workers_of(executor: Executor) -> int | None:
 
 @contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """Connect to a Dask scheduler and yield an executor.
-
-    Parameters
-    ----------
-    address : str
-        Address such as ``"tcp://10.0.0.1:8786"``, or the path of a scheduler file.
-
-    Raises
-    ------
-    EvacError
-        dask.distributed is not installed, or no scheduler answers.
-    """
+    """Connect to a Dask scheduler and yield an executor."""
     try:
         from distributed import Client
     except ImportError as error:

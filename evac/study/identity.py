@@ -77,13 +77,7 @@ def write_identity(folder: Path, identity: Mapping[str, Any], definition: Mappin
 
 
 def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the identity and the definition of a study.
-
-    Raises
-    ------
-    ResultError
-        The folder contains no study, or its file is damaged.
-    """
+    """Return the identity and the definition of a study."""
     path = usable_path(folder, ResultError) / STUDY_NAME
     if not path.is_file():
         raise ResultError(f"{path}: no such file; name a result folder of `evac repeat` or `evac sweep`")
@@ -99,13 +93,7 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
-    """Check that a folder contains this study.
-
-    Raises
-    ------
-    ResultError
-        The folder contains no study or another one; names what has changed.
-    """
+    """Check that a folder contains this study."""
     found, _ = read_identity(folder)
     changes = list(differences(found, json.loads(json.dumps(identity))))
     if not changes:

@@ -76,11 +76,6 @@ def write_replays(study: "Study") -> None:
 
     Runs are ranked by evacuation time; blocked runs are the worst, in the order of the number of people out. For an
     even number the lower median is used; for a single run only the median is written.
-
-    Raises
-    ------
-    EvacError
-        An error of `evac.run`.
     """
     found = [(row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED)]
     ranked = [run for _, _, run in sorted(found)]

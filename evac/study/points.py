@@ -103,13 +103,7 @@ def halved_steps(case: "Case") -> tuple[Point, ...]:
 
 
 def grid(case: "Case", parameters: Mapping[str, Sequence[Any]]) -> tuple[Point, ...]:
-    """Return a point for each combination of values; those of the last key vary fastest.
-
-    Raises
-    ------
-    ScenarioError
-        A key has no values, or the case is not valid for some of them; names these. Or there are too many combinations.
-    """
+    """Return a point for each combination of values; those of the last key vary fastest."""
     for key, values in parameters.items():
         if isinstance(values, str) or not isinstance(values, Sequence) or not values:
             raise ScenarioError(f"{case.source}: {key}: a sweep needs a list of values, got {values!r}")
@@ -125,26 +119,7 @@ def from_rows(
     registry: "Registry | None" = None,
     run_files: "Callable[[Case], Case]" = run_plugin_files,
 ) -> tuple[Point, ...]:
-    """Return a point for each row of a table.
-
-    Parameters
-    ----------
-    case : Case, optional
-        Case of rows without a value in the column ``case``.
-    rows : iterable of mapping
-        Dotted keys and values; None keeps the value of the case.
-    folder : Path
-        Folder to which paths of cases in the table are relative.
-    registry : Registry, optional
-        Registry for the cases named in the table.
-    run_files : callable
-        Executes the plugin files of a case that is named in the table, and returns the checked case.
-
-    Raises
-    ------
-    ScenarioError
-        A row names no case and no default is given, or its case is not valid; or there are too many rows.
-    """
+    """Return a point for each row of a table."""
     from evac.case.loading import load_case
 
     check_number(len(rows))
@@ -164,13 +139,7 @@ def from_rows(
 
 
 def check_number(points: int) -> None:
-    """Refuse a sweep of too many points, before they are made.
-
-    Raises
-    ------
-    ScenarioError
-        There are more than `MOST_POINTS`.
-    """
+    """Refuse a sweep of too many points, before they are made."""
     if points > MOST_POINTS:
         raise ScenarioError(
             f"a sweep of {points} points; at most {MOST_POINTS} are possible: give fewer values, or divide it into "
@@ -182,11 +151,6 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a table: a CSV file with dotted keys as header, or ``[[points]]`` of a TOML file.
 
     Values of a CSV file are read as TOML, or else taken as strings; an empty field keeps the value of the case.
-
-    Raises
-    ------
-    ScenarioError
-        The file cannot be read, or contains no rows.
     """
     from evac.case.overrides import value_of
 

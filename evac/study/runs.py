@@ -81,17 +81,7 @@ class Task:
 
 
 def make_rows(task: Task, case: "Case | None" = None, tick: Callable[[Progress], None] | None = None) -> list[Row]:
-    """Execute a task in this process; an error of `evac.run` makes a row with that error.
-
-    Parameters
-    ----------
-    task : Task
-        If it only checks, there are rows of the runs that are refused alone.
-    case : Case, optional
-        The case of the order, if it is already loaded.
-    tick : callable, optional
-        Called at every tick of each run.
-    """
+    """Execute a task in this process; an error of `evac.run` makes a row with that error."""
     base = case if case is not None else _case_of(task.order)
     if task.only_check:
         return _refused(task, base)

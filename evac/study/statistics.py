@@ -172,22 +172,7 @@ def statistics(
 def estimate(
     name: str, times: FloatArray, populations: Sequence[int] | None = None, confidence: float = CONFIDENCE
 ) -> Estimate:
-    """Return one statistic with its interval.
-
-    Parameters
-    ----------
-    name : str
-        ``"mean"``, over the complete runs, or ``"percentile P"``, over all runs.
-    times, populations
-        As for `statistics`.
-    confidence : float
-        Confidence level of the interval.
-
-    Raises
-    ------
-    ScenarioError
-        The name is not known.
-    """
+    """Return one statistic with its interval."""
     of = percentile_of(name)
     has_ended = ~np.isnan(times)
     groups = None if populations is None else np.asarray(populations[: len(times)])[has_ended]
@@ -205,13 +190,7 @@ def percentile_name(of: float) -> str:
 
 
 def percentile_of(name: str) -> float | None:
-    """Return the percentile of a statistic's name, None for the mean.
-
-    Raises
-    ------
-    ScenarioError
-        The name is neither the mean nor a percentile.
-    """
+    """Return the percentile of a statistic's name, None for the mean."""
     if name == "mean":
         return None
     word, _, number = name.partition(" ")
@@ -305,11 +284,6 @@ def grouped_interval(
     One run of each group is a sample of independent values, for which `percentile_interval` holds. The bounds are
     the medians of those that the first, the second, ... run of each group gives; there are as many as every group has.
     They cover more often than required where runs of a group differ as much as others.
-
-    Returns
-    -------
-    low, high : float
-        As for `percentile_interval`.
     """
     members = [times[groups == name] for name in np.unique(groups)]
     samples = [np.array([runs[k] for runs in members]) for k in range(min(map(len, members)))]

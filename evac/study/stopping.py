@@ -34,19 +34,7 @@ STOPPED_CONFIDENCE = 0.96
 
 @dataclass(frozen=True)
 class Rule:
-    """The number of runs of a point.
-
-    Parameters
-    ----------
-    least, most : int
-        Bounds of the number of runs; equal for a fixed number.
-    until : float or None
-        Required ratio of half the width of the interval to the statistic; None for a fixed number of runs.
-    statistic : str
-        See `evac.study.statistics.estimate`.
-    repetitions : int
-        Numbers of runs are multiples of this.
-    """
+    """The number of runs of a point."""
 
     least: int
     most: int
@@ -110,13 +98,7 @@ class Rule:
 
 
 def fixed(runs: int, repetitions: int = 1) -> Rule:
-    """Return the rule of a fixed number of runs.
-
-    Raises
-    ------
-    ScenarioError
-        The number is less than 1.
-    """
+    """Return the rule of a fixed number of runs."""
     _check(runs=runs, repetitions=repetitions)
     return Rule(runs, runs, repetitions=repetitions)
 
@@ -124,13 +106,7 @@ def fixed(runs: int, repetitions: int = 1) -> Rule:
 def until_known(
     until: float, statistic: str = "mean", least: int | None = None, most: int | None = None, repetitions: int = 1
 ) -> Rule:
-    """Return the rule that stops when the relative half-width of the interval of a statistic is small enough.
-
-    Raises
-    ------
-    ScenarioError
-        A number is out of range, or the statistic is not known.
-    """
+    """Return the rule that stops when the relative half-width of the interval of a statistic is small enough."""
     if not 0.0 < until < 1.0:
         raise ScenarioError(f"until must be a share between 0 and 1, such as 0.02 (2 %), not {until:g}")
     of = percentile_of(statistic)

@@ -83,17 +83,6 @@ def schema_of(points: Sequence[Point]) -> pa.Schema:
 class RowStore:
     """The rows of one study in a folder.
 
-    Parameters
-    ----------
-    folder : Path
-        An existing folder. Rows of the study in it are kept. Nothing is written before a row is appended.
-    points : sequence of Point
-
-    Raises
-    ------
-    ResultError
-        The files cannot be read, are damaged, or belong to another study.
-
     Attributes
     ----------
     entries : dict of (int, int) to StoredRun

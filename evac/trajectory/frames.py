@@ -75,11 +75,6 @@ class FrameReader:
 
         Data that a killed run or a system failure may leave after the last complete frame are ignored: a frame that is
         incomplete or does not match its checksum, if no other one begins behind it.
-
-        Raises
-        ------
-        ResultError
-            A frame before the last is damaged, or contains invalid numbers; names frame and byte.
         """
         whole, most = pa.py_buffer(self._data), HEADER_BYTES_MAX + 32 * self._people
         self.end = start

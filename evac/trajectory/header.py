@@ -206,13 +206,7 @@ def _read(kind: type[Read], data: Any, place: str = "") -> Read:
 
 
 def building_from_json(data: Any) -> Building:
-    """Return the building from the output of `building_to_json`.
-
-    Raises
-    ------
-    HeaderError
-        A key is missing, of the wrong kind, or out of range; names it.
-    """
+    """Return the building from the output of `building_to_json`."""
     found = _read(_BuildingRow, data, "building.")
     n = len(found.levels)
     _check_rows("wall_level", found.wall_level, n)
@@ -256,13 +250,7 @@ def _check_rows(key: str, rows: IntArray, count: int, least: int = 0) -> None:
 
 
 def read_header(data: Any) -> tuple[Building, Header, tuple[LevelField, ...]]:
-    """Return the building, the other keys, and the fields of behaviours with values of zero.
-
-    Raises
-    ------
-    HeaderError
-        A key is missing, of the wrong kind, or out of range; names it.
-    """
+    """Return the building, the other keys, and the fields of behaviours with values of zero."""
     found, building = _read(Header, data), building_from_json(data.get("building"))
     people = len(found.radius)
     for key in ("radius", "height", "group"):

@@ -66,13 +66,7 @@ def damaged(path: Path, what: str) -> ResultError:
 
 
 def pack_start(path: Path, header: Mapping[str, Any], schema: pa.Schema) -> bytes:
-    """Return the bytes up to the first frame.
-
-    Raises
-    ------
-    ResultError
-        The header is longer than `HEADER_BYTES_MAX`.
-    """
+    """Return the bytes up to the first frame."""
     text = json.dumps(header, allow_nan=False, separators=(",", ":")).encode()
     if len(text) > HEADER_BYTES_MAX:
         raise ResultError(
@@ -83,13 +77,7 @@ def pack_start(path: Path, header: Mapping[str, Any], schema: pa.Schema) -> byte
 
 
 def read_start(path: Path, data: mmap) -> tuple[dict[str, Any], pa.Schema, int]:
-    """Return the header of a file, without checking its content, its columns, and the byte at which the frames start.
-
-    Raises
-    ------
-    ResultError
-        The file is not a trajectory, its format is unknown, or its start is damaged or incomplete.
-    """
+    """Return the unchecked header of a file, its columns, and the byte at which the frames start."""
     if data[: len(MARK)] != MARK:
         raise ResultError(
             f"{path}: not a trajectory of evac, which is an Arrow stream (it does not start with four bytes FF); "

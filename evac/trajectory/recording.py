@@ -28,12 +28,6 @@ READ = "only read the simulation, and copy arrays before changing them"
 class Recording:
     """Calls the recorders of a run; errors name the recorder.
 
-    Parameters
-    ----------
-    recorders : sequence of Recorder
-    folder : Path or None
-        Folder to which they write.
-
     Attributes
     ----------
     is_started : bool

@@ -23,13 +23,7 @@ from evac.trajectory.trajectory import Trajectory, read_up_to
 
 
 def read_to_continue(path: Path, length: int | None) -> Trajectory:
-    """Read the part of a trajectory file that `TrajectoryWriter.reopen` keeps.
-
-    Raises
-    ------
-    ResultError
-        The file is damaged or too short, or no frame ends there.
-    """
+    """Read the part of a trajectory file that `TrajectoryWriter.reopen` keeps."""
     before = read_up_to(path, length)
     if before.dropped_bytes:
         raise damaged(path, f"no frame ends at byte {before.end + before.dropped_bytes}")
@@ -64,11 +58,6 @@ class TrajectoryWriter:
         Number of bytes written: the end of the last frame, or of the header if there is none. See `reopen`.
     frames, changes : int
         Numbers of frames and of changes written.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written.
     """
 
     def __init__(
@@ -95,19 +84,7 @@ class TrajectoryWriter:
 
     @classmethod
     def reopen(cls, path: Path, length: int | None = None) -> Self:
-        """Return a writer that appends to a file, after reading and checking the part that is kept.
-
-        Parameters
-        ----------
-        path : Path
-        length : int, optional
-            `length` of the earlier writer, to which the file is truncated. By default the whole file is kept.
-
-        Raises
-        ------
-        ResultError
-            The file is damaged or too short, no frame ends there, or it cannot be written.
-        """
+        """Return a writer that appends to a file, after reading and checking the part that is kept."""
         before = read_to_continue(path, length)
         writer = cls.__new__(cls)
         schema = columns(before.number_of_people, len(before.building.levels), before.level_fields, before.has_dose)
@@ -158,13 +135,6 @@ class TrajectoryWriter:
             Doses of all people, if they are recorded.
         standing : (n,) bool, optional
             Those who do not walk on: see `Simulation.standing`; nobody if not given.
-
-        Raises
-        ------
-        ResultError
-            The file cannot be written, for example because the disk is full.
-        SimulationError
-            A number is NaN, or infinite as float32.
         """
         rows = np.flatnonzero(crowd.level >= 0)
         motion = np.empty((rows.size, self._motion.list_size), "<f4")

@@ -31,11 +31,6 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
     triangles : (t, 3) int64
     owner : (t,) int64
         Row of `polygons` of each triangle.
-
-    Raises
-    ------
-    ValueError
-        If the outline of a polygon crosses itself in plan.
     """
     n, k = polygons.shape
     if k == 3:

@@ -15,13 +15,7 @@ from evac.building.model.findings import Finding
 
 
 def links_named(building: Building, name: str) -> frozenset[int]:
-    """Return the links of an exit or portal with a given name, or the portals of a stair.
-
-    Raises
-    ------
-    BuildingError
-        No exit, portal or stair has this name.
-    """
+    """Return the links of an exit or portal with a given name, or the portals of a stair."""
     links = {building.link_of(way) for way in building.exits if way.name == name}
     links |= {portal.index for portal in building.portals if portal.name == name}
     links |= {building.n_links + index for index, door in enumerate(building.doors) if door.name == name}
@@ -88,13 +82,7 @@ def _side_from(building: Building, door: Door, towards: str) -> int:
 
 
 def changed(building: Building, change: Change) -> Building:
-    """Return a building after a change, or itself if the change does not concern it or has no effect.
-
-    Raises
-    ------
-    BuildingError
-        The building has nothing of this name, or it cannot be changed in this way.
-    """
+    """Return a building after a change, or itself if the change does not concern it or has no effect."""
     value = change.values.get("value")
     match change.kind:
         case "open" | "close":
@@ -147,11 +135,6 @@ def building_at(building: Building, changes: Iterable[Change], time: float) -> B
 def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[float, bool]]]:
     """Return when each link is open.
 
-    Parameters
-    ----------
-    building, changes
-        As for `building_at`.
-
     Returns
     -------
     list of list of (float, bool)
@@ -168,19 +151,7 @@ def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[
 
 
 def close_links(building: Building, names: Sequence[str]) -> Building:
-    """Return the building with exits, portals and stairs closed for the whole run; closed links are walls.
-
-    Parameters
-    ----------
-    building : Building
-    names : sequence of str
-        Names of exits, portals or stairs; all portals of a stair are closed.
-
-    Raises
-    ------
-    BuildingError
-        No exit, portal or stair has this name.
-    """
+    """Return the building with exits, portals and stairs closed for the whole run; closed links are walls."""
     closed, stairs = set(building.closed), set[int]()
     for name in names:
         try:

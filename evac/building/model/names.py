@@ -26,13 +26,7 @@ def numbered(name: str, taken: Container[str]) -> str:
 
 
 def with_repaired_names(source: Path, tags: Mapping[str, Value], notes: list[Finding]) -> dict[str, Value]:
-    """Return tags ``kind:NAME`` with repaired names, and note which have changed.
-
-    Raises
-    ------
-    BuildingError
-        Two tags become the same.
-    """
+    """Return tags ``kind:NAME`` with repaired names, and note which have changed."""
     renamed: dict[str, Value] = {}
     for tag, value in tags.items():
         kind, colon, name = tag.partition(":")

@@ -6,13 +6,7 @@ from evac.building.model.building import Building, Level
 
 
 def level_of(building: Building, level: str | int) -> Level:
-    """Return a level by its name or index.
-
-    Raises
-    ------
-    ResultError
-        The level does not exist; names the closest one.
-    """
+    """Return a level by its name or index."""
     if isinstance(level, int):
         if not 0 <= level < len(building.levels):
             raise ResultError(f"there is no level {level}; the building has levels 0 to {len(building.levels) - 1}")

@@ -64,11 +64,6 @@ def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float
     way : (2,) float64
         Unit vector across the segment.
     reach : float [m]
-
-    Returns
-    -------
-    Strip or None
-        None if part of the segment has no floor within `reach`. The strip of a segment on the floor is empty.
     """
     far = ends + (reach + LEAST_LENGTH) * way
     corridor = shapely.set_precision(shapely.Polygon([*ends, *far[::-1]]), GRID)
@@ -179,11 +174,6 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
     ends : (2, 2) float64 [m]
     reach : float [m]
         Largest distance between the door and its rooms.
-
-    Raises
-    ------
-    ValueError
-        The segment lies inside a room, or runs across or obliquely through its wall; names the place.
     """
     parts = shapely.get_parts(shapely.difference(shapely.LineString(ends), floor))
     parts = parts[shapely.length(parts) > LEAST_LENGTH]

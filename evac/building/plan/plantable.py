@@ -20,13 +20,7 @@ SECTIONS = ("storeys", "stairs", "flights", "landings", "doors", "exits", "openi
 
 
 def read_table(path: Path) -> dict[str, Any]:
-    """Return the table of a plan file.
-
-    Raises
-    ------
-    ValueError
-        The file is not TOML.
-    """
+    """Return the table of a plan file."""
     text = path.read_text(encoding="utf-8-sig")
     try:
         return tomllib.loads(text)
@@ -48,11 +42,6 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
         Folder that paths of storey files are relative to.
     prefix : str
         Prefix of keys in messages.
-
-    Raises
-    ------
-    BuildingError
-        A key is unknown or missing, or a value is invalid; names the key.
     """
     for key in table:
         if key != "headroom" and key not in SECTIONS:

@@ -11,13 +11,7 @@ from evac.building.surface.patches import patches_of
 
 
 def plan_of_building(building: Building) -> Plan:
-    """Return the plan from which a building is made again.
-
-    Raises
-    ------
-    ValueError
-        The building has no such plan: a floor is not level, or an exit is on a stair.
-    """
+    """Return the plan from which a building is made again."""
     plan = Plan(building.source, headroom=0.0)
     for level in building.levels:
         if level.kind == "flight":

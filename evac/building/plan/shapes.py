@@ -40,11 +40,6 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
     given : shapely geometry, str, mapping or sequence
         WKT if it is text, GeoJSON (geometry, feature or collection) if it is a mapping; a sequence of points (x, y) is
         the outline of a polygon, any other sequence is a sequence of shapes.
-
-    Raises
-    ------
-    ValueError
-        The value is none of these.
     """
     if isinstance(given, BaseGeometry):
         yield from _simple(given)
@@ -82,23 +77,7 @@ def from_wkt(text: str) -> BaseGeometry:
 
 
 def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> list[BaseGeometry]:
-    """Return the valid polygons of a part on the grid of plans; add a finding for each repair or omission.
-
-    Parameters
-    ----------
-    given : part
-        As for `geometries`.
-    level : str, optional
-        Name of the storey for findings.
-    findings : list of Finding
-        To add to.
-
-    Raises
-    ------
-    ValueError
-        The part is invalid, a coordinate is not finite or too far from the origin, or there is no polygon with a
-        positive area.
-    """
+    """Return the valid polygons of a part on the grid of plans; add a finding for each repair or omission."""
     shapes: list[BaseGeometry] = []
     others: list[BaseGeometry] = []
     for part in geometries(given):
@@ -119,13 +98,7 @@ def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> lis
 
 
 def inclined_of(given: Shape) -> tuple[BaseGeometry, ...]:
-    """Return polygons whose corners have heights [m].
-
-    Raises
-    ------
-    ValueError
-        A shape is not a valid polygon with heights, or is too far from the origin.
-    """
+    """Return polygons whose corners have heights [m]."""
     parts = list(geometries(given))
     for part in parts:
         corners = shapely.get_coordinates(part, include_z=True)
@@ -137,13 +110,7 @@ def inclined_of(given: Shape) -> tuple[BaseGeometry, ...]:
 
 
 def segment_of(given: Shape) -> FloatArray:
-    """Return the two ends (2, 2) [m] of a segment, given as a line, as WKT or GeoJSON of one, or as two points.
-
-    Raises
-    ------
-    ValueError
-        The shape is not a line of two different points near enough to the origin.
-    """
+    """Return the two ends (2, 2) [m] of a segment, given as a line, as WKT or GeoJSON of one, or as two points."""
     if isinstance(given, (str, Mapping)):
         lines = list(geometries(given))
         given = lines[0] if len(lines) == 1 else []

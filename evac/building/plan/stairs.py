@@ -39,11 +39,6 @@ def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float)
         The edges.
     z_lower, z_upper : float [m]
         Their heights.
-
-    Raises
-    ------
-    ValueError
-        The edges are too close to each other, or the angle between them is too large.
     """
     upper = _like(lower, upper)
     along, beside = lower[1] - lower[0], upper[1] - upper[0]
@@ -70,13 +65,7 @@ def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float)
 
 
 def slope(outline: BaseGeometry) -> Piece:
-    """Return the flight of a polygon whose corners have heights.
-
-    Raises
-    ------
-    ValueError
-        Its corners are not in one plane.
-    """
+    """Return the flight of a polygon whose corners have heights."""
     corners = shapely.get_coordinates(outline, include_z=True)
     ones = np.column_stack([corners[:, :2] - corners[0, :2], np.ones(len(corners))])
     plane = np.linalg.lstsq(ones, corners[:, 2], rcond=None)[0]
@@ -97,13 +86,7 @@ def slope(outline: BaseGeometry) -> Piece:
 def straight(
     lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float, depth: float, landings: int
 ) -> list[Piece]:
-    """Return equal flights in a row, with landings of a given depth between them.
-
-    Raises
-    ------
-    ValueError
-        The landings leave no room for the flights.
-    """
+    """Return equal flights in a row, with landings of a given depth between them."""
     upper = _like(lower, upper)
     run = float(np.hypot(*(upper.mean(axis=0) - lower.mean(axis=0))))
     share = depth / run if landings else 0.0
@@ -140,11 +123,6 @@ def switchback(
         Length of the first flight in plan; the second one begins at the same landing.
     depth : float [m]
         Depth of the landing.
-
-    Raises
-    ------
-    ValueError
-        The second flight has no length, or the flights overlap in plan.
     """
     upper = _like(lower, upper)
     across = np.array([way[1], -way[0]])

@@ -91,11 +91,6 @@ def walls_by_spacing(layers: Mapping[str, Sequence[BaseGeometry]]) -> dict[str, 
     Parameters
     ----------
     layers : mapping of name to sequence of LineString of two points [m]
-
-    Returns
-    -------
-    dict of name to str
-        If no layer has pairs of lines, the layer with the longest lines.
     """
     total = {name: sum(line.length for line in lines) for name, lines in layers.items()}
     double = {name: float(shapely.length([*lines])[paired(lines)].sum()) for name, lines in layers.items()}

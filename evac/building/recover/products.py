@@ -54,11 +54,6 @@ def read_products(content: bytes, classes: Collection[str], library: str, each: 
         One of `LIBRARIES`.
     each, total : float
         Time limits for one product and for all of them [s].
-
-    Raises
-    ------
-    ValueError
-        The library cannot read the file, or not within the limit.
     """
     end = time.monotonic() + total
     reader = _Reader(content, library)

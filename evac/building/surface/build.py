@@ -40,28 +40,6 @@ def build_building(
 
     The result depends only on the geometry, not on the order of vertices and cells or on their orientation.
     Walls have the inside of their level on their left.
-
-    Parameters
-    ----------
-    mesh : SurfaceMesh
-    source : Path
-        The file that the mesh was read from, for messages.
-    options : BuildingOptions
-    need_exit : bool
-        Whether a building without exits is an error. Without exits, a building can be inspected but not simulated.
-
-    Returns
-    -------
-    Building
-
-    Raises
-    ------
-    BuildingError
-        If the building cannot be used: no cell is walkable, an edge has three cells, a level overlaps itself in plan or
-        is less than 1 m deep between facing portals, a stair does not join two levels, an exit is not on a free edge,
-        there is no exit, or a name in `options.closed` does not exist.
-    PluginError
-        If an array of the mesh has the wrong shape.
     """
     return building_of(clean(mesh, source, options), source, options, need_exit=need_exit)
 

@@ -33,13 +33,7 @@ ROUNDING = 1e-6
 
 
 def check_overlap(building: Building) -> None:
-    """Refuse a level that overlaps itself in plan, or overlaps another level at the same height.
-
-    Raises
-    ------
-    BuildingError
-        Names the levels and a place where they overlap.
-    """
+    """Refuse a level that overlaps itself in plan, or overlaps another level at the same height."""
     for level in building.levels:
         cells = shapely.polygons(building.vertices[level.triangles][:, :, :2])
         if shapely.area(cells).sum() <= level.polygon.area + ROUNDING * max(level.polygon.area, 1.0):
@@ -122,11 +116,6 @@ def check_depth(building: Building) -> None:
     """Refuse a level less than 1 m deep between two portals that face each other.
 
     Portals side by side, or at right angles on a quarter landing, may be closer.
-
-    Raises
-    ------
-    BuildingError
-        Names the level, the portals and the place.
     """
     for level in building.levels:
         for one, other in itertools.combinations(building.portals_of(level.index), 2):
@@ -148,13 +137,7 @@ def measures(building: Building) -> str:
 
 
 def check_stairs(building: Building) -> None:
-    """Refuse a stair that does not join two levels, or a level and an exit.
-
-    Raises
-    ------
-    BuildingError
-        Names the stair and its heights.
-    """
+    """Refuse a stair that does not join two levels, or a level and an exit."""
     for name, members in building.stairs.items():
         ends = {f"exit {way.name!r}" for way in building.exits if way.level in members}
         for portal in building.portals:
@@ -192,13 +175,7 @@ def _nearest_end(building: Building, own: list[Level]) -> str:
 
 
 def check_exits(building: Building) -> None:
-    """Refuse a building without an exit.
-
-    Raises
-    ------
-    BuildingError
-        The message shows how to add an exit on the longest free edge of the lowest level.
-    """
+    """Refuse a building without an exit."""
     if building.exits:
         return
     own = building.walls[building.wall_level == building.wall_level.min()] if len(building.walls) else building.walls

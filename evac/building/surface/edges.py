@@ -23,13 +23,7 @@ class EdgeTable:
 
 
 def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> EdgeTable:
-    """Find the neighbouring cell across every edge.
-
-    Raises
-    ------
-    BuildingError
-        If an edge has more than two cells, or two cells on the same side in plan.
-    """
+    """Find the neighbouring cell across every edge."""
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     cell = np.tile(np.arange(len(triangles)), 3)
     least = np.sort(ends, axis=1)

@@ -71,11 +71,6 @@ def walked_surface(
     mesh : TriangleMesh
     points : (w, 3) float64 [m]
         Its points.
-
-    Raises
-    ------
-    BuildingError
-        The remaining surface cannot be triangulated; names the place.
     """
     weld, headroom, treads = options.weld, options.headroom, options.treads
     heights = points[mesh.triangles][:, :, 2]

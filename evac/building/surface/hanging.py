@@ -46,11 +46,6 @@ def split_at_vertices(
     owner : (s,) int64
         Row of the original triangle of each triangle.
     edges : dict of str to (e, 2) int64
-
-    Raises
-    ------
-    BuildingError
-        If splitting does not terminate because vertices are too close to each other, or no cell is wide enough.
     """
     owner = np.arange(len(triangles))
     for turn in range(MOST_ROUNDS):

@@ -43,11 +43,6 @@ def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
 
     Sloped neighbours that rise in opposite directions (a ridge or a trough) are also divided, and so are flights that
     wind, since a level rises in one direction. Levels are ordered by mid height, then by plan position.
-
-    Raises
-    ------
-    BuildingError
-        If a cell has two tags of floors or stairs.
     """
     names = sorted(name for name in surface.cell_tags if name.startswith(("floor:", "stair:")))
     group = _groups(source, surface, names)

@@ -36,13 +36,7 @@ def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tup
 def find_exits_and_walls(
     source: Path, surface: Surface, table: EdgeTable, level_set: LevelSet
 ) -> tuple[tuple[Exit, ...], FloatArray, IntArray]:
-    """Divide the free edges into tagged exits, ordered by name, and walls with their levels.
-
-    Raises
-    ------
-    BuildingError
-        If an edge of an exit is not free or belongs to two exits, or an exit lies on two levels.
-    """
+    """Divide the free edges into tagged exits, ordered by name, and walls with their levels."""
     free = np.flatnonzero(table.partner < 0)
     level = level_set.level_of_cell[table.cell]
     row_of = {(min(a, b), max(a, b)): row for row, (a, b) in zip(free.tolist(), table.ends[free].tolist(), strict=True)}

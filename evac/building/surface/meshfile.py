@@ -18,11 +18,6 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
     """Write a triangulated surface mesh; equal meshes give identical files.
 
     A cell or edge with several tags is written once for each of them, as in Gmsh; readers merge them.
-
-    Raises
-    ------
-    BuildingError
-        The mesh is invalid, or the file cannot be written.
     """
     whole = checked(path, mesh)
     groups = [(1, LINE, tag, pairs) for tag, pairs in whole.edge_tags.items()]
@@ -50,17 +45,6 @@ def tagged_surface(surface: Surface, building: Building) -> SurfaceMesh:
     """Return a surface as a mesh with a tag for each floor and stair of its building.
 
     A building read from this mesh has the same levels, areas, tagged exits and obstacles.
-
-    Parameters
-    ----------
-    surface : Surface
-    building : Building
-        The result of `evac.building.surface.build.building_of` for `surface`.
-
-    Returns
-    -------
-    SurfaceMesh
-        In metres.
     """
     row_of = {tuple(cell): row for row, cell in enumerate(surface.triangles.tolist())}
     tags: dict[str, BoolArray] = {}

@@ -30,14 +30,7 @@ CUT_OFF = 0.01
 
 
 def add_exit(building: Building, item: ExitLine) -> Building:
-    """Add an exit along a segment, which is snapped to the free edges of a level.
-
-    Raises
-    ------
-    BuildingError
-        If the name is already used, the level is not found, or part of the segment is farther than
-        `EXIT_REACH` from every free edge of the level, or it is at a wall with the level on both sides.
-    """
+    """Add an exit along a segment, which is snapped to the free edges of a level."""
     name, what = item.name, f"exit {item.name!r}"
     if any(other.name == name for other in building.exits):
         raise BuildingError(f"{building.source}: there are two exits named {name!r}; rename one")
@@ -74,13 +67,7 @@ def add_exit(building: Building, item: ExitLine) -> Building:
 
 
 def add_area(building: Building, item: Outline) -> Building:
-    """Add an area, clipped to the polygon of its level.
-
-    Raises
-    ------
-    BuildingError
-        If the name is already used, or no part of the polygon is on the level.
-    """
+    """Add an area, clipped to the polygon of its level."""
     name, what = item.name, f"area {item.name!r}"
     if any(other.name == name for other in building.areas):
         raise BuildingError(f"{building.source}: there are two areas named {name!r}; rename one")
@@ -97,26 +84,14 @@ def add_area(building: Building, item: Outline) -> Building:
 
 
 def obstacle_place(building: Building, item: Outline) -> tuple[str, Level, BaseGeometry]:
-    """Return name, level and polygon of an obstacle.
-
-    Raises
-    ------
-    BuildingError
-        If its polygon is not valid, or its level is not found.
-    """
+    """Return name, level and polygon of an obstacle."""
     what = f"obstacle {item.name!r}"
     polygon = _polygon(building, item, what)
     return item.name, find_level(building, item, what, polygon), polygon
 
 
 def add_obstacles(building: Building, places: Sequence[tuple[str, Level, BaseGeometry]]) -> Building:
-    """Cut obstacles, given as for `obstacle_place`, out of levels and areas; their outlines become walls.
-
-    Raises
-    ------
-    BuildingError
-        If an obstacle is outside its level, or covers part of a portal or an exit.
-    """
+    """Cut obstacles, given as for `obstacle_place`, out of levels and areas; their outlines become walls."""
     on_level: dict[int, list[BaseGeometry]] = {}
     for name, level, polygon in places:
         what = f"obstacle {name!r}"
@@ -134,11 +109,6 @@ def find_level(building: Building, item: Placed, what: str, geometry: BaseGeomet
 
     Levels are compared by the area of a polygon on them, or by the length of a segment along their walls. For equal
     levels, the nearest one in plan is chosen, then the one nearest to its height, then a floor rather than a flight.
-
-    Raises
-    ------
-    BuildingError
-        If there is none; the message names the existing levels.
     """
     if item.level is not None:
         index = building.level_named(item.level)

@@ -100,11 +100,6 @@ def check_resolution(source: Path, points: FloatArray, scale: float, weld: float
     scale : float
         Metres per unit of the file.
     weld : float [m]
-
-    Raises
-    ------
-    BuildingError
-        If the rounding step of x or y is greater than both `weld` and its default, which is fine enough.
     """
     plan = points[:, :2]
     step = rounding_step(plan) * scale

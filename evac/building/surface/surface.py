@@ -48,14 +48,7 @@ class Surface:
 
 
 def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
-    """Convert a mesh to a walkable surface: weld vertices, drop cells that are not walkable, and split cells.
-
-    Raises
-    ------
-    BuildingError
-        If the coordinates are too coarse for the weld, a stair is too steep, no walkable cell is left, or cells too
-        narrow for it form a significant part of the ground.
-    """
+    """Convert a mesh to a walkable surface: weld vertices, drop cells that are not walkable, and split cells."""
     weld, walkable_angle, scale = options.weld, options.walkable_angle, options.scale
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale

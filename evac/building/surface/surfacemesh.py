@@ -141,16 +141,7 @@ class TriangleMesh:
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
-    """Check and triangulate the mesh that an importer returned.
-
-    Raises
-    ------
-    BuildingError
-        There are no cells, a cell refers to a vertex that does not exist, a vertex is not finite or too far from the
-        origin, the outline of a polygon crosses itself, or an exit tag has neither edges nor cells.
-    PluginError
-        An array has the wrong shape.
-    """
+    """Check and triangulate the mesh that an importer returned."""
     points = _as_array(source, "points", mesh.points, np.float64, (-1, 3))
     blocks, rows = _by_length(source, mesh.cells)
     n_cells = sum(len(block) for block in blocks)

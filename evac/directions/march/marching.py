@@ -44,17 +44,6 @@ def march(
     the wave reaches the portal as it does on the grid of the neighbour. Portals are processed in the order of this
     minimum until the cost of no level decreases any more.
 
-    Parameters
-    ----------
-    grids : BuildingGrids
-    metric : Metric
-    exits : list of Exit or Area
-        Open exits, where the cost is 0, or areas, in whose innermost points it is.
-    order : {1, 2}
-        Order of the marching stencil.
-    barred : frozenset of int
-        Indices of portals through which no way leads.
-
     Returns
     -------
     (nodes,) float64

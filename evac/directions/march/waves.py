@@ -127,11 +127,6 @@ def find_speeds(
     former : (nodes,) float64
     speed : (nodes,) float64
         Output.
-
-    Returns
-    -------
-    float
-        Sum of the differences of the slowness over all nodes, over the sum of what it exceeds 1 by, and a square metre.
     """
     differences, delay = 0.0, 1.0 / (waves.spacing * waves.spacing)
     for node in range(first, stop):

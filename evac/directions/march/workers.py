@@ -56,15 +56,6 @@ def march_all(
     """Yield the costs (nodes,) of marches in their order, with the same bits for any number of workers.
 
     What a worker does not answer, because it could not be started or was killed, is marched in this process.
-
-    Parameters
-    ----------
-    grids : BuildingGrids
-    marches : sequence of March
-    order : {1, 2}
-        Order of the marching stencil.
-    workers : int
-        Number of processes that march at the same time; 1 means that this process does.
     """
     with Pool(workers, (_take, (grids, order)), is_quiet=True) as pool:
         futures: deque[Future[FloatArray]] = deque()

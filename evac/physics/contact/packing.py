@@ -19,13 +19,7 @@ from evac.physics.state import Forces
 
 
 def packed_row(plugin: Any, what: str) -> FloatArray:
-    """Return the packed parameters (p,) of a force or a contact model, as its functions read them.
-
-    Raises
-    ------
-    PluginError
-        They are not finite numbers in a float64 array.
-    """
+    """Return the packed parameters (p,) of a force or a contact model, as its functions read them."""
     remedy = "define packed(), which returns the numbers that the function reads in a float64 array"
     packed: FloatArray = _called(plugin, "packed", what, remedy)
     is_row = isinstance(packed, np.ndarray) and packed.dtype == np.float64 and packed.ndim == 1
@@ -40,10 +34,6 @@ def check_indices(entry: Entry, length: int, what: str, argument: int = -1, sour
     """Check that a function reads only numbers of an array, by default parameters, that exist: kernels do not check it.
 
     Only indices that are written as numbers are checked, in the function itself.
-
-    Raises
-    ------
-    PluginError
     """
     code = entry.function.__code__
     name = code.co_varnames[code.co_argcount + argument]
@@ -66,13 +56,7 @@ def _indices(entry: Entry, name: str) -> Iterator[tuple[int, int]]:
 
 
 def cutoff_of(force: Force) -> float:
-    """Return the cut-off [m] of a force.
-
-    Raises
-    ------
-    PluginError
-        It is not a finite number, or it is negative.
-    """
+    """Return the cut-off [m] of a force."""
     what, remedy = f"force {force.name!r}", "return a distance [m], finite and not negative"
     cutoff = _called(force, "cutoff", what, remedy)
     if not (isinstance(cutoff, (int, float, np.number)) and math.isfinite(cutoff) and cutoff >= 0.0):

@@ -29,13 +29,7 @@ MOST_BY_DEFAULT = 2
 
 
 def number_of_threads(wanted: int | None, people: int) -> int:
-    """Return the number of threads for a run with a number of people, at most `wanted` if it is not None.
-
-    Raises
-    ------
-    ScenarioError
-        If fewer than one is wanted.
-    """
+    """Return the number of threads for a run with a number of people, at most `wanted` if it is not None."""
     if wanted is not None and wanted < 1:
         raise ScenarioError(f"threads: {wanted} given; give 1 or more, or nothing to let the size decide")
     if INTERPRETED:
@@ -55,17 +49,7 @@ def unused_threads(wanted: int | None, people: int) -> tuple[str, ...]:
 
 
 class Threads:
-    """The threads of a run. The first one is the thread that calls the step loop; it has others beside it if needed.
-
-    Parameters
-    ----------
-    state : State
-        Of the run.
-    number : int
-        Of all threads.
-    people : int
-        With fewer people inside than these, the first thread works alone, since the others would wait too long.
-    """
+    """The threads of a run. The first one is the thread that calls the step loop; it has others beside it if needed."""
 
     def __init__(self, state: State, number: int, people: int = 0) -> None:
         self._people = people

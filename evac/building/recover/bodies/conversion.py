@@ -41,11 +41,6 @@ def plan_of_bodies(
     rules : Rules
     findings : list of Finding
         Findings so far; they become the first findings of the plan.
-
-    Raises
-    ------
-    BuildingError
-        The file contains no ground.
     """
     passages, openings = passages_of(bodies)
     solid = [body for body in bodies if body.kind not in ("opening", "door", "window")]

@@ -149,19 +149,7 @@ class LeftOutError(ValueError):
 def stairs_of(
     bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, findings: list[Finding]
 ) -> list[FoundStair]:
-    """Return the stairs that can be walked; a warning with its place is added for every other one.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-        Stairs, flights and landings.
-    floors : sequence of Floor
-        Floors with their doors opened; landings at the same height are added to them.
-    cut_slabs : bool
-        Whether slabs that block a stair are cut; otherwise such a stair is left out.
-    findings : list of Finding
-        To add to.
-    """
+    """Return the stairs that can be walked; a warning with its place is added for every other one."""
     treads = treads_of([body for body in bodies if body.kind in ("stair", "landing")])
     for body in treads.bare:
         text = f"{body.name!r} is left out: neither treads nor an inclined face were found in its shape"
@@ -393,13 +381,7 @@ def meeting(floor: Floor, stairs_there: Sequence[FoundStair]) -> BaseGeometry:
 
 
 def _try(stairs_there: Sequence[FoundStair], floors: Sequence[Floor]) -> None:
-    """Build the last of some stairs together with its floors and the stairs beside it, as a test.
-
-    Raises
-    ------
-    BuildingError
-        The building is invalid, or the stair does not join its floors.
-    """
+    """Build the last of some stairs together with its floors and the stairs beside it, as a test."""
     plan, stair = Plan(), stairs_there[-1]
     met = {floor.name for floor in stair.floors}
     beside = [other for other in stairs_there if any(floor.name in met for floor in other.floors)]
