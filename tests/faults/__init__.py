@@ -23,6 +23,12 @@ class Fault:
     new: str
     tests: list[str]
 
+    def applied(self, sound: str) -> str:
+        """Return the content of the file with the mistake."""
+        if sound.count(self.old) != 1:
+            raise SystemExit(f"{self.name}: its text occurs {sound.count(self.old)} times in {self.file}, not once")
+        return sound.replace(self.old, self.new)
+
 
 def read_faults() -> dict[str, Fault]:
     """Return all faults by name, in the order of the list."""

@@ -1,5 +1,8 @@
 """Apply faults one by one and tell which the tests notice: ``python -m tests.faults [NAME ...]`` in the checkout.
 
+``--draw NUMBER`` draws faults instead (`drawn.py`), and ``--suite`` repeats those that the tests of their room miss
+with all tests.
+
 A copy of the checkout is made in a temporary folder, without data beside it. There, the tests of the chosen faults must
 pass first. Then each fault is applied, its tests are run up to the first that fails, and the file is restored. The
 exit status is 1 if a fault is not caught, and 2 if the tests fail without any.
@@ -16,8 +19,12 @@ import tempfile
 import time
 from fnmatch import filter as names_like
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tests.faults import CHECKOUT, Fault, read_faults
+
+if TYPE_CHECKING:
+    from tests.faults.drawn import Mutant
 
 #: Wall time of the tests of a fault; a run that takes longer is stopped, and the fault counts as caught [s].
 LONGEST = 900.0
@@ -30,10 +37,23 @@ def main() -> int:
     faults = read_faults()
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="faults, with * for any text; all if there is none")
-    wanted = parser.parse_args().names or ["*"]
-    if unknown := [one for one in wanted if not names_like(faults, one)]:
+    parser.add_argument("--draw", type=int, metavar="NUMBER", help="draw so many faults that nobody chose")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
+    parser.add_argument(
+        "--room", action="append", default=[], help="draw in files that begin so: evac/people, plugins/"
+    )
+    parser.add_argument("--suite", action="store_true", help="repeat what is not caught with the whole suite")
+    arguments = parser.parse_args()
+    wanted = arguments.names or ["*"]
+    if unknown := [name for name in wanted if not names_like(faults, name)]:
         parser.error(f"{', '.join(unknown)}: no such fault; of {', '.join(faults)}")
-    chosen = [fault for name, fault in faults.items() if any(names_like([name], one) for one in wanted)]
+    chosen: list[Fault] | list[Mutant] = [
+        fault for name, fault in faults.items() if any(names_like([name], pattern) for pattern in wanted)
+    ]
+    if arguments.draw:
+        from tests.faults.drawn import drawn  # which needs cosmic-ray
+
+        chosen = [*drawn(arguments.draw, arguments.seed, arguments.room)]
     with tempfile.TemporaryDirectory(prefix="evac-faults-") as folder:
         copy = _copied(Path(folder))
         every = sorted({test for fault in chosen for test in fault.tests})
@@ -42,9 +62,12 @@ def main() -> int:
             print(f"{output}\nthe tests fail without a fault; the trial says nothing before they pass")
             return 2
         print(f"{len(every)} files and folders of tests pass without a fault, in {seconds:.0f} s\n")
-        print(f"{'fault':34} {'result':11} {'seconds':>7}  first test that fails")
-        missed = [fault for fault in chosen if not _is_caught(copy, fault)]
-    print(f"\n{len(chosen) - len(missed)} of {len(chosen)} faults are caught by the tests of their room")
+        print(f"{'fault':50} {'result':11} {'seconds':>7}  first test that fails")
+        missed = [fault for fault in chosen if not _is_caught(copy, fault, fault.tests)]
+        print(f"\n{len(chosen) - len(missed)} of {len(chosen)} faults are caught by the tests of their room")
+        if arguments.suite and missed:
+            missed = [fault for fault in missed if not _is_caught(copy, fault, ["tests"])]
+            print(f"\n{len(chosen) - len(missed)} of {len(chosen)} faults are caught by the suite")
     return 1 if missed else 0
 
 
@@ -67,22 +90,23 @@ def _left_out(folder: str, names: list[str]) -> set[str]:
     return environments | {".git", "__pycache__"}
 
 
-def _is_caught(copy: Path, fault: Fault) -> bool:
-    """Return whether the tests of a fault fail with it, and print a row of the table."""
+def _is_caught(copy: Path, fault: "Fault | Mutant", tests: list[str]) -> bool:
+    """Return whether tests fail with a fault, and print a row of the table."""
     path = copy / fault.file
     sound = path.read_text(encoding="utf-8")
-    if sound.count(fault.old) != 1:
-        raise SystemExit(f"{fault.name}: its text occurs {sound.count(fault.old)} times in {fault.file}, not once")
-    path.write_text(sound.replace(fault.old, fault.new), encoding="utf-8")
+    path.write_text(fault.applied(sound), encoding="utf-8")
     try:
-        status, seconds, output = _tested(copy, fault.tests, LONGEST)
+        status, seconds, output = _tested(copy, tests, LONGEST)
     finally:
         path.write_text(sound, encoding="utf-8")
-    if status not in (None, 0, 1, 2):  # 2: a test file cannot be imported
+    if status not in (None, 0, 1, 2, 3, 4):  # 2 to 4: a test file or its conftest cannot be imported
         raise SystemExit(f"{fault.name}: pytest ends with status {status}:\n{output}")
     failed = re.search(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
     place = failed[1] if failed else f"none within {LONGEST:.0f} s" if status is None else ""
-    print(f"{fault.name:34} {'caught' if status != 0 else 'NOT CAUGHT':11} {seconds:7.1f}  {place}", flush=True)
+    print(f"{fault.name:50} {'caught' if status != 0 else 'NOT CAUGHT':11} {seconds:7.1f}  {place}", flush=True)
+    if status == 0:
+        for sign, text in (("-", fault.old), ("+", fault.new)):
+            print("".join(f"    {sign} {line}\n" for line in text.splitlines()), end="")
     return status != 0
 
 
