@@ -8,9 +8,6 @@ from evac.base.errors import ScenarioError
 from evac.cli.inputs import declare_plugin
 from evac.cli.screen import show_facts, show_table
 
-#: The only built-in plugin with cases; the others need not be loaded to list cases.
-CASE_PLUGINS = ("evac_plugins.cases",)
-
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -19,9 +16,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Print name and title of each case, and where their folders are."""
-    from evac.contract.registry import Registry
+    from evac.contract.registry import Registry, built_in
 
-    cases = Registry(arguments.plugins, builtins=CASE_PLUGINS).cases
+    cases = Registry(arguments.plugins, builtins=built_in("case")).cases
     show_table("Cases", ("name", "title"), [(name, _title(path)) for name, path in cases.items()])
     for number, parent in enumerate(dict.fromkeys(path.parent for path in cases.values())):
         show_facts({"" if number else "folders in": parent})

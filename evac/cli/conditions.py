@@ -8,7 +8,7 @@ and volumes on stairs, of the quantities that the case needs. The data need not 
 import argparse
 
 from evac.cli.inputs import case_of, declare_case
-from evac.contract.builtin import DEFAULT_FIRE
+from evac.contract.hooks import DEFAULT_FIRE
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

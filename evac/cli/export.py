@@ -24,11 +24,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Write the files and print the paths of those that a user opens."""
-    from evac.contract.builtin import BUILTIN_EXPORTERS
-    from evac.contract.registry import Registry
+    from evac.contract.registry import Registry, built_in
     from evac.export.exporter import export
 
-    registry = Registry(arguments.plugins, builtins=BUILTIN_EXPORTERS)
+    registry = Registry(arguments.plugins, builtins=built_in("exporter"))
     exporter = registry.get("exporter", arguments.to)(**values_of("--set", arguments.set))
     trajectory = trajectory_of(arguments)
     for path in export(trajectory, exporter, arguments.out):

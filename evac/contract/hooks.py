@@ -1,77 +1,79 @@
-"""The whole plugin contract: every hook that a plugin may implement, and nothing else."""
+"""Every hook that a plugin may implement, the kinds of plugin classes, and the built-in ones that are the default."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pluggy
 
 if TYPE_CHECKING:
-    from evac.building.importer import Importer
     from evac.case.case import Case
-    from evac.conditions.law import SmokeLaw
-    from evac.conditions.source import ConditionSource
     from evac.contract.registry import Registry
-    from evac.export.exporter import Exporter
-    from evac.people.behaviour import Behaviour
-    from evac.physics.contact.model import ContactModel
-    from evac.physics.contact.solver import Solver
-    from evac.physics.force import Force
     from evac.results.results import Results
     from evac.simulation.simulation import Simulation
-    from evac.trajectory.recorder import Recorder
 
 #: Version of the plugin interface. A plugin's module states the one that it was written for as ``evac_interface``;
 #: docs/plugins_versions.md lists what changed in each.
 INTERFACE = 3
 
+#: The behaviour with which people keep distances in the cases that evac writes, and which the output of a run names.
+DEFAULT_MOVEMENT = "walking"
+
+#: The source of conditions for which `evac conditions deck` prints lines.
+DEFAULT_FIRE = "fds"
+
+#: Solvers of the contact problem: that of models, and that of solves in which another solver fails.
+DEFAULT_SOLVER, DEFAULT_STRONGER_SOLVER = "accelerated_sweeps", "conjugate_faces"
+
 hookspec = pluggy.HookspecMarker("evac")
 hookimpl = pluggy.HookimplMarker("evac")
 
 
-@hookspec
-def evac_contact_models() -> "Sequence[type[ContactModel]]":  # type: ignore[empty-body]
-    """Return contact model classes."""
+class Kind(NamedTuple):
+    """A kind of plugin classes."""
+
+    module: str  # of its base class
+    base: str  # name of its base class, which `evac` exports
+    files: str  # with what the names of built-in modules begin
+    classes: str  # what its hook returns
 
 
-@hookspec
-def evac_solvers() -> "Sequence[type[Solver]]":  # type: ignore[empty-body]
-    """Return classes of solvers of the contact problem."""
+#: Kinds of plugin classes. Those of KIND are returned by the hook evac_KINDs.
+KINDS = {
+    "contact_model": Kind("evac.physics.contact.model", "ContactModel", "contact_", "contact model classes"),
+    "solver": Kind("evac.physics.contact.solver", "Solver", "solver_", "classes of solvers of the contact problem"),
+    "force": Kind("evac.physics.force", "Force", "force_", "force classes"),
+    "behaviour": Kind("evac.people.behaviour", "Behaviour", "behaviour_", "behaviour classes"),
+    "recorder": Kind("evac.trajectory.recorder", "Recorder", "recorder_", "recorder classes"),
+    "importer": Kind(
+        "evac.building.importer", "Importer", "import_", "importer classes, which read files of buildings"
+    ),
+    "exporter": Kind(
+        "evac.export.exporter",
+        "Exporter",
+        "export_",
+        "exporter classes, which write recorded runs in formats of other programs",
+    ),
+    "condition_source": Kind(
+        "evac.conditions.source", "ConditionSource", "conditions_", "classes of sources of smoke, gases and heat"
+    ),
+    "smoke_law": Kind("evac.conditions.law", "SmokeLaw", "smoke_", "classes of laws of the speed in smoke"),
+}
 
 
-@hookspec
-def evac_forces() -> "Sequence[type[Force]]":  # type: ignore[empty-body]
-    """Return force classes."""
+def _hook(name: str, kind: Kind) -> Callable[[], Any]:
+    """Return the hook that collects the classes of a kind."""
+
+    def collect() -> None: ...
+
+    collect.__name__ = collect.__qualname__ = name
+    collect.__doc__ = f"Return {kind.classes}."
+    collect.__annotations__["return"] = f"Sequence[type[{kind.base}]]"
+    return hookspec(collect)
 
 
-@hookspec
-def evac_behaviours() -> "Sequence[type[Behaviour]]":  # type: ignore[empty-body]
-    """Return behaviour classes."""
-
-
-@hookspec
-def evac_recorders() -> "Sequence[type[Recorder]]":  # type: ignore[empty-body]
-    """Return recorder classes."""
-
-
-@hookspec
-def evac_importers() -> "Sequence[type[Importer]]":  # type: ignore[empty-body]
-    """Return importer classes, which read files of buildings."""
-
-
-@hookspec
-def evac_exporters() -> "Sequence[type[Exporter]]":  # type: ignore[empty-body]
-    """Return exporter classes, which write recorded runs in formats of other programs."""
-
-
-@hookspec
-def evac_condition_sources() -> "Sequence[type[ConditionSource]]":  # type: ignore[empty-body]
-    """Return classes of sources of smoke, gases and heat."""
-
-
-@hookspec
-def evac_smoke_laws() -> "Sequence[type[SmokeLaw]]":  # type: ignore[empty-body]
-    """Return classes of laws of the speed in smoke."""
+for _name, _kind in KINDS.items():
+    globals()[f"evac_{_name}s"] = _hook(f"evac_{_name}s", _kind)
 
 
 @hookspec

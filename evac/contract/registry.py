@@ -5,6 +5,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 import inspect
+import pkgutil
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,8 +19,16 @@ import pluggy
 from evac.base.errors import BuildingError, PluginError, fault, plugin_code, text_of, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.contract import hooks
-from evac.contract.builtin import BUILTIN_PLUGINS
-from evac.contract.requirements import KINDS, RUN_HOOKS, check_answer, check_class, check_module, classes_in, kind_of
+from evac.contract.hooks import KINDS
+from evac.contract.requirements import (
+    RETURNED_BY,
+    RUN_HOOKS,
+    check_answer,
+    check_class,
+    check_module,
+    classes_in,
+    kind_of,
+)
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -53,8 +62,8 @@ class Registry:
     ----------
     plugin_files : iterable of path
         Python files to register after the built-in plugins and the installed ones.
-    builtins : sequence of str
-        Modules to register first.
+    builtins : sequence of str, optional
+        Modules to register first; all built-in plugins by default.
 
     Attributes
     ----------
@@ -74,12 +83,12 @@ class Registry:
         A plugin cannot be loaded, breaks the contract, or claims a name that is taken.
     """
 
-    def __init__(self, plugin_files: Iterable[str | Path] = (), *, builtins: Sequence[str] = BUILTIN_PLUGINS) -> None:
+    def __init__(self, plugin_files: Iterable[str | Path] = (), *, builtins: Sequence[str] | None = None) -> None:
         self._manager = _Manager("evac")
         self._manager.add_hookspecs(hooks)
         self.hook = self._manager.hook
         self.provenance: list[Provenance] = []
-        self._tables: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
+        self._tables: dict[str, dict[str, Any]] = {kind: {} for kind in RETURNED_BY}
         self.contact_models: dict[str, type[Any]] = self._tables["contact_model"]
         self.solvers: dict[str, type[Any]] = self._tables["solver"]
         self.forces: dict[str, type[Any]] = self._tables["force"]
@@ -92,7 +101,7 @@ class Registry:
         self.cases: dict[str, Path] = self._tables["case"]
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
-        for name in builtins:
+        for name in built_in() if builtins is None else builtins:
             with plugin_code(f"built-in plugin {name} cannot be loaded", None):
                 module = importlib.import_module(name)
             self._register(module, Provenance(name, "built-in", "evac", version))
@@ -272,7 +281,7 @@ class Registry:
             remedy = "see evac.contract.hooks for the hooks and their arguments"
             raise fault(f"plugin {plugin}", text_of(error), remedy, module) from error
         self.provenance.append(provenance)
-        returning = {kind: getattr(module, hook) for kind, hook in KINDS.items() if hasattr(module, hook)}
+        returning = {kind: getattr(module, hook) for kind, hook in RETURNED_BY.items() if hasattr(module, hook)}
         for kind, function in returning.items():
             with plugin_code(f"plugin {plugin}: {function.__name__}()", function):
                 answer = function()
@@ -297,6 +306,16 @@ class Registry:
             raise fault(f"plugin {plugin}", taken, "choose another name, or remove one of the plugins", origin)
         self._owners[kind, name] = plugin
         self._tables[kind][name] = item
+
+
+def built_in(*kinds: str) -> list[str]:
+    """Return the names of the modules of built-in plugins, or of those that provide some kinds, without importing any.
+
+    They are found by the names of files in their package: those of behaviours begin with `behaviour_`.
+    """
+    places = importlib.import_module("evac_plugins").__path__
+    begin = tuple(KINDS[kind].files if kind in KINDS else kind for kind in kinds) or ("",)
+    return [f"evac_plugins.{found.name}" for found in pkgutil.iter_modules(places) if found.name.startswith(begin)]
 
 
 @cache

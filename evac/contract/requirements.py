@@ -13,26 +13,14 @@ import pluggy
 from evac.base.errors import PluginError, fault
 from evac.base.parameters import Parameter, did_you_mean
 from evac.contract import hooks
+from evac.contract.hooks import KINDS
 
-#: Module and name of the base class of each kind.
-BASES = {
-    "contact_model": ("evac.physics.contact.model", "ContactModel"),
-    "solver": ("evac.physics.contact.solver", "Solver"),
-    "force": ("evac.physics.force", "Force"),
-    "behaviour": ("evac.people.behaviour", "Behaviour"),
-    "recorder": ("evac.trajectory.recorder", "Recorder"),
-    "importer": ("evac.building.importer", "Importer"),
-    "exporter": ("evac.export.exporter", "Exporter"),
-    "condition_source": ("evac.conditions.source", "ConditionSource"),
-    "smoke_law": ("evac.conditions.law", "SmokeLaw"),
-}
-
-#: Kinds of plugins, and the hook that returns each.
-KINDS = {kind: f"evac_{kind}s" for kind in BASES} | {"case": "evac_building_cases"}
+#: Kinds of what plugins provide, and the hook that returns each.
+RETURNED_BY = {kind: f"evac_{kind}s" for kind in KINDS} | {"case": "evac_building_cases"}
 
 #: Names of all hooks, and of those that are called in every run.
 HOOKS = [name for name in vars(hooks) if name.startswith("evac_")]
-RUN_HOOKS = [name for name in HOOKS if name not in KINDS.values()]
+RUN_HOOKS = [name for name in HOOKS if name not in RETURNED_BY.values()]
 
 #: Names that would hide a key of their section.
 RESERVED = {("contact_model", "model")}
@@ -47,7 +35,7 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
     marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
     unmarked = [name for name in HOOKS if name not in marked and hasattr(module, name)]
     if not (marked or unmarked or classes_in(module)):
-        bases, known = ", ".join(base for _, base in BASES.values()), ", ".join(HOOKS)
+        bases, known = ", ".join(kind.base for kind in KINDS.values()), ", ".join(HOOKS)
         raise fault(what, "defines no plugin", f"derive a class from one of {bases}, or define a hook: {known}", module)
     check_interface(module, plugin)
     for name in unmarked:
@@ -110,7 +98,7 @@ def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
         got = reprlib.repr(getattr(answer, "__name__", answer))
         raise fault(what, f"{returns} {got}", "return a list, such as [MyClass]", hook)
     for item in answer if kind != "case" else ():
-        base = f"evac.{BASES[kind][1]}"
+        base = f"evac.{KINDS[kind].base}"
         if not isinstance(item, type):
             got = f"an object of class {type(item).__name__}"
             raise fault(what, f"{returns} {got}", f"return the class itself, which must derive from {base}", hook)
@@ -119,10 +107,10 @@ def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
 
 
 def check_class(cls: Any, plugin: str) -> str:
-    """Check that a class is a complete plugin class with a valid name, and return its kind, a key of `BASES`."""
+    """Check that a class is a complete plugin class with a valid name, and return its kind, a key of `KINDS`."""
     kind = kind_of(cls)
     if not kind:
-        bases = ", ".join(base for _, base in BASES.values())
+        bases = ", ".join(known.base for known in KINDS.values())
         raise fault(f"plugin {plugin}", f"{cls!r} is not a plugin", f"derive it from one of {bases}", cls)
     _check_name(kind, cls, plugin)
     for key, parameter in cls.declared().items():
@@ -145,8 +133,8 @@ def _check_name(kind: str, cls: Any, plugin: str) -> None:
 @cache
 def _check_methods(kind: str, cls: Any, plugin: str) -> None:
     """Check that a class defines what its kind needs, and that its methods take the arguments that evac gives them."""
-    what, name = f"plugin {plugin}", BASES[kind][1]
-    base = next(one for one in cls.__mro__ if (one.__module__, one.__qualname__) == BASES[kind])
+    what, name = f"plugin {plugin}", KINDS[kind].base
+    base = next(one for one in cls.__mro__ if (one.__module__, one.__qualname__) == KINDS[kind][:2])
     if missing := sorted(getattr(cls, "__abstractmethods__", ())):
         raise fault(what, f"{cls.__name__} has no {missing[0]}(), which every {name} needs", "add it", cls)
     effects = ("act", "prepare", "routes", "contact_radius")
@@ -213,4 +201,4 @@ def _are_suffixes(value: Any) -> bool:
 def kind_of(item: Any) -> str:
     """Return the kind of a plugin class, without importing its base class, or an empty string if it has none."""
     bases = {(base.__module__, base.__qualname__) for base in item.__mro__} if isinstance(item, type) else set()
-    return next((kind for kind, base in BASES.items() if base in bases), "")
+    return next((kind for kind, known in KINDS.items() if known[:2] in bases), "")

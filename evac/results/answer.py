@@ -7,7 +7,7 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
-from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.contract.hooks import DEFAULT_MOVEMENT
 
 if TYPE_CHECKING:
     from evac.results.results import Results

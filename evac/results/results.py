@@ -20,7 +20,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
-from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.directions.routes import Route
 from evac.folder.files import (
     CROSSINGS_NAME,

@@ -9,8 +9,7 @@ from evac.building.model.findings import Finding
 from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
-from evac.contract.builtin import BUILTIN_IMPORTERS
-from evac.contract.registry import Registry, create
+from evac.contract.registry import Registry, built_in, create
 from evac.people.groups import check_people
 from evac.people.places import Places, with_places
 from evac.people.population import Population, build_population
@@ -89,7 +88,7 @@ def read_building(
     """
     path = Path(path)
     own = BuildingOptions.read(options, BuildingError, f"{path}: building.")
-    registry = registry or Registry(builtins=BUILTIN_IMPORTERS)
+    registry = registry or Registry(builtins=built_in("importer"))
     importer = create("importer", registry.importer_for(path), {})
     return build_building(read_surface(importer, path, registry), path, own, need_exit=need_exit)
 
@@ -206,7 +205,7 @@ def read_surface(importer: "Importer", path: Path, registry: Registry | None = N
     read = read_file(importer, path)
     if isinstance(read, SurfaceMesh):
         return read
-    return read_storeys(read, registry or Registry(builtins=BUILTIN_IMPORTERS)).surface()
+    return read_storeys(read, registry or Registry(builtins=built_in("importer"))).surface()
 
 
 def read_storeys(plan: "Plan", registry: Registry) -> "Plan":

@@ -11,8 +11,7 @@ import shapely
 from evac.base.errors import BuildingError
 from evac.building.model.building import Building
 from evac.building.surface.build import build_building
-from evac.contract.builtin import BUILTIN_IMPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 from evac.simulation.assembly import read_surface
 from tests.attacks.seeded import Case, in_turn
 from tests.building.random_plans import plan_shapes
@@ -26,7 +25,7 @@ PLACE = r"\(-?\d+\.\d\d, -?\d+\.\d\d|no polygon with an area|layers of the floor
 def run(case: Case, folder: Path) -> str:
     """Read a drawing: its ground is that of shapely, or it is refused with a message that names the file."""
     path, options, expected = KINDS[case.kind](np.random.default_rng(case.seed), folder)
-    importer = Registry(builtins=BUILTIN_IMPORTERS).importer_for(path)(**options)
+    importer = Registry(builtins=built_in("importer")).importer_for(path)(**options)
     try:
         building = build_building(read_surface(importer, path), path, need_exit=False)
     except BuildingError as error:

@@ -8,11 +8,10 @@ import shapely
 from evac.base.errors import BuildingError
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import checked
-from evac.contract.builtin import BUILTIN_IMPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 from evac.simulation.assembly import read_building, read_surface
 
-REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
+REGISTRY = Registry(builtins=built_in("importer"))
 
 GMSH41 = """$MeshFormat
 4.1 0 8

@@ -4,8 +4,7 @@ import pytest
 
 from evac.case.loading import load_case
 from evac.conformance import check_plugin
-from evac.contract.builtin import BUILTIN_PLUGINS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 from evac.people.behaviour import Behaviour
 
 REGISTRY = Registry()
@@ -137,7 +136,7 @@ def test_built_ins_are_named_after_what_they_are():
     }
     for kind, table in kinds.items():
         for name, cls in table.items():
-            if cls.__module__ in BUILTIN_PLUGINS:
+            if cls.__module__ in built_in():
                 assert cls.__module__ == f"evac_plugins.{kind}_{name}"
                 camel = "".join(word.capitalize() for word in name.split("_"))
                 assert cls.__name__ in (

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from evac.base.errors import BuildingError, PluginError
-from evac.contract.builtin import BUILTIN_PLUGINS
 from evac.contract.hooks import INTERFACE
-from evac.contract.registry import Registry
-from evac.contract.requirements import KINDS
+from evac.contract.registry import Registry, built_in
+from evac.contract.requirements import RETURNED_BY
 from evac.physics.contact.model import ContactModel
 
 SPRING = """
@@ -47,10 +46,19 @@ def test_built_in_plugins_fill_every_table():
     assert {"response_time", "teacher_following", "route_choice"} <= set(registry.behaviours)
     assert "trajectory" in registry.recorders
     assert {"square_room", "classroom", "primary_school"} <= set(registry.cases)
-    assert [row.plugin for row in registry.provenance[: len(BUILTIN_PLUGINS)]] == list(BUILTIN_PLUGINS)
-    for kind in KINDS:
+    assert [row.plugin for row in registry.provenance[: len(built_in())]] == built_in()
+    for kind in RETURNED_BY:
         for name in registry._tables[kind]:
             assert registry.get(kind, name) is registry._tables[kind][name]
+
+
+def test_a_new_file_of_the_package_of_built_in_plugins_is_found(tmp_path, monkeypatch):
+    (tmp_path / "evac_plugins").mkdir()
+    written(tmp_path / "evac_plugins", "force_far.py", CLASSES)
+    written(tmp_path / "evac_plugins", "behaviour_unread.py", "raise SystemExit")
+    monkeypatch.setattr("evac_plugins.__path__", [str(tmp_path / "evac_plugins")])
+    assert built_in() == ["evac_plugins.behaviour_unread", "evac_plugins.force_far"]
+    assert list(Registry(builtins=built_in("force")).forces) == ["near", "far"]
 
 
 def test_a_file_is_registered_and_described(tmp_path):

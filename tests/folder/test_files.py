@@ -7,8 +7,7 @@ import pytest
 import evac
 from evac.base.errors import ResultError
 from evac.cli.main import main
-from evac.contract.builtin import BUILTIN_EXPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 from evac.export.exporter import export
 from evac.folder.files import FRAMES, frame_name, replacing, writing
 
@@ -88,7 +87,7 @@ def test_a_linked_folder_of_a_result_is_not_written_to(tmp_path, kind):
     evac.run(evac.load("square_room", {"simulation.duration": 0.2, "output.picture": False}), folder)
     elsewhere.mkdir()
     (folder / "export").symlink_to(elsewhere, target_is_directory=True)
-    exporter = Registry(builtins=BUILTIN_EXPORTERS).get("exporter", kind)()
+    exporter = Registry(builtins=built_in("exporter")).get("exporter", kind)()
     with pytest.raises(ResultError, match="is a link"):
         export(evac.read_trajectory(folder), exporter)
     assert not [path for path in elsewhere.rglob("*") if path.is_file()]

@@ -12,13 +12,12 @@ from shapely.geometry import shape
 from evac import Plan, read_building
 from evac.analysis.tables import MOTION_COLUMNS, motion_table
 from evac.base.errors import ResultError
-from evac.contract.builtin import BUILTIN_EXPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 from evac.export.exporter import export, file_stems
 from evac.trajectory.trajectory import read_trajectory
 
 pedpy = pytest.importorskip("pedpy")
-EXPORTERS = Registry(builtins=BUILTIN_EXPORTERS).exporters
+EXPORTERS = Registry(builtins=built_in("exporter")).exporters
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,9 @@ import shapely
 import evac
 from evac import BuildingError, import_building, read_building
 from evac.conformance import check_plugin
-from evac.contract.builtin import BUILTIN_IMPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 
-REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
+REGISTRY = Registry(builtins=built_in("importer"))
 ROOM = [(0, 0), (8, 0), (8, 5), (0, 5)]
 
 

@@ -10,11 +10,10 @@ import pytest
 import evac
 from evac import BuildingError, read_building
 from evac.conformance import check_plugin
-from evac.contract.builtin import BUILTIN_IMPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 from tests.ifcfiles import IfcFile, steps
 
-REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
+REGISTRY = Registry(builtins=built_in("importer"))
 
 pytest.importorskip("ifclite_geom", reason="the extra evac[ifc] is not installed")
 

@@ -8,10 +8,9 @@ import pytest
 import evac
 from evac import BuildingError, read_building
 from evac.conformance import check_plugin
-from evac.contract.builtin import BUILTIN_IMPORTERS
-from evac.contract.registry import Registry
+from evac.contract.registry import Registry, built_in
 
-REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
+REGISTRY = Registry(builtins=built_in("importer"))
 
 
 def building_of(path, text, importer=None, **parameters):

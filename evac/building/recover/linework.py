@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
 
-import networkx
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
@@ -358,6 +357,8 @@ def _closings(pieces: Lines, gap: float) -> FloatArray:
 
 def _along_walls(at: IndexArray, length: FloatArray, ends: IndexArray, reach: float) -> dict[tuple[int, int], float]:
     """Return the distances along walls from ends to the nodes within a reach [m]."""
+    import networkx  # takes 0.1 s, and few drawings need it
+
     walls = networkx.Graph()
     walls.add_weighted_edges_from((a, b, far) for (a, b), far in zip(at.tolist(), length.tolist(), strict=True))
     return {

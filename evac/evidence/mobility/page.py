@@ -8,7 +8,7 @@ from shapely import box
 from evac.base.arrays import FloatArray
 from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
-from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people.measures import Line, passing_times
 from evac.evidence.people.runs import follow

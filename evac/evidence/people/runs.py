@@ -13,7 +13,7 @@ import numpy as np
 
 import evac
 from evac.case.loading import load_case
-from evac.contract.builtin import BUILTIN_PLUGINS
+from evac.contract.registry import built_in
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.models import model_overrides
 from evac.evidence.people import measures, scenes
@@ -147,7 +147,7 @@ def code() -> str:
     """Return a digest of all code that affects the runs: evac without its surface, plugins, scenes and measures."""
     root = Path(evac.__file__).parent
     core = (path for path in root.rglob("*.py") if path.relative_to(root).parts[0] not in OTHER_PARTS)
-    plugins = (find_spec(name) for name in BUILTIN_PLUGINS)
+    plugins = (find_spec(name) for name in built_in())
     files = {
         **{str(path.relative_to(root)): path for path in core},
         **{plugin.name: Path(plugin.origin) for plugin in plugins if plugin and plugin.origin},

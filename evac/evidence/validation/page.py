@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.validation.standard import FAILED, STANDARDS, TESTS, Result, StandardTest, carry_out
 from evac.evidence.validation.trial import Trial

@@ -16,7 +16,7 @@ from evac.base.errors import RunWarning
 from evac.building.plan.plan import Plan
 from evac.case.case import Case
 from evac.case.loading import load_case
-from evac.contract.builtin import DEFAULT_MOVEMENT
+from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.evidence.evidence import Row
 from evac.results.results import Results
 from evac.simulation.running import run

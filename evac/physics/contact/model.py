@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import PluginError, ScenarioError, fault, is_foreign
 from evac.base.parameters import Configurable, Parameter
-from evac.contract.builtin import DEFAULT_SOLVER
+from evac.contract.hooks import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
 from evac.jit.structs import Array
 from evac.physics import driver

@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from evac.base.parameters import Configurable
-from evac.contract.builtin import DEFAULT_STRONGER_SOLVER
+from evac.contract.hooks import DEFAULT_STRONGER_SOLVER
 from evac.jit import Entry
 
 
