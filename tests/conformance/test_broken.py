@@ -28,7 +28,7 @@ from tests.conformance.broken_solvers import solver, sound
 FORM = re.compile(r"(.+?): (check_\w+), (scene '.+?'|the [^:]+|its [^:]+): (.+); (.+)")
 
 #: File and line of a mistake.
-PLACE = re.compile(r" \(\S+\.py, line \d+\)")
+PLACE = re.compile(r" \(/.+?\.py, line \d+\)")
 
 BROKEN = [
     pytest.param(broken, id=f"{module.__name__.rpartition('.')[2]}-{k}")
