@@ -135,13 +135,16 @@ def usable_path(given: str | Path, kind: type[EvacError]) -> Path:
     Raises
     ------
     EvacError
-        Of the class `kind`: the path is too long, contains a null character, or is a loop of links.
+        Of the class `kind`: the path is too long, not text in UTF-8, contains a null character, or is a loop of links.
     """
     path = Path(given)
     try:
+        str(path.absolute()).encode()
         path.stat()
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass
+    except UnicodeEncodeError:
+        raise kind(f"{text_of(escaped(str(path.absolute())))}: not in UTF-8; rename the file or folder") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise kind(f"{text_of(escaped(str(path)))}: {reason}; check the path") from None

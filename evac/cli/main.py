@@ -9,6 +9,9 @@ import signal
 import sys
 import textwrap
 from collections.abc import Sequence
+from contextlib import chdir
+from importlib.util import find_spec
+from pathlib import Path
 from typing import NoReturn
 
 from evac.base.errors import EvacError, PluginError
@@ -66,7 +69,7 @@ def program() -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Execute one command and return its exit status, see `EPILOG`."""
     start_fast()
-    os.environ["MPLBACKEND"] = "agg"  # pictures are drawn to files; that of a notebook need not be installed here
+    use_shipped_settings()
     arguments: argparse.Namespace | None = None
     with shown_warnings() as hidden:
         try:
@@ -103,6 +106,19 @@ def start_fast() -> None:
     gc.set_threshold(GARBAGE_EVERY)
     atexit.register(gc.freeze)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def use_shipped_settings() -> None:
+    """Have matplotlib draw with the settings that come with it, not those of the current folder or of the user."""
+    os.environ["MPLBACKEND"] = "agg"  # pictures are drawn to files; that of a notebook need not be installed here
+    found = find_spec("matplotlib")
+    assert found is not None
+    assert found.origin is not None
+    shipped = Path(found.origin).parent / "mpl-data" / "matplotlibrc"
+    os.environ["MATPLOTLIBRC"] = str(shipped)
+    if os.path.exists("matplotlibrc"):  # would be read before that
+        with chdir(shipped.parent):
+            importlib.import_module("matplotlib")
 
 
 class _Version(argparse.Action):

@@ -6,6 +6,7 @@ to compile.
 """
 
 import gc
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -32,6 +33,9 @@ from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import NOTE_RAISED, Entry, Kernel
 from evac.jit.processor import Processor, host
 from evac.jit.refusals import refused
+
+# numba reads this file before each compilation. One of the current folder must not decide what is compiled.
+numba.core.config._config_fname = os.devnull
 
 #: LLVM's level of optimisation, whatever numba's is: what is not optimised needs functions that only numba provides.
 OPTIMISATION = 3

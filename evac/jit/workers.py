@@ -7,7 +7,7 @@ import importlib.util
 import sys
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, chdir, closing, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -106,7 +106,8 @@ def _source(entry: Entry) -> str | None:
 
 def _compile_here(task: Compilation, processor: Processor, store: Store | None) -> tuple[bytes, str]:
     """Compile and store a kernel; return its object code, and the reason if it could not be stored."""
-    from evac.jit.compiler import compile_entry  # imports numba
+    with chdir(Path(__file__).parent):  # numba reads settings from a file of the current folder
+        from evac.jit.compiler import compile_entry
 
     code = compile_entry(task.entry, task.symbol, processor)
     if store is not None:

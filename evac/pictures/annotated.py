@@ -1,9 +1,7 @@
 """Pictures of a building: annotated plans of all storeys with a numbered mark for each finding."""
 
 import textwrap
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,9 +21,9 @@ from evac.base.errors import ResultError
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
-from evac.folder.files import replacing
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
+from evac.pictures.writing import legible_figure, save
 
 #: Supported file name endings of pictures.
 PICTURES = (".png", ".svg", ".pdf")
@@ -60,17 +58,7 @@ def draw_levels(
     """Draw the plan of every storey to a PNG, SVG or PDF file, see `levels_figure`."""
     if path.suffix.lower() not in PICTURES:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {', '.join(PICTURES)}")
-    figure = levels_figure(building, findings, marks, title)
-    with replacing(path, "the picture") as new, _any_script():
-        figure.savefig(new)
-
-
-@contextmanager
-def _any_script() -> Iterator[None]:
-    """Draw names in scripts that the font does not have as boxes, without a warning for each letter."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")
-        yield
+    save(levels_figure(building, findings, marks, title), path)
 
 
 def levels_figure(
@@ -97,7 +85,7 @@ def levels_figure(
                 segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
                 _line(axes, segment, OPENING, 2.2)
                 beside(axes, segment, mark.label, OPENING)
-        with _any_script():
+        with legible_figure(plans.figure):
             _keep_apart(plans.figure, axes)
         for own in _by_place(building, panels, listed, number):
             _draw_findings(axes, own)

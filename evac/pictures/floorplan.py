@@ -22,7 +22,7 @@ from evac.building.model.building import Building, Level, Place
 from evac.building.model.marks import marks_of
 from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
-from evac.pictures.writing import round_length
+from evac.pictures.writing import legible_figure, round_length
 
 #: Greatest width and height of all plans together, and the margin around them [inches].
 WIDTH, HEIGHT = 10.0, 7.0
@@ -114,10 +114,11 @@ def draw_plans(
 def _name(axes: Axes, name: str) -> Text:
     """Write the name of a storey above its plan, at the first of three places where it covers no other text."""
     renderer = FigureCanvasAgg(axes.figure).get_renderer()
-    written = [text.get_window_extent(renderer) for text in axes.texts]
     style: dict[str, Any] = {"fontsize": 10, "color": palette.TEXT, "y": 1.0, "pad": 3, "parse_math": False}
     titles = [axes.set_title(name, loc=place, **style) for place in ("left", "right", "center")]
-    free = [title for title in titles if not title.get_window_extent(renderer).count_overlaps(written)]
+    with legible_figure(axes.figure):
+        written = [text.get_window_extent(renderer) for text in axes.texts]
+        free = [title for title in titles if not title.get_window_extent(renderer).count_overlaps(written)]
     chosen = (free or titles)[0]
     for title in titles:
         title.set_visible(title is chosen)

@@ -20,11 +20,12 @@ from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.storeys import storeys
-from evac.folder.files import map_name, replacing, writing
+from evac.folder.files import map_name, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, Plans, draw_levels, draw_plans, outline_of
 from evac.pictures.scales import MAPS as SCALES
 from evac.pictures.scales import SERVICES, Scale, high_value, round_up
+from evac.pictures.writing import save
 from evac.results.reading import recorded_flows
 from evac.trajectory.trajectory import Trajectory
 
@@ -222,8 +223,7 @@ def write_maps(
         place = path if is_file else path / map_name(quantity)
         with writing("the map", place):
             place.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(place, "the map") as new:
-            figure.savefig(new)
+        save(figure, place, "the map")
         written.append(place)
     return written
 

@@ -56,10 +56,12 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 def figure_html(figure: "Figure", alt: str) -> str:
     """Return a figure as an HTML image with an alternative text."""
-    with io.BytesIO() as file:
+    from evac.pictures.writing import legible_figure, listed
+
+    with io.BytesIO() as file, legible_figure(figure) as names:
         figure.savefig(file, format="png", dpi=90)
         image = base64.b64encode(file.getvalue()).decode()
-    return f'<img alt="{escape(alt)}" src="data:image/png;base64,{image}">'
+    return f'<img alt="{escape(alt)}" src="data:image/png;base64,{image}">{escape(", ".join(listed(names)))}'
 
 
 def _cell(value: Any) -> str:

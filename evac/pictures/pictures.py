@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import in_order
-from evac.folder.files import replacing
 from evac.pictures.palette import TEXT, group_colours
+from evac.pictures.writing import legible_figure
 from evac.results.results import Results
 
 #: Maximum number of groups that are drawn as separate lines.
@@ -70,7 +69,9 @@ def egress_figure(results: Results, size: tuple[float, float] = SIZE, has_title:
         for text in legend.get_texts():
             text.set_parse_math(False)
         # Names that are too long for the picture are cut at the end.
-        figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
+        with legible_figure(figure):
+            width = legend.get_window_extent().width
+        figure.subplots_adjust(right=max(0.5, 0.98 - width / figure.bbox.width))
     return figure
 
 
@@ -187,9 +188,3 @@ def new_plain_axes(
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a picture."""
-    with replacing(path, "the picture") as new:
-        figure.savefig(new)

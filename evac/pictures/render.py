@@ -20,7 +20,7 @@ from evac.pictures.palette import SMOKE
 from evac.pictures.pawns import draw_people
 from evac.pictures.smoke import Smoke
 from evac.pictures.view import View
-from evac.pictures.writing import Pen, font
+from evac.pictures.writing import Pen, font, legible, save_names
 from evac.trajectory.trajectory import Trajectory
 
 PICTURES = (".png", ".jpg", ".jpeg")
@@ -92,6 +92,7 @@ class Renderer:
         self._smoke = Smoke(trajectory) if SMOKE in [field.name for field in trajectory.level_fields] else None
         self._size, self._kind, self._camera, self._levels = size, view, camera or Camera(), levels
         self._letters = letters
+        self.names: list[str] = []  # words that are numbers in the pictures, see `legible`
         self._has_legend = self._colouring.has_legend and not (letters and self._colouring.legend)
         self._drawn: dict[Hashable, _Drawn] = {}
         largest = float(trajectory.radius.max(initial=0.0)) * self.view_at(float(trajectory.time[0])).scale
@@ -118,7 +119,7 @@ class Renderer:
         if self._letters:
             return np.array(picture)
         so_far = [change for change in trajectory.changes if change.time <= frame["time"]]
-        latest = f"      {so_far[-1]}" if so_far else ""
+        latest = f"      {legible(str(so_far[-1]), self.names)}" if so_far else ""
         smoke = "" if self._smoke is None else f"      smoke up to {self._smoke.greatest(k):.1f} 1/m"
         Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out{smoke}{latest}")
         return np.array(picture)
@@ -157,11 +158,11 @@ class Renderer:
         picture = Image.fromarray(view.image)
         pen, colours = Pen(picture, self._letters), self._colouring
         if not self._letters:
-            pen.title(str(self.trajectory.header.get("title", "")))
+            pen.title(legible(str(self.trajectory.header.get("title", "")), self.names))
         if colours.scale is not None:
             pen.colour_bar(view.side, colours.scale, colours.top)
         elif self._has_legend:
-            pen.legend(view.side, colours.legend)
+            pen.legend(view.side, [(legible(name, self.names), look) for name, look in colours.legend])
         pen.scale_bar(view.scale)
         if self._smoke is not None:
             pen.swatches("smoke at the mean height of heads [1/m]", self._smoke.scale())
@@ -174,7 +175,7 @@ class Renderer:
         for colour, corners in view.outlines:
             pen.outline(corners, colour)
         for label in view.labels:
-            pen.label(label.text, label.place, label.anchor, label.colour)
+            pen.label(legible(label.text, self.names), label.place, label.anchor, label.colour)
         return picture
 
 
@@ -199,6 +200,7 @@ def render_picture(renderer: Renderer, path: Path, time: float | None = None) ->
     image = renderer.image(trajectory.nearest(0.5 * last if time is None else time))
     with replacing(path, "the picture") as new:
         Image.fromarray(image).save(new)
+    save_names(renderer.names, path)
 
 
 def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: float = 5.0) -> None:
@@ -226,6 +228,7 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
             palette = Image.fromarray(samples).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
             shown = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
             next(shown).save(new, save_all=True, append_images=shown, duration=1000.0 / fps, loop=0)
+    save_names(renderer.names, path)
 
 
 def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:

@@ -1,26 +1,92 @@
-"""Text, legends, colour bars and scale bars in pictures, drawn with Pillow."""
+"""Text in all pictures, in the font that comes with matplotlib; legends and scales drawn with Pillow."""
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.ft2font import FT2Font
+from matplotlib.text import Text
 from PIL import Image, ImageDraw, ImageFont
 
 from evac.base.arrays import FloatArray
+from evac.folder.files import replacing
 from evac.pictures import palette
 from evac.pictures.scales import Scale
 
 WHITE = (255, 255, 255)
 
+#: The font shipped with matplotlib, which covers most alphabets, and its bold face.
+FONTS = tuple(str(Path(matplotlib.get_data_path(), "fonts", "ttf", f"DejaVuSans{face}.ttf")) for face in ("", "-Bold"))
+
+#: What is a number, or is not, as a whole.
+WORD = re.compile(r"""[^\s"'.,:;()\[\]]+""")
+
 
 @cache
 def font(size: int, is_bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return the font shipped with matplotlib, which covers most languages."""
-    name = "DejaVuSans-Bold.ttf" if is_bold else "DejaVuSans.ttf"
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path(), "fonts", "ttf", name)), size)
+    """Return the font of pictures."""
+    return ImageFont.truetype(FONTS[is_bold], size)
+
+
+@cache
+def _letters() -> frozenset[int]:
+    """Return the code points that the font has in both faces."""
+    return frozenset(FT2Font(FONTS[0]).get_charmap()) & frozenset(FT2Font(FONTS[1]).get_charmap())
+
+
+def legible(text: str, names: list[str]) -> str:
+    """Return a text with numbers for words that the font cannot write, such as [1]; they are added to `names`."""
+
+    def numbered(word: re.Match[str]) -> str:
+        if _letters().issuperset(map(ord, word[0])):
+            return word[0]
+        if word[0] not in names:
+            names.append(word[0])
+        return f"[{names.index(word[0]) + 1}]"
+
+    return WORD.sub(numbered, text)
+
+
+@contextmanager
+def legible_figure(figure: Artist) -> Iterator[list[str]]:
+    """Make the texts of a figure legible while it is drawn, see `legible`; yield the words that are numbers then."""
+    names = list[str]()
+    changed = [(text, text.get_text(), legible(text.get_text(), names)) for text in figure.findobj(Text)]
+    changed = [(text, words, shown) for text, words, shown in changed if shown != words]
+    for text, _, shown in changed:
+        text.set_text(shown)
+    try:
+        yield names
+    finally:
+        for text, words, shown in changed:
+            if text.get_text() == shown:
+                text.set_text(words)
+
+
+def listed(names: Sequence[str]) -> list[str]:
+    """Return the words that are numbers in a picture, each after its number."""
+    return [f"[{number}] {name}" for number, name in enumerate(names, 1)]
+
+
+def save(figure: Figure, path: Path, what: str = "the picture") -> None:
+    """Write a picture, and beside it the list of words that are numbers in it."""
+    with replacing(path, what) as new, legible_figure(figure) as names:
+        figure.savefig(new)
+    save_names(names, path)
+
+
+def save_names(names: Sequence[str], path: Path) -> None:
+    """Write the list of words that are numbers in a picture to a file beside it, if there are any."""
+    if names:
+        with replacing(path.with_name(f"{path.name}.txt"), "the names in the picture") as new:
+            new.write_text("".join(f"{line}\n" for line in listed(names)), encoding="utf-8")
 
 
 class Pen:

@@ -26,6 +26,7 @@ from evac.pictures.map_pictures import FLOW_LABELS, draw_cut, draw_difference, d
 from evac.pictures.pictures import egress_figure, runs_figure
 from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
+from evac.pictures.writing import legible_figure, listed
 from evac.results.answer import time_of_share
 from evac.results.results import Results
 from evac.trajectory.trajectory import Trajectory
@@ -66,18 +67,25 @@ class Picture(NamedTuple):
 
 
 def _picture(
-    file: io.BytesIO, kind: str, caption: str, words: str, class_: str = "drawing", width: float | None = None
+    file: io.BytesIO,
+    kind: str,
+    names: Sequence[str],
+    caption: str,
+    words: str,
+    class_: str = "drawing",
+    width: float | None = None,
 ) -> Picture:
+    """Return a picture, whose caption lists the names that are numbers in it."""
     data = base64.b64encode(file.getvalue()).decode()
-    return Picture(f"data:image/{kind};base64,{data}", caption, words, class_, width)
+    return Picture(f"data:image/{kind};base64,{data}", " ".join([caption, *listed(names)]), words, class_, width)
 
 
 def drawing(figure: Figure, caption: str, words: str, class_: str = "drawing") -> Picture:
     """Return a figure of lines as a drawing that is sharp at any size; the same figure gives the same bytes."""
     file = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "evac"}):
+    with matplotlib.rc_context({"svg.hashsalt": "evac"}), legible_figure(figure) as names:
         figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.03)
-    return _picture(file, "svg+xml", caption, words, class_)
+    return _picture(file, "svg+xml", names, caption, words, class_)
 
 
 def plans(building: Building) -> list[Picture]:
@@ -127,7 +135,7 @@ def _renderer(trajectory: Trajectory, inches: tuple[float, float]) -> Renderer:
 def _rendered(draw: Renderer, k: int, caption: str, class_: str) -> Picture:
     image, file = draw.image(k), io.BytesIO()
     Image.fromarray(image).save(file, format="png", optimize=True)
-    return _picture(file, "png", caption, caption, class_, image.shape[1] / SHARPNESS)
+    return _picture(file, "png", draw.names, caption, caption, class_, image.shape[1] / SHARPNESS)
 
 
 def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
@@ -224,8 +232,9 @@ def _label_small(axes: Axes, end: float, up: str) -> None:
 def _mapped(figure: Figure, caption: str, class_: str = "map") -> Picture:
     """Return a figure with a map, which is made of cells."""
     file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
-    return _picture(file, "png", caption, caption, class_, figure.get_figwidth())
+    with legible_figure(figure) as names:
+        figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
+    return _picture(file, "png", names, caption, caption, class_, figure.get_figwidth())
 
 
 def map_pictures(

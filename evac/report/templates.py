@@ -1,13 +1,17 @@
 """Templates of reports: they escape every value that they show."""
 
+import base64
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
@@ -16,6 +20,13 @@ from evac.base.errors import counted
 
 #: Words longer than this may be broken in a line.
 LONG_WORD = re.compile(r"(\S{24})(?=\S{8})")
+
+#: Families of the page, their files, and the weights for which they are used.
+FONTS = (
+    ("Page", "DejaVuSans.ttf", "400"),
+    ("Page", "DejaVuSans-Bold.ttf", "600 900"),
+    ("Page Mono", "DejaVuSansMono.ttf", "400"),
+)
 
 #: Shown where there is no value.
 NOTHING = "-"
@@ -70,7 +81,29 @@ def shown(value: object) -> Markup:
 def rendered(template: str, **data: Any) -> str:
     """Return a page, rendered from a template that extends `frame.html`, whose ``title`` and ``kind`` are in `data`."""
     style = Markup(files("evac.report").joinpath("page.css").read_text(encoding="utf-8"))
-    return templates().get_template(template).render(style=style, generator=f"evac {version('evac')}", **data)
+    page = templates().get_template(template).render(style=style, generator=f"evac {version('evac')}", **data)
+    return page.replace("</style>", f"{_fonts(page)}</style>", 1)
+
+
+def _fonts(page: str) -> str:
+    """Return the style with the letters of a page in the fonts that come with matplotlib, so that lines and pages are
+    divided alike on all machines.
+    """
+    from fontTools.subset import Options, Subsetter, load_font, save_font
+
+    options = Options(flavor="woff", hinting=False, layout_features=["kern", "tnum"], notdef_outline=True)
+    options.drop_tables += ["FFTM"]
+    rules = []
+    for family, file, weight in FONTS:
+        packed, subsetter = BytesIO(), Subsetter(options)
+        subsetter.populate(unicodes=map(ord, set(page)))
+        with load_font(Path(matplotlib.get_data_path(), "fonts", "ttf", file), options) as font:
+            subsetter.subset(font)
+            save_font(font, packed, options)
+        data = base64.b64encode(packed.getvalue()).decode()
+        face = f'font-family: "{family}"; font-weight: {weight}; src: url(data:font/woff;base64,{data})'
+        rules.append(f"@font-face {{ {face}; }}\n")
+    return "".join(rules)
 
 
 @cache

@@ -301,7 +301,8 @@ def draw_pictures(results: Results, folder: Path) -> None:
     """
     if results.case.output.picture:
         with _optional(folder / EGRESS_PICTURE_NAME):
-            from evac.pictures.pictures import egress_figure, save
+            from evac.pictures.pictures import egress_figure
+            from evac.pictures.writing import save
 
             save(egress_figure(results), folder / EGRESS_PICTURE_NAME)
     if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():

@@ -64,7 +64,7 @@ def write_outputs(study: "Study") -> None:
         egress_curves = [egress(study, point.index) for point in study.points]
         _write_egress(study, egress_curves, folder / EGRESS_NAME)
         if study.points[0].case.output.picture:
-            from evac.pictures.pictures import save
+            from evac.pictures.writing import save
 
             name = EGRESS_PICTURE_NAME if len(study.points) == 1 else SWEEP_PICTURE_NAME
             save(figure_of(study, egress_curves[0]), folder / name)

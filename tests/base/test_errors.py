@@ -38,6 +38,13 @@ def test_a_path_that_cannot_be_looked_up_is_one_line(call, path, tmp_path, monke
     assert sorted(os.listdir()) == ["loop", "other", "room.wkt"]
 
 
+def test_a_path_that_is_not_utf_8_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for path in ("b\udcff", tmp_path / "b\udcff" / "case.toml"):
+        with pytest.raises(BuildingError, match=r"b\\udcff.*UTF-8"):
+            usable_path(path, BuildingError)
+
+
 def test_a_path_need_not_exist(tmp_path):
     for path in (tmp_path, tmp_path / "none", tmp_path / "none" / "file.obj"):
         assert usable_path(str(path), BuildingError) == path

@@ -146,6 +146,17 @@ def test_long_names_and_links_to_themselves_are_refused_in_one_line(evac, tmp_pa
     assert not list(tmp_path.glob("evac-crash*"))
 
 
+@pytest.mark.parametrize("settings", [b"font.size: 40\nsavefig.dpi: 20000\n", b"\xff\xfe"])
+def test_settings_of_matplotlib_in_the_current_folder_neither_steer_nor_break_pictures(tmp_path, settings):
+    (tmp_path / "settings").mkdir()
+    (tmp_path / "settings" / "matplotlibrc").write_bytes(settings)
+    (tmp_path / "none").mkdir()
+    words = [sys.executable, "-m", "evac", "check", "square_room", "--picture", "levels.png"]
+    for folder in ("settings", "none"):
+        subprocess.run(words, cwd=tmp_path / folder, capture_output=True, check=True, timeout=120)
+    assert len({path.read_bytes() for path in tmp_path.glob("*/levels.png")}) == 1
+
+
 @pytest.mark.skipif(os.name == "nt", reason="a folder in use cannot be removed on Windows")
 def test_a_current_folder_that_is_gone_is_named(evac, tmp_path, monkeypatch, capsys):
     (tmp_path / "gone").mkdir()

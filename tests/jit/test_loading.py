@@ -71,6 +71,17 @@ def plugin(tmp_path):
 plugin.number = 0
 
 
+@pytest.mark.parametrize("settings", ["opt: [1,", "disable_jit: 1"])
+def test_settings_of_numba_in_the_current_folder_neither_steer_nor_break_compilation(tmp_path, own_cache, settings):
+    (tmp_path / ".numba_config.yaml").write_text(settings)
+    (tmp_path / "mine.py").write_text(textwrap.dedent(SOURCE.format(offset=3.0)), encoding="utf-8")
+    script = "import mine; print(mine.product(2.0, 5.0)); import numba; print(numba.config.DISABLE_JIT)"
+    words = [sys.executable, "-c", script]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.split() == ["25.0", "0"]
+    assert len(list(own_cache.glob("*"))) >= 1
+
+
 @pytest.fixture
 def processes(monkeypatch):
     """Let starting a process seem free, so that several are used; return those that are started."""

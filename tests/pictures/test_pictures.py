@@ -6,7 +6,8 @@ import pytest
 from PIL import Image
 
 from evac.base.errors import ResultError
-from evac.pictures.pictures import egress_figure, save
+from evac.pictures.pictures import egress_figure
+from evac.pictures.writing import save
 
 
 def test_picture_shows_the_curve_of_everybody(results, tmp_path):

@@ -10,6 +10,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+import matplotlib
+
 #: Software rendering, so that every machine draws the same; pages are put together without it, in half the time.
 SWITCHES = (
     "--headless=new",
@@ -27,6 +29,11 @@ SWITCHES = (
 #: DevTools reads from 3 and writes to 4.
 HAND_OVER = "import os, sys; [os.dup2(int(sys.argv[k]), k + 2) for k in (1, 2)]; os.execv(sys.argv[3], sys.argv[3:])"
 
+#: Fonts of the machine, and those of matplotlib: a Chromium that finds no font at all ends at every page.
+FONTS = (
+    '<fontconfig><include ignore_missing="yes">{}</include><dir>{}/fonts/ttf</dir><cachedir>{}</cachedir></fontconfig>'
+)
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
@@ -42,10 +49,14 @@ class Browser:
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
         ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (to_browser, from_browser)]
+        machine = os.environ.get("FONTCONFIG_FILE", "/etc/fonts/fonts.conf")
+        fonts = profile / "fonts.conf"
+        fonts.write_text(FONTS.format(machine, matplotlib.get_data_path(), profile / "fonts"), encoding="utf-8")
         words = [executable, *SWITCHES, f"--user-data-dir={profile}", "about:blank"]
         self._process = subprocess.Popen(
             [sys.executable, "-S", "-c", HAND_OVER, *map(str, ends), *words],
             pass_fds=ends,
+            env={**os.environ, "FONTCONFIG_FILE": str(fonts)},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

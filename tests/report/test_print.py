@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 import re
 import subprocess
 import sys
@@ -20,18 +21,21 @@ from tests.report.letters import noted_letters
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Chromium is looked for by its name on Unix")
 
 
-@pytest.fixture(scope="module")
-def printed(finished, tmp_path_factory):
+@pytest.fixture(scope="module", params=["fonts of the machine", "no fonts"])
+def printed(request, finished, tmp_path_factory):
     """The pages of a report, printed by Chromium."""
     pdf = pytest.importorskip("pypdfium2")
     if find_chromium() is None:
         pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
     folder = tmp_path_factory.mktemp("printed")
     (folder / "report.html").write_text(run_report(finished), encoding="utf-8")
+    (folder / "fonts.conf").write_text(f"<fontconfig><cachedir>{folder}</cachedir></fontconfig>", encoding="utf-8")
+    fonts = {"FONTCONFIG_FILE": str(folder / "fonts.conf")} if request.param == "no fonts" else {}
     options = ["--headless=new", "--no-sandbox", "--no-pdf-header-footer", f"--user-data-dir={folder / 'profile'}"]
     target = f"--print-to-pdf={folder / 'report.pdf'}"
     page = (folder / "report.html").as_uri()
-    subprocess.run([find_chromium(), *options, target, page], check=True, capture_output=True, timeout=120)
+    words, environment = [find_chromium(), *options, target, page], {**os.environ, **fonts}
+    subprocess.run(words, env=environment, check=True, capture_output=True, timeout=120)
     return list(pdf.PdfDocument(folder / "report.pdf"))
 
 
