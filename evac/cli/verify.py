@@ -16,7 +16,7 @@ from evac.cli.inputs import declare_plugin, declare_set, note_unused_plugins
 from evac.cli.screen import say
 
 if TYPE_CHECKING:
-    from evac.evidence.validation.standard import Result
+    from evac.standard.tests import Result
 
 #: Exit status if a test is failed.
 TEST_FAILED = 1
@@ -36,8 +36,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Carry out the tests, or list them; return 0 if all are passed."""
-    from evac.evidence.validation.standard import FAILED, TESTS, find_tests
-    from evac.evidence.validation.trial import Trial, probe
+    from evac.standard.tests import FAILED, TESTS, find_tests
+    from evac.standard.trial import Trial, probe
 
     if not arguments.tests:
         for test in TESTS:
@@ -48,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     plugin_files = tuple(Path(path).resolve() for path in arguments.plugins)
     trial = Trial(arguments.out, settings=tuple(arguments.set), plugin_files=plugin_files, is_paper=arguments.paper)
     note_unused_plugins(probe(trial))
-    from evac.evidence.validation.verify import PAGE_NAME, verify
+    from evac.standard.verify import PAGE_NAME, verify
 
     results = verify(tests, trial, arguments.seed, tell)
     print(arguments.out / PAGE_NAME)

@@ -8,7 +8,7 @@ import numpy as np
 from evac.base.errors import counted
 from evac.conformance.contact_models import PLAIN, WALLS, walk
 from evac.conformance.failures import examining, require, require_close, scene
-from evac.evidence.models import plugins
+from evac.conformance.scenes import plugins
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.rows import BEFORE, SPRING, call_solver, renew_velocity, row_residual
 from evac.physics.contact.solver import Solver

@@ -11,9 +11,10 @@ import evac
 from evac.base.errors import ResultError, ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.evidence import KINDS
-from evac.evidence.evidence import QUIET, Evidence, write_whole
+from evac.evidence.evidence import Evidence, write_whole
 from evac.evidence.verdicts import verdict_table
 from evac.report.verification import EVIDENCE_NAME
+from evac.standard.verify import QUIET
 
 #: What the reports of runs show of each kind.
 SHOWN = ("title", "examined", "verdicts", "command", "commit", "versions")

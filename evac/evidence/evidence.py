@@ -15,12 +15,9 @@ import csv
 import json
 import platform
 import re
-import subprocess
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor
 from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -34,10 +31,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from evac.base.arrays import FloatArray
 from evac.base.distributions import generator_for
-from evac.base.errors import ResultError, RunWarning, SimulationError
+from evac.base.errors import ResultError
 from evac.base.processes import Pool, cores
 from evac.evidence.verdicts import Finding, verdict_table
 from evac.folder.files import replacing
+from evac.standard.verify import QUIET, commit, in_processes, write_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,14 +50,8 @@ Row = dict[str, Any]
 PACKAGES = ("evac", "numpy", "scipy", "numba", "llvmlite", "scikit-fmm", "shapely", "matplotlib")
 OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "jupedsim", "pyrvo", "pyvista", "vtk")
 
-#: Files of a checkout that affect the results.
-CODE = (":/*.py", ":/*.toml", ":/*.msh")
-
 #: Number of processes, the same on all machines so that times per core are comparable.
 WORKERS = 2
-
-#: Call by which runs do not warn: pages say what came of them.
-QUIET: tuple[Callable[..., None], tuple[object, ...]] = (warnings.simplefilter, ("ignore", RunWarning))
 
 #: Conditions of the measurement that are stored in run.json and shown on the page below its verdicts.
 REFERENCE = "reference run, at start and end [ms]"
@@ -255,39 +247,10 @@ def paragraphs(text: str) -> list[str]:
     return [one if one.startswith("|") else " ".join(one.split()) for one in found]
 
 
-def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows, whose columns are the keys of the first one, to a CSV file, which they replace as a whole."""
-    with replacing(path, "the table") as new, new.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 def in_fresh_process(function: Callable[..., Result], *arguments: Any) -> Result:
     """Return what a function returns in a process of its own."""
     with Pool(1, QUIET) as pool:
         return pool.submit(function, *arguments).result()
-
-
-def in_processes(
-    function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], workers: int, what: str, remedy: str
-) -> Iterator[Result]:
-    """Yield ``function(*task)`` for each task in order, from so many processes; an error says what ended and a remedy.
-
-    Raises
-    ------
-    SimulationError
-        A process died.
-    """
-    with Pool(workers, QUIET) as pool:
-        for future in [pool.submit(function, *task) for task in tasks]:
-            try:
-                result = future.result()
-            except BrokenExecutor as error:
-                raise SimulationError(
-                    f"{what}: a worker process ended unexpectedly, possibly for lack of memory: {error}; {remedy}"
-                ) from error
-            yield result
 
 
 def _read(text: str) -> Any:
@@ -366,23 +329,6 @@ def machine() -> str:
         name = told.get("model name", name)
         clock = f" at {float(told['cpu MHz']):.0f} MHz" if "cpu MHz" in told else ""
     return f"{name}{clock}, {cpu_count()} cores, {platform.system()} {platform.machine()}"
-
-
-def commit(file: Path = Path(__file__)) -> str:
-    """Return the commit of a checked-out file, with ``-dirty`` if code has changed since; empty if there is none.
-
-    An installed package may lie inside another checkout, so only files tracked by git count. Changed pages are not
-    changed code.
-    """
-    git = ["git", "-C", str(file.resolve().parent)]
-    try:
-        subprocess.run([*git, "ls-files", "--error-unmatch", file.name], check=True, capture_output=True)
-        described = [*git, "describe", "--always", "--abbrev=12"]
-        description = subprocess.run(described, check=True, capture_output=True, text=True).stdout.strip()
-        changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *CODE], capture_output=True).returncode
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    return f"{description}-dirty" if changed else description
 
 
 def _version(package: str) -> str:

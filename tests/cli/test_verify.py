@@ -5,8 +5,8 @@ import csv
 import pytest
 
 from evac.cli.main import main
-from evac.evidence.validation.standard import TESTS
-from tests.evidence.test_validation import HALF
+from evac.standard.tests import TESTS
+from tests.standard.test_standard import HALF
 
 
 def test_without_names_the_tests_are_listed_in_80_columns(capsys):

@@ -11,8 +11,8 @@ from evac.contract.registry import Registry
 
 ROOT = Path(evac.__file__).parent
 
-#: Where names are allowed: the defaults, the case that `evac import` writes, evidence.
-MAY_NAME = ("contract/hooks.py", "importing/casefile.py", "evidence/")
+#: Where names are allowed: the defaults, the case that `evac import` writes, the standard tests, evidence.
+MAY_NAME = ("contract/hooks.py", "importing/casefile.py", "standard/", "evidence/")
 
 #: Registered names that are common words, too, or a column of people.csv.
 WORDS = {"familiarity", "response_time", "rest", "together", "walking"}

@@ -5,9 +5,9 @@ import csv
 import numpy as np
 import pytest
 
+from evac.conformance.scenes import Scene, one_direction, room
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence
-from evac.evidence.scenes import Scene
 from evac.evidence.stability.crowds import restitution
 from evac.evidence.stability.dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
 from evac.evidence.stability.maps import Curve, _dense, _places
@@ -41,7 +41,7 @@ ROOM = (0.0, 0.0, 8.0, 4.0)
 
 def room_with(position, **settings):
     crowd = make_crowd(position, **settings)
-    return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+    return Scene(ROOM, room(ROOM), one_direction(ROOM), crowd)
 
 
 def made_up(scene, message="", outside=0, **report):
@@ -65,7 +65,7 @@ def test_frequency_of_a_body_at_a_wall():
 def test_large_triangular_packing_nears_six_k_over_m():
     bounds = (0.0, 0.0, 40.0, 40.0)
     crowd = make_crowd(scenes.packed(200, 14, 0.2, 30.0, 5.0), mass=60.0)
-    scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+    scene = Scene(bounds, room(bounds), one_direction(bounds), crowd)
     value = greatest_frequency(scene, crowd.position, 1e5) ** 2 * 60.0 / 1e5
     assert 5.7 < value < 6.0
 

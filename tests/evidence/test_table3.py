@@ -8,7 +8,7 @@ import pytest
 
 from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence
-from evac.evidence.models import MODELS, make_model, model_overrides
+from evac.evidence.scenes import MODELS, make_model, model_overrides
 from evac.evidence.square_room import GAP, change, crowd_at, flow, run_set, start_positions, stopped
 from evac.evidence.table3.classroom import median_last, report_classroom
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from evac.evidence.scenes import Scene, one_direction, packed, room
+from evac.conformance.scenes import Scene, one_direction, room
+from evac.evidence.scenes import packed
 from evac.evidence.stability.extremes import ROOM, extremes, try_extreme, try_triangle
 from evac.evidence.stability.trials import (
     BEYOND,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from evac.case.loading import load_case
-from evac.evidence.validation.alone import ONE
 from evac.simulation.simulation import Simulation
+from evac.standard.alone import ONE
 
 MESH_NAME = "building.obj"
 
@@ -108,8 +108,3 @@ def straight_stair(run=8.0, rise=6.0, width=2.0, landing=2.0):
         rectangle(0, 0, run, width, 0.0, rise),
         rectangle(run, 0, run + landing, width, rise),
     ]
-
-
-def corner():
-    """Return the corner of RiMEA 6: a leg along x to 12 m, 2 m wide, and one along y from x = 10 to 12 m."""
-    return [rectangle(0, 0, 10, 2), rectangle(10, 0, 12, 2), rectangle(10, 2, 12, 12)]

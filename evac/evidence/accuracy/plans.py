@@ -10,10 +10,10 @@ import shapely
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building
 from evac.building.plan.plan import Plan
+from evac.conformance.scenes import plugins
 from evac.evidence.accuracy.reference import geodesics, refracted
-from evac.evidence.models import plugins
-from evac.evidence.validation.plans import FLOOR, Shape, across, one_storey
 from evac.simulation.assembly import read_building
+from evac.standard.plans import FLOOR, Shape, across, one_storey
 
 
 class TimedPlan(NamedTuple):

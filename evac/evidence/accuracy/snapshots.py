@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evac.conformance.scenes import fields_of, make_engine, room
 from evac.directions.fields import Fields
-from evac.evidence.models import make_engine
-from evac.evidence.scenes import fields_of, packed, room
+from evac.evidence.scenes import packed
 from evac.physics.contact.model import ContactModel
 from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, copy_of, make_crowd

@@ -14,7 +14,7 @@ from evac.evidence.evidence import Evidence, Row
 from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
 from evac.evidence.lean.kernels import KernelCase, report_kernels
-from evac.evidence.models import model_overrides
+from evac.evidence.scenes import model_overrides
 from evac.evidence.verdicts import all_of, reported
 from evac.physics.contact.overlaps import separate
 from evac.physics.engine import CompiledEngine

@@ -12,10 +12,10 @@ from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people.measures import Line, passing_times
 from evac.evidence.people.runs import follow
-from evac.evidence.validation.plans import across, one_storey, straight_stair
-from evac.evidence.validation.trial import CONTACT_MODEL
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.simulation.simulation import Simulation
+from evac.standard.plans import across, one_storey, straight_stair
+from evac.standard.trial import CONTACT_MODEL
 
 #: Mean speeds on the flat [m/s]: Boyce, Shields and Silcock, Fire Technology 35 (1999) 51-67, 10.1023/A:1015339216366,
 #: of which all but the last two were read at second hand, as table 3 of Tinaburri (2018) quotes them.

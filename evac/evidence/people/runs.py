@@ -15,14 +15,14 @@ import evac
 from evac.case.loading import load_case
 from evac.contract.registry import built_in
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.models import model_overrides
 from evac.evidence.people import measures, scenes
 from evac.evidence.people.measures import MEASURES, Line, Track
 from evac.evidence.people.scenes import NARROW_DOOR, SCENES, TWO_WAY_2, imo_8_name
-from evac.evidence.validation import plans
+from evac.evidence.scenes import model_overrides
 from evac.folder.digests import digest_of_data, digest_of_file
 from evac.folder.files import replacing
 from evac.simulation.simulation import Simulation
+from evac.standard import plans
 
 #: The movement models: behaviours of the case.
 SETTINGS: Mapping[str, Mapping[str, Any]] = {"walking": {"walking": {}}, "headway": {"headway": {}}, "paper": {}}

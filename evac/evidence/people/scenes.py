@@ -15,7 +15,7 @@ from evac.building.plan.plan import Plan
 from evac.evidence.evidence import Row
 from evac.evidence.people import measures
 from evac.evidence.people.measures import Line, Track, Values
-from evac.evidence.validation.plans import across, one_storey
+from evac.standard.plans import COUNTERS, across, one_storey, rooms_and_corridor
 
 #: Walking speeds of the participants: corridor, two-way corridor, all others [m/s].
 CORRIDOR_SPEED = {"normal": [1.40, 0.15], "minimum": 1.0, "maximum": 1.8}
@@ -27,9 +27,6 @@ DOOR_WIDTHS = (0.6, 0.7, 0.8, 1.0, 1.2, 2.0, 2.5)
 
 #: Entrance and exit of the corridor of 1.8 m, in the order of their measured densities [m].
 CORRIDOR_ENDS = ((0.5, 1.8), (0.7, 1.8), (1.0, 1.8), (1.45, 1.8), (1.8, 1.8), (1.8, 1.2), (1.8, 0.95), (1.8, 0.7))
-
-#: Numbers of people who come towards the hundred of IMO 8.
-COUNTERS = (0, 10, 50, 100)
 
 
 class Experiment(NamedTuple):
@@ -127,12 +124,7 @@ def two_way_scene(width: float, each: float) -> Experiment:
 
 def imo_8_scene(counter: int) -> Experiment:
     """Return IMO 8: a hundred people cross from room to room through a corridor, and `counter` come towards them."""
-    exits = {"right": across(30, 0, 10), "left": across(0, 0, 10)}
-    areas = {"start left": box(0, 0, 4, 10), "start right": box(26, 0, 30, 10)}
-    plan = one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10), exits=exits, areas=areas)
-    people = [{"area": "start left", "number": 100, "exits": ["right"]}]
-    if counter:
-        people.append({"area": "start right", "number": counter, "exits": ["left"]})
+    plan, people = rooms_and_corridor(counter)
     return Experiment(plan, people, SPEED, partial(measures.last_out, people=100))
 
 

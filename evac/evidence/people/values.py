@@ -19,6 +19,7 @@ from evac.evidence.people import scenes
 from evac.evidence.people.measures import COUNTED, DENSITIES, frames_column, speed_column
 from evac.evidence.people.runs import LEFT, MODELS
 from evac.evidence.verdicts import MET, NOT_MET, REPORTED
+from evac.standard.plans import COUNTERS
 from evac.study.statistics import estimate
 
 #: Flow per metre through doors [1/s/m]: Seyfried, Kretz (means of repetitions) and Duesseldorf, the last from 1.4 m on.
@@ -41,7 +42,7 @@ CORRIDOR_SPEEDS = (1.34, 1.11, 0.84, 0.59, 0.39, 0.31)
 
 #: Held out of the choice of parameters: doors by width [m], the corridor above a density [1/m2], other scenes.
 HELD_DOORS, HELD_DENSITY = (0.7, 1.0, 2.0), 2.0
-HELD_SCENES = (scenes.NARROW_DOOR, scenes.STAIR_UP, scenes.TWO_WAY_2, *map(scenes.imo_8_name, scenes.COUNTERS))
+HELD_SCENES = (scenes.NARROW_DOOR, scenes.STAIR_UP, scenes.TWO_WAY_2, *map(scenes.imo_8_name, COUNTERS))
 
 #: Last arrivals of IMO 8 by FDS+Evac [s], in the order of `COUNTERS`: another model, so not a target.
 FDS_EVAC = (50.0, 75.0, 107.0, 136.0)
@@ -159,7 +160,7 @@ def _ways() -> Iterator[Value]:
     yield _value(scenes.TWO_WAY_4, "flow per metre [1/s/m]", 1.0)
     yield from (_value(name, "density [1/m2]") for name in (scenes.TWO_WAY_4, scenes.TWO_WAY_2))
     yield _value(scenes.TWO_WAY_2, "speed [m/s]")
-    for counter, time in zip(scenes.COUNTERS, FDS_EVAC, strict=True):
+    for counter, time in zip(COUNTERS, FDS_EVAC, strict=True):
         yield _value(scenes.imo_8_name(counter), "last out [s]", time)
     for column, bounds in (("last out [s]", (-math.inf, 1.3 * BEND_TIME)), ("from inner corner [m]", (1.0, math.inf))):
         yield _value(scenes.BEND, column, bounds=bounds, question=scenes.BEND)

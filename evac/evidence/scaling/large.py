@@ -9,9 +9,9 @@ import numpy as np
 
 from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence, Row, in_fresh_process
-from evac.evidence.models import model_overrides
 from evac.evidence.scaling.halls import hall_case
 from evac.evidence.scaling.walks import bytes_of, cpu_time, minimal_cost, start_minimal
+from evac.evidence.scenes import model_overrides
 from evac.evidence.verdicts import at_most
 from evac.simulation.simulation import Simulation
 

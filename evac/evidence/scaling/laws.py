@@ -9,10 +9,10 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.peers.programs import EvacWalk, MinimalWalk
+from evac.evidence.scenes import make_model
 from evac.evidence.verdicts import at_most
 from evac.jit import pair_contact
 from evac.physics import tallies as at

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from evac.directions.fields import PackedFields
-from evac.evidence.models import MODELS
+from evac.evidence.scenes import MODELS
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
 from evac.physics.allocation import SKIN, allocate
 from evac.physics.state import Crowd

@@ -14,12 +14,12 @@ import numpy as np
 from evac.base.errors import SimulationError
 from evac.case.loading import load_case
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure, timed
-from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.scaling import headway, large, laws, phases, threads
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal
 from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.walks import Cost, Variant, Walk, bytes_of, make_variant, memory, time_ticks
+from evac.evidence.scenes import MODELS as PARAMETERS
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.simulation.simulation import Simulation
 

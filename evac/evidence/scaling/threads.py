@@ -5,8 +5,8 @@ import time
 
 import numpy as np
 
+from evac.conformance.scenes import plugins
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.models import plugins
 from evac.evidence.scaling.halls import make_hall
 from evac.evidence.scaling.walks import Variant, Walk, make_variant
 from evac.evidence.verdicts import at_least, reported

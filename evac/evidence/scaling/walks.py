@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evac.conformance.scenes import make_engine
 from evac.directions.fields import PackedFields
-from evac.evidence.models import COARSE, make_engine, make_model
 from evac.evidence.scaling.halls import Hall
 from evac.evidence.scaling.minimal import Minimal, make_minimal, walk_minimal
+from evac.evidence.scenes import COARSE, make_model
 from evac.jit import Struct
 from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd, copy_of
@@ -42,7 +43,7 @@ class Variant(NamedTuple):
 
 
 def make_variant(name: str, step: float, label: str = "", **parameters: Any) -> Variant:
-    """Return a variant by the model's name in `models.MODELS`, with other parameters and a label where given."""
+    """Return a variant by the model's name in `scenes.MODELS`, with other parameters and a label where given."""
     model = make_model(name, **parameters)
     coarse: dict[str, Any] = {**parameters, **COARSE}
     rough = make_model(name, **coarse) if name.startswith("NSM1") else model

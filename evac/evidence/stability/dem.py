@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
+from evac.conformance.scenes import Scene, room
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed
 from evac.evidence.stability.trials import STIFFNESS, Trial, Verdict, attempt, judge, last_overlap, make_model
@@ -44,7 +44,7 @@ def ring_around_big() -> Scene:
         mass=60.0,
         speed=np.array([0.0] + 40 * [PRESS]),
     )
-    return Scene(bounds, scenes.room(bounds), scenes.towards(bounds, (4.0, 4.0), 0.05), crowd)
+    return Scene(bounds, room(bounds), scenes.towards(bounds, (4.0, 4.0), 0.05), crowd)
 
 
 def settled(scene: Scene, stiffness: float) -> Scene:

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evac.base.errors import EvacError
+from evac.conformance.scenes import Scene, room
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.scenes import Scene
 from evac.evidence.stability import trials
 from evac.physics.state import make_crowd
 
@@ -51,13 +51,13 @@ def closed_door(people: int) -> Scene:
     middle = 0.5 * bounds[3]
     door = (bounds[2], middle - 0.5, bounds[2], middle + 0.5)
     places = scenes.packed(people, rows, 0.2, bounds[2] - 0.02, 0.02, 0.02)
-    building, fields = scenes.room(bounds, exits=(door,)), scenes.towards(bounds, (bounds[2] + 0.1, middle))
+    building, fields = room(bounds, exits=(door,)), scenes.towards(bounds, (bounds[2] + 0.1, middle))
     return Scene(bounds, building, fields, make_crowd(places, speed=1.5), is_closed=True)
 
 
 def narrow_door() -> Scene:
     """Return twelve people at an open door of 0.3 m, narrower than their bodies of 0.4 m."""
-    building = scenes.room(ROOM, exits=((6.0, 1.85, 6.0, 2.15),))
+    building = room(ROOM, exits=((6.0, 1.85, 6.0, 2.15),))
     crowd = make_crowd(scenes.packed(12, 4, 0.2, 5.0, 1.0, 0.01), speed=1.5)
     return Scene(ROOM, building, scenes.towards(ROOM, (6.2, 2.0)), crowd)
 

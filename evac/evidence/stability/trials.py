@@ -8,8 +8,8 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
-from evac.evidence import models
-from evac.evidence.scenes import Scene
+from evac.conformance.scenes import Scene
+from evac.evidence import scenes
 from evac.evidence.stability.theory import allowed_overlap, touching_pairs, wall_gaps
 from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd
@@ -25,7 +25,7 @@ WRONG = "wrong"
 #: All verdicts, best first; a trial that is `WRONG` is a defect.
 VERDICTS = (RIGHT, HANDLED, DEGRADED, BEYOND, REFUSED, WRONG)
 
-#: The contact models under trial: name in `models.MODELS`, and parameters.
+#: The contact models under trial: name in `scenes.MODELS`, and parameters.
 VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "DEM": ("DEM", {}),
     "NSM1 inertial": ("NSM1 inertial", {}),
@@ -102,7 +102,7 @@ class Verdict(NamedTuple):
 def make_model(variant: str, **parameters: Any) -> ContactModel:
     """Return a contact model by its name in `VARIANTS`, with additional or changed parameters."""
     name, given = VARIANTS[variant]
-    return models.make_model(name, **{**given, **parameters})
+    return scenes.make_model(name, **{**given, **parameters})
 
 
 def attempt(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.case.loading import load_case
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
-from evac.evidence.models import MODELS, model_overrides
+from evac.evidence.scenes import MODELS, model_overrides
 from evac.evidence.verdicts import reported
 from evac.simulation.simulation import Simulation
 from evac.study.statistics import share_interval

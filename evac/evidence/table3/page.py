@@ -6,7 +6,7 @@ from typing import Any
 
 from evac.case.schema import SimulationSettings
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
-from evac.evidence.models import MODELS
+from evac.evidence.scenes import MODELS
 from evac.evidence.square_room import Flow, change, flow, run_set, stopped
 from evac.evidence.table3.classroom import report_classroom
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3

@@ -3,7 +3,7 @@
 The tests are those of `evac verify`.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.validation.standard import FAILED, STANDARDS, TESTS, Result, StandardTest, carry_out
-from evac.evidence.validation.trial import Trial
 from evac.evidence.verdicts import all_of, reported
+from evac.standard.tests import FAILED, STANDARDS, TESTS, carry_out
+from evac.standard.trial import StandardTest, Trial
+from evac.standard.verify import check_rows
 
 #: The model of new cases, and its name in reports of runs.
 DEFAULT = f"NSM2, {DEFAULT_MOVEMENT}"
@@ -55,22 +56,6 @@ def carry_out_with(name: str, test: StandardTest, seed: int) -> list[Row]:
     with TemporaryDirectory() as folder:
         trial = Trial(Path(folder), settings=subject.settings, is_paper=subject.is_paper)
         return list(check_rows(carry_out(test, trial, seed), model=name))
-
-
-def check_rows(result: Result, **columns: Any) -> Iterator[Row]:
-    """Return a row for each check of a test, and one for its error, if it ended with one."""
-    name = {"test": " ".join(result.test.names), **columns}
-    if result.error:
-        words = {"measured": result.error, "expected": "a run without errors", "by": "-"}
-        yield {**name, **words, "found": None, "from": None, "to": None, "runs": 0, "blocked": 0, "met": "NO: error"}
-    for check in result.checks:
-        low, high = check.interval or (None, None)
-        yield {
-            **name,
-            **{"measured": check.quantity, "expected": check.band, "by": check.source},
-            **{"found": check.mean, "from": low, "to": high},
-            **{"runs": len(check.values), "blocked": check.blocked, "met": check.verdict},
-        }
 
 
 def run(evidence: Evidence) -> None:

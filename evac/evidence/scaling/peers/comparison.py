@@ -11,10 +11,10 @@ import numpy as np
 
 from evac.base.errors import SimulationError
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.models import make_model
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers import programs
 from evac.evidence.scaling.walks import TICK
+from evac.evidence.scenes import make_model
 from evac.evidence.verdicts import reported
 
 SIZES, QUICK_SIZES = (1_000, 10_000), (100,)

@@ -1,21 +1,33 @@
 """`evac verify`: carry out standard tests, and write one page on them."""
 
+import csv
+import subprocess
+import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
 from importlib.metadata import version
 from itertools import starmap
 from pathlib import Path
+from typing import Any, TypeVar
 
-from evac.base.errors import ResultError, usable_path
-from evac.base.processes import cores
-from evac.evidence.evidence import commit, in_processes, write_rows
-from evac.evidence.validation import standard
-from evac.evidence.validation.page import check_rows
-from evac.evidence.validation.trial import Trial
-from evac.folder.files import writing
+from evac.base.errors import ResultError, RunWarning, SimulationError, usable_path
+from evac.base.processes import Pool, cores
+from evac.folder.files import replacing, writing
 from evac.folder.manifest import COMPLETE, mark, read_manifest
 from evac.report.pages import write_page
 from evac.report.templates import Cell, rendered
+from evac.standard import tests as standard
+from evac.standard.plans import Row
+from evac.standard.trial import StandardTest, Trial
+
+Result = TypeVar("Result")
+
+#: Call by which runs do not warn: pages say what came of them.
+QUIET: tuple[Callable[..., None], tuple[object, ...]] = (warnings.simplefilter, ("ignore", RunWarning))
+
+#: Files of a checkout that affect the results.
+CODE = (":/*.py", ":/*.toml", ":/*.msh")
 
 #: Files of the folder of `evac verify`, beside those of the tests.
 PAGE_NAME, TABLE_NAME = "verification.html", "verification.csv"
@@ -26,7 +38,7 @@ SHOWN = ("test", "measured", "expected", "found", "runs", "blocked", "met", "by"
 
 
 def verify(
-    tests: Sequence[standard.StandardTest], trial: Trial, seed: int, tell: Callable[[standard.Result], None]
+    tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callable[[standard.Result], None]
 ) -> list[standard.Result]:
     """Carry out tests, in processes if there are several, tell each result in order, and write page and table.
 
@@ -52,7 +64,7 @@ def verify(
     return results
 
 
-def _check(folder: Path, tests: Sequence[standard.StandardTest]) -> None:
+def _check(folder: Path, tests: Sequence[StandardTest]) -> None:
     """Refuse files in the places of page and table that earlier verifications have not written, and links."""
     usable_path(folder, ResultError)
     with writing("the verification", folder):
@@ -109,3 +121,65 @@ def _cell(result: standard.Result) -> Cell:
 
 def _check_cell(key: str, value: object) -> object:
     return Cell(value, "good" if str(value).startswith("yes") else "bad") if key == "met" else value
+
+
+def check_rows(result: standard.Result, **columns: Any) -> Iterator[Row]:
+    """Return a row for each check of a test, and one for its error, if it ended with one."""
+    name = {"test": " ".join(result.test.names), **columns}
+    if result.error:
+        words = {"measured": result.error, "expected": "a run without errors", "by": "-"}
+        yield {**name, **words, "found": None, "from": None, "to": None, "runs": 0, "blocked": 0, "met": "NO: error"}
+    for check in result.checks:
+        low, high = check.interval or (None, None)
+        yield {
+            **name,
+            **{"measured": check.quantity, "expected": check.band, "by": check.source},
+            **{"found": check.mean, "from": low, "to": high},
+            **{"runs": len(check.values), "blocked": check.blocked, "met": check.verdict},
+        }
+
+
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows, whose columns are the keys of the first one, to a CSV file, which they replace as a whole."""
+    with replacing(path, "the table") as new, new.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def in_processes(
+    function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], workers: int, what: str, remedy: str
+) -> Iterator[Result]:
+    """Yield ``function(*task)`` for each task in order, from so many processes; an error says what ended and a remedy.
+
+    Raises
+    ------
+    SimulationError
+        A process died.
+    """
+    with Pool(workers, QUIET) as pool:
+        for future in [pool.submit(function, *task) for task in tasks]:
+            try:
+                result = future.result()
+            except BrokenExecutor as error:
+                raise SimulationError(
+                    f"{what}: a worker process ended unexpectedly, possibly for lack of memory: {error}; {remedy}"
+                ) from error
+            yield result
+
+
+def commit(file: Path = Path(__file__)) -> str:
+    """Return the commit of a checked-out file, with ``-dirty`` if code has changed since; empty if there is none.
+
+    An installed package may lie inside another checkout, so only files tracked by git count. Changed pages are not
+    changed code.
+    """
+    git = ["git", "-C", str(file.resolve().parent)]
+    try:
+        subprocess.run([*git, "ls-files", "--error-unmatch", file.name], check=True, capture_output=True)
+        described = [*git, "describe", "--always", "--abbrev=12"]
+        description = subprocess.run(described, check=True, capture_output=True, text=True).stdout.strip()
+        changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *CODE], capture_output=True).returncode
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return f"{description}-dirty" if changed else description

@@ -12,9 +12,8 @@ from scipy import stats
 from shapely import box
 
 from evac.base.arrays import FloatArray
-from evac.evidence.evidence import Row
-from evac.evidence.validation.plans import CROWD_SPEED, across, crowd, one_storey, straight_stair
-from evac.evidence.validation.trial import Check, Outcome, Trial, check
+from evac.standard.plans import CROWD_SPEED, Row, across, crowd, one_storey, straight_stair
+from evac.standard.trial import Check, Outcome, Trial, check, standard_test
 
 #: Radius, mass and relaxation time of people with known travel times.
 ONE = {"radius": 0.2, "mass": 80.0, "tau": 0.5}
@@ -48,6 +47,8 @@ def _place(x: float, y: float = 1.0, z: float = 0.0, **keys: Any) -> Row:
     return {**ONE, "positions": [[x, y]], "z": z, **keys}
 
 
+@standard_test("RiMEA-1", "40 m in a corridor at 1.33 m/s", speed=1.33, low=26.0, high=34.0)
+@standard_test("IMO-1", "40 m in a corridor at 1 m/s", speed=1.0, low=39.0, high=41.0)
 def corridor(trial: Trial, speed: float, low: float, high: float) -> Iterator[Check]:
     """Time 40 m in a corridor of 2 m, from rest."""
     plan = one_storey(box(-2, 0, 40, 2), exits={"end": across(40, 0, 2)})
@@ -59,6 +60,7 @@ def corridor(trial: Trial, speed: float, low: float, high: float) -> Iterator[Ch
     )
 
 
+@standard_test("NIST-2.1 ISO-2", "speed in a corridor")
 def speed_in_corridor(trial: Trial) -> Iterator[Check]:
     """Time 40 m in a corridor at 1 m/s, after 10 m to come up to speed."""
     plan = one_storey(box(-10, 0, 50, 2), exits={"end": across(50, 0, 2)})
@@ -67,6 +69,11 @@ def speed_in_corridor(trial: Trial) -> Iterator[Check]:
     yield check("speed over 40 m [m/s]", "NIST TN 1822, ISO 20414", [40.0 / time for time in times], 0.95, 1.05)
 
 
+@standard_test("RiMEA-2", "10 m up a stair", way="up", speed=0.5)
+@standard_test("RiMEA-3", "10 m down a stair", way="down", speed=0.65)
+@standard_test("IMO-2", "10 m up a stair at 1 m/s", way="up", speed=1.0, flat=1.0)
+@standard_test("IMO-3", "10 m down a stair at 1 m/s", way="down", speed=1.0, flat=1.0)
+@standard_test("ISO-3", "10 m of stair at half the speed", way="up", speed=0.5, flat=1.0)
 def stair(trial: Trial, way: str, speed: float, length: float = 10.0, flat: float = 1.33) -> Iterator[Check]:
     """Time a stair along its slope, which rises 3 in 5, at a speed of its own."""
     run, rise, up = 0.8 * length, 0.6 * length, way == "up"
@@ -84,12 +91,14 @@ def stair(trial: Trial, way: str, speed: float, length: float = 10.0, flat: floa
     yield check(words, "eq. 33, ± 1 %", times, 0.99 * by_hand, 1.01 * by_hand)
 
 
+@standard_test("NIST-2.2", "100 m on stairs")
 def long_stair(trial: Trial) -> Iterator[Check]:
     """Time 100 m up and down at 1 m/s."""
     for way in ("up", "down"):
         yield from stair(trial, way, 1.0, 100.0, 1.0)
 
 
+@standard_test("RiMEA-5 IMO-5", "response times, and nobody moves before", runs=5)
 def response(trial: Trial) -> Iterator[Check]:
     """Start ten people in a room after response times of 10 to 100 s; in places out of the way, and at random."""
     plan = one_storey(box(0, 0, 5, 8), exits={"door": [(2, 8), (3, 8)]}, areas={"room": box(0, 0, 5, 8)})
@@ -122,6 +131,7 @@ def _way_before_response(outcome: Outcome) -> float:
     return float(np.where(waits, np.nan_to_num(_ways(outcome)), 0.0).max())
 
 
+@standard_test("RiMEA-6 IMO-6 NIST-2.3 ISO-4", "twenty people round a corner", runs=3)
 def round_a_corner(trial: Trial) -> Iterator[Check]:
     """Lead twenty people round a corner: a leg along x to 12 m, 2 m wide, and one along y from x = 10 to 12 m."""
     exits, areas = {"end": [(10, 12), (12, 12)]}, {"start": box(0, 0, 6, 2)}
@@ -148,6 +158,7 @@ def _walked(trial: Trial, groups: Sequence[Row], each: int) -> list[FloatArray]:
     return [11.0 / (outcome.exit_time - ONE["tau"]) for outcome in trial.runs(plan, people)]
 
 
+@standard_test("RiMEA-7", "walking speeds by age")
 def speeds_by_age(trial: Trial) -> Iterator[Check]:
     """Compare the speeds that people of six ages walk at with the curve by age."""
     ages = [
@@ -160,6 +171,7 @@ def speeds_by_age(trial: Trial) -> Iterator[Check]:
     yield check(words, f"RiMEA, curve by age; level {ALPHA}", distances, high=_critical(len(means)))
 
 
+@standard_test("IMO-7", "walking speeds of a class of people")
 def speeds_of_men(trial: Trial) -> Iterator[Check]:
     """Count the men who walk at a speed of their class."""
     low, high = CROWD_SPEED["uniform"]
@@ -169,6 +181,7 @@ def speeds_of_men(trial: Trial) -> Iterator[Check]:
     yield check(f"men who walk at {low} to {high} m/s, of {number}", "IMO", inside, low=number, high=number)
 
 
+@standard_test("NIST-2.4 ISO-5", "assigned walking speeds")
 def speeds_of_a_normal_distribution(trial: Trial) -> Iterator[Check]:
     """Compare the speeds that a hundred people walk at with the normal distribution that was given."""
     mean, deviation = 1.2, 0.2
@@ -181,6 +194,7 @@ def speeds_of_a_normal_distribution(trial: Trial) -> Iterator[Check]:
         yield check(f"{word} of the speeds walked [m/s]", source, values, asked - 0.05, asked + 0.05)
 
 
+@standard_test("NIST-1.1 ISO-1", "distributions of response times")
 def response_distributions(trial: Trial) -> Iterator[Check]:
     """Compare response times with five distributions."""
     plan = one_storey(box(0, 0, 40, 25), exits={"door": across(40, 12, 13)}, areas={"hall": box(0, 0, 39, 25)})
@@ -225,6 +239,7 @@ GASES = (
 GIVEN = 0.1
 
 
+@standard_test("NIST-2.5 ISO-18", "walking speed in smoke")
 def corridor_in_smoke(trial: Trial) -> Iterator[Check]:
     """Time 100 m in a corridor of 2 m, in smoke, against the time in clear air."""
     plan = one_storey(box(0, 0, 100, 2), exits={"end": across(100, 0, 2)})
@@ -253,6 +268,7 @@ def _between(run: Outcome) -> float:
     return float(run.passing_times(0, 80.0)[0] - run.passing_times(0, 20.0)[0])
 
 
+@standard_test("NIST-2.6 ISO-19", "incapacitation by gases")
 def stopped_by_gases(trial: Trial) -> Iterator[Check]:
     """Let a person stand in mixtures of gases until the dose stops it."""
     plan = one_storey(box(0, 0, 5, 5), exits={"end": across(5, 2, 3)})

@@ -7,7 +7,9 @@ from shapely import box, union_all
 from shapely.geometry.base import BaseGeometry
 
 from evac.building.plan.plan import Plan
-from evac.evidence.evidence import Row
+
+#: A table of the file of a case, such as a group of people.
+Row = dict[str, Any]
 
 Shape = Sequence[tuple[float, float]]
 
@@ -16,6 +18,9 @@ FLOOR = "floor"
 
 #: Speed of the crowd where a test names none: men of 30 to 50 years (IMO MSC.1/Circ.1533, annex 3) [m/s].
 CROWD_SPEED = {"uniform": [0.97, 1.62]}
+
+#: Numbers of people who come towards the hundred of IMO 8.
+COUNTERS = (0, 10, 50, 100)
 
 
 def one_storey(
@@ -112,6 +117,17 @@ def cabins() -> tuple[Plan, list[str]]:
     areas = {f"room {number}": room for number, room in enumerate(rooms)}
     exits = {"main": [(6, 11), (7.2, 11)], "secondary": across(18, 5, 6)}
     return one_storey(*parts, *rooms, exits=exits, areas=areas), list(areas)
+
+
+def rooms_and_corridor(counter: int) -> tuple[Plan, list[Row]]:
+    """Return IMO 8: a hundred people cross from room to room through a corridor, and `counter` come towards them."""
+    exits = {"right": across(30, 0, 10), "left": across(0, 0, 10)}
+    areas = {"start left": box(0, 0, 4, 10), "start right": box(26, 0, 30, 10)}
+    plan = one_storey(box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10), exits=exits, areas=areas)
+    people: list[Row] = [{"area": "start left", "number": 100, "exits": ["right"]}]
+    if counter:
+        people.append({"area": "start right", "number": counter, "exits": ["left"]})
+    return plan, people
 
 
 def detour_and_stairs() -> Plan:

@@ -7,12 +7,12 @@ from shapely import box
 from shapely.geometry.base import BaseGeometry
 
 from evac.case.loading import load_case
-from evac.evidence.evidence import Row
-from evac.evidence.validation.plans import across, cabins, crowd, detour_and_stairs, one_storey, ring_and_bridge
-from evac.evidence.validation.trial import SELDOM, Check, Trial, check
 from evac.results.results import Results
+from evac.standard.plans import Row, across, cabins, crowd, detour_and_stairs, one_storey, ring_and_bridge
+from evac.standard.trial import SELDOM, Check, Trial, check, standard_test
 
 
+@standard_test("RiMEA-8", "faster people leave a building earlier")
 def faster_people(trial: Trial) -> Iterator[Check]:
     """Empty the shipped school of three storeys at three walking speeds."""
     case, times = load_case("primary_school", plugin_files=trial.plugin_files), []
@@ -24,6 +24,7 @@ def faster_people(trial: Trial) -> Iterator[Check]:
     yield check(words, "RiMEA; the shipped school for its building", (last[:-1] / last[1:]).min(axis=0), low=1.0)
 
 
+@standard_test("RiMEA-10 IMO-10 NIST-3.1 ISO-8", "exits assigned to rooms", runs=3)
 def assigned_exits(trial: Trial) -> Iterator[Check]:
     """Send 23 people from twelve rooms to the exits that are theirs."""
     plan, rooms = cabins()
@@ -41,6 +42,7 @@ def assigned_exits(trial: Trial) -> Iterator[Check]:
     yield check("people who left by the main exit, of 23", "the standard", by_main, low=15, high=15)
 
 
+@standard_test("RiMEA-11", "the nearer and the emptier of two exits")
 def nearer_exit(trial: Trial) -> Iterator[Check]:
     """Offer a thousand people two exits in one wall, of which one is nearer to all of them."""
     exits = {"near": [(21, 0), (22, 0)], "far": [(27, 0), (28, 0)]}
@@ -51,6 +53,7 @@ def nearer_exit(trial: Trial) -> Iterator[Check]:
     yield check(words, "RiMEA: some, and fewer than the others", far, low=1, high=499)
 
 
+@standard_test("RiMEA-14", "a short way over stairs or a detour")
 def detour_or_stairs(trial: Trial) -> Iterator[Check]:
     """Offer a short way over two stairs, and one of 34 m on the storey, at least 3 m longer, by strategy."""
     speeds = {"speed": 1.0, "speed_up": 0.5, "speed_down": 0.65}
@@ -61,6 +64,7 @@ def detour_or_stairs(trial: Trial) -> Iterator[Check]:
         yield check(words, "RiMEA: configurable", below, low=expected, high=expected)
 
 
+@standard_test("ISO-17", "the shorter way over storeys")
 def shorter_over_storeys(trial: Trial) -> Iterator[Check]:
     """Offer a long way on the storey and a short one over a bridge upstairs."""
     group = crowd(10, strategy="shortest") | {"speed": 1.2}
@@ -73,6 +77,7 @@ def _ever_on(results: Results, storey: str) -> int:
     return results.moves.occupancy(levels).people
 
 
+@standard_test("NIST-2.9", "a group with a slow member", runs=3)
 def mixed_group(trial: Trial) -> Iterator[Check]:
     """Lead four people at 1.25 m/s with one at 0.5 m/s, and ten at 0.2 m/s apart from them."""
     people = [*_together(0.5, 1.25), {"name": "others", "area": "others", "number": 10, "speed": 0.2}]
@@ -80,6 +85,7 @@ def mixed_group(trial: Trial) -> Iterator[Check]:
     yield check("spread of the arrivals of five, with teacher_following [s]", "NIST TN 1822", spreads, high=10.0)
 
 
+@standard_test("ISO-14", "a fast group among slow people", runs=5)
 def fast_group(trial: Trial) -> Iterator[Check]:
     """Lead five people at 1.25 m/s past ten at 0.5 m/s."""
     people = [*_together(1.25, 1.25), {"name": "others", "area": "others", "number": 10, "speed": 0.5}]
@@ -104,6 +110,7 @@ def _spreads(trial: Trial, people: list[Row], others: BaseGeometry) -> list[floa
     return [float(np.ptp(run.exit_time[rows])) for run, rows in zip(runs, five, strict=True)]
 
 
+@standard_test("NIST-3.2 ISO-15", "social influence on exits", runs=3)
 def follow_others(trial: Trial) -> Iterator[Check]:
     """Offer a person who is nearer to exit 1 another exit, by which nine others leave."""
     exits = {"1": [(0.5, 12), (1.5, 12)], "2": [(8.5, 12), (9.5, 12)]}
@@ -121,6 +128,7 @@ def follow_others(trial: Trial) -> Iterator[Check]:
     yield check("people who leave by exit 2, of 1, if others do, with familiarity", source, used["others"], low=1)
 
 
+@standard_test("NIST-3.3 ISO-16", "familiar exits", runs=5)
 def familiar_exit(trial: Trial) -> Iterator[Check]:
     """Offer two exits at the same distance: to people who know both, and to others of whom 80 % know one alone."""
     exits = {"1": [(0.5, 12), (1.5, 12)], "2": [(8.5, 12), (9.5, 12)]}
@@ -138,6 +146,7 @@ def familiar_exit(trial: Trial) -> Iterator[Check]:
     )
 
 
+@standard_test("NIST-4.1 ISO-9", "an exit that becomes unavailable")
 def closing_exit(trial: Trial) -> Iterator[Check]:
     """Send a person at 1 m/s to the nearer of two exits, which closes after 1 s."""
     exits = {"1": across(0, 12, 13), "2": across(10, 12, 13)}

@@ -1,11 +1,11 @@
-"""Parts of a standard test: who walks, the runs that it makes, and values compared with a criterion."""
+"""Parts of a standard test: its name, who walks, the runs that it makes, and values compared with a criterion."""
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,13 @@ from evac.building.plan.plan import Plan
 from evac.case.case import Case
 from evac.case.loading import load_case
 from evac.contract.hooks import DEFAULT_MOVEMENT
-from evac.evidence.evidence import Row
 from evac.results.results import Results
 from evac.simulation.running import run
+from evac.standard.plans import Row
 from evac.study.statistics import estimate
 from evac.trajectory.trajectory import Trajectory, read_trajectory
+
+Measure = TypeVar("Measure", bound=Callable[..., Iterable["Check"]])
 
 #: Contact model where none is set, that of new cases.
 CONTACT_MODEL = "nsm2"
@@ -31,6 +33,39 @@ DURATION, EVERY = 900.0, 0.1
 
 #: Output of runs with many people, of which exit times alone are measured.
 SELDOM = {"every": 1.0}
+
+
+@dataclass(frozen=True)
+class StandardTest:
+    """A test of one or several standards; `names` such as RiMEA-1, of which the first one names its folder."""
+
+    names: tuple[str, ...]
+    title: str
+    measure: "Callable[[Trial], Iterable[Check]] | None" = None  # yields the checks of a trial; None if it is not run
+    runs: int = 1  # number of seeds; 1 where nothing is drawn
+    why: str = ""  # why it is not run, which begins with `NOT_YET` or `NOT_APPLICABLE`
+    by_design: str = ""  # why the default movement fails it; empty if it should pass
+
+    @property
+    def name(self) -> str:
+        """The first name."""
+        return self.names[0]
+
+
+#: The tests that are run, in the order of their functions.
+MADE: list[StandardTest] = []
+
+
+def standard_test(
+    names: str, title: str, runs: int = 1, by_design: str = "", **given: Any
+) -> Callable[[Measure], Measure]:
+    """Add the test that a function measures with the given arguments; `names` are separated by spaces."""
+
+    def add(measure: Measure) -> Measure:
+        MADE.append(StandardTest(tuple(names.split()), title, partial(measure, **given), runs, by_design=by_design))
+        return measure
+
+    return add
 
 
 @dataclass(frozen=True)
