@@ -4,7 +4,7 @@ Without names, the tests are listed. Names are those of tests, such as RiMEA-9, 
 standards (RiMEA, IMO, NIST, ISO), or `all`. Each run leaves its result folder in DIR/TEST, and DIR/verification.html
 is a page on all tests, with the verdict first.
 
-Exit status: 0 if all tests that were run are passed, 1 if not.
+Exit status: 0 if all tests that were run are passed, 1 if not, or if a test that is named cannot be run.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from evac.cli.screen import say
 if TYPE_CHECKING:
     from evac.standard.tests import Result
 
-#: Exit status if a test is failed.
+#: Exit status if a test is failed, or named and not run.
 TEST_FAILED = 1
 
 
@@ -35,8 +35,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Carry out the tests, or list them; return 0 if all are passed."""
-    from evac.standard.tests import FAILED, TESTS, find_tests
+    """Carry out the tests, or list them; return 0 if all are passed, and those that are named were run."""
+    from evac.standard.tests import FAILED, PASSED, STANDARDS, TESTS, find_tests
     from evac.standard.trial import Trial, probe
 
     if not arguments.tests:
@@ -52,7 +52,10 @@ def execute(arguments: argparse.Namespace) -> int:
 
     results = verify(tests, trial, arguments.seed, tell)
     print(arguments.out / PAGE_NAME)
-    return TEST_FAILED if any(result.verdict == FAILED for result in results) else 0
+    groups = {"all", *(standard.lower() for standard in STANDARDS)}
+    named = find_tests(name for name in arguments.tests if name.lower() not in groups)
+    wrong = [one for one in results if one.verdict == FAILED or (one.test in named and one.verdict != PASSED)]
+    return TEST_FAILED if wrong else 0
 
 
 def tell(result: "Result") -> None:
