@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from evac.simulation.running import resume as resume
     from evac.simulation.running import run as run
     from evac.simulation.simulation import Simulation as Simulation
-    from evac.study.asking import repeat as repeat
-    from evac.study.asking import sweep as sweep
+    from evac.study.api import repeat as repeat
+    from evac.study.api import sweep as sweep
     from evac.study.study import Study as Study
     from evac.study.study import read_study as read_study
     from evac.trajectory.recorder import Recorder as Recorder
@@ -104,10 +104,10 @@ _HOMES = {
     "read_results": "evac.results.reading",
     "read_study": "evac.study.study",
     "read_trajectory": "evac.trajectory.trajectory",
-    "repeat": "evac.study.asking",
+    "repeat": "evac.study.api",
     "resume": "evac.simulation.running",
     "run": "evac.simulation.running",
-    "sweep": "evac.study.asking",
+    "sweep": "evac.study.api",
 }
 
 __all__ = list(_HOMES)

@@ -1,3 +1,4 @@
+import multiprocessing.process
 import textwrap
 
 import pytest
@@ -65,6 +66,19 @@ PLUGIN = """
     def evac_importers():
         return [Drawn]
 """
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """The worker processes that are started."""
+    started, start = [], multiprocessing.process.BaseProcess.start
+
+    def start_noted(process):
+        start(process)
+        started.append(process)
+
+    monkeypatch.setattr(multiprocessing.process.BaseProcess, "start", start_noted)
+    return started
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ repeats one of the runs.
 import argparse
 
 from evac.cli.inputs import case_to_run, declare_case, default_folder, note_unused_plugins
-from evac.cli.studies import declare_study, run_study, stopping_rule
+from evac.cli.studies import declare_study, run_study
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -29,4 +29,4 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_to_run(arguments)
     note_unused_plugins(case)
     points = halved_steps(case) if arguments.check_step else single(case)
-    return run_study(arguments, points, stopping_rule(arguments), default_folder(case, "runs"), arguments.replay)
+    return run_study(arguments, points, default_folder(case, "runs"))

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.study.points import Point
     from evac.study.statistics import Estimate
-    from evac.study.stopping import Rule
     from evac.study.study import Study, StudyProgress
 
 TITLE = "Evacuation time: when the last person left"
@@ -55,39 +54,42 @@ def declare_study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder")
 
 
-def stopping_rule(arguments: argparse.Namespace) -> "Rule":
-    """Return the stopping rule that the options state; --imo sets numbers of runs and repetitions."""
+def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: Path) -> int:
+    """Run and show the study of some points; return 2 if runs failed, else 3 if people are left in any run, else 0."""
     from evac.base.errors import ScenarioError
-    from evac.study.asking import rule_of
-    from evac.study.imo import POPULATIONS, REPETITIONS
+    from evac.study.api import execute_study
+    from evac.study.execute import dask_executor
+    from evac.study.statistics import IMO_POPULATIONS, IMO_REPETITIONS
+    from evac.study.stopping import rule_of
 
     if arguments.imo:
         if arguments.runs is not None or arguments.repetitions is not None:
             raise ScenarioError("--imo sets --runs and --repetitions; remove these or --imo")
-        arguments.repetitions = REPETITIONS
-        arguments.runs = None if arguments.until is not None else POPULATIONS * REPETITIONS
+        arguments.repetitions = IMO_REPETITIONS
+        arguments.runs = None if arguments.until is not None else IMO_POPULATIONS * IMO_REPETITIONS
     arguments.repetitions = arguments.repetitions or 1
-    names = ("runs", "until", "statistic", "least", "most", "repetitions")
-    return rule_of(*(getattr(arguments, name) for name in names))
-
-
-def run_study(
-    arguments: argparse.Namespace, points: "Sequence[Point]", rule: "Rule", folder: Path, replay: bool = False
-) -> int:
-    """Run and show the study of some points; return 2 if runs failed, else 3 if people are left in any run, else 0."""
-    from evac.study.asking import conducted
-    from evac.study.executors import dask_executor
-
-    first = points[0].case
-    prepare(first)
+    numbers = {
+        name: getattr(arguments, name) for name in ("runs", "until", "statistic", "least", "most", "repetitions")
+    }
+    rule = rule_of(**numbers)
+    case = points[0].case
+    prepare(case)
     of_each = f"points: {len(points)}, runs of each" if arguments.command == "sweep" else "runs"
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
-    note(f"{of_each}: {number}, seeds from {first.simulation.seed} on")
+    note(f"{of_each}: {number}, seeds from {case.simulation.seed} on")
     connected = nullcontext() if arguments.dask is None else dask_executor(arguments.dask)
     with connected as executor, Display() as display:
         display.phase("checking points and seeds")
-        show, folder, each = shown_progress(display), arguments.out or folder, arguments.repetitions
-        study = conducted(points, rule, folder, each, arguments.jobs, executor, arguments.resume, show, replay)
+        study = execute_study(
+            points,
+            **numbers,
+            folder=arguments.out or folder,
+            workers=arguments.jobs,
+            executor=executor,
+            resume=arguments.resume,
+            progress=shown_progress(display),
+            replay=arguments.replay,
+        )
     return show_study(study)
 
 
@@ -125,8 +127,7 @@ def shown_progress(display: Display) -> "Callable[[StudyProgress], None]":
 
 def show_study(study: "Study") -> int:
     """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
-    from evac.study.outputs import parameter_keys
-    from evac.study.remarks import quality_of, remarks_of
+    from evac.study.outputs import parameter_keys, quality_of, remarks_of
 
     case = study.points[0].case
     people = {sum(group.count for group in point.case.people) for point in study.points}
@@ -221,8 +222,8 @@ def _show_points(study: "Study") -> None:
 
 def _settled_facts(study: "Study") -> dict[str, object]:
     """Return the numbers of runs at which the measures of convergence settled."""
-    from evac.study.convergence import convergence, settled
     from evac.study.outputs import curves
+    from evac.study.statistics import convergence, settled
 
     settled_runs = settled(convergence(curves(study, 0)))
     at = [f"{name} after {counted(runs, 'run')}" for name, runs in settled_runs.items() if runs is not None]

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.cli.inputs import declare_plugin, declare_set, default_folder, with_plugin_files
-from evac.cli.studies import declare_study, run_study, stopping_rule
+from evac.cli.studies import declare_study, run_study
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,6 +32,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
     declare_plugin(parser)
     declare_study(parser)
+    parser.set_defaults(replay=False)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -41,14 +42,14 @@ def execute(arguments: argparse.Namespace) -> int:
     parameters, fixed = swept(arguments.set)
     if arguments.seed is not None:
         fixed.append(f"simulation.seed={arguments.seed}")
-    rule, case = stopping_rule(arguments), _case(arguments, fixed)
+    case = _case(arguments, fixed)
     if arguments.table is not None:
         rows, place = _rows(arguments, parameters, fixed), arguments.table.parent
         points = from_rows(case, rows, place, run_files=partial(_with_files_beside, place))
     else:
         assert case is not None
         points = grid(case, parameters)
-    return run_study(arguments, points, rule, default_folder(case or points[0].case, "sweep"))
+    return run_study(arguments, points, default_folder(case or points[0].case, "sweep"))
 
 
 def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:

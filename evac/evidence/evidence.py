@@ -111,7 +111,7 @@ class Evidence:
 
     def study(self, case: "Case", runs: int, **settings: Any) -> "Study":
         """Return a study of a case, as `evac.repeat`, with the seed of the case and the following ones."""
-        from evac.study.asking import repeat
+        from evac.study.api import repeat
 
         return repeat(case, runs, workers=1 if self.quick else WORKERS, **settings)
 
@@ -249,7 +249,7 @@ def paragraphs(text: str) -> list[str]:
 
 def in_fresh_process(function: Callable[..., Result], *arguments: Any) -> Result:
     """Return what a function returns in a process of its own."""
-    with Pool(1, QUIET) as pool:
+    with Pool(1, *QUIET) as pool:
         return pool.submit(function, *arguments).result()
 
 

@@ -6,7 +6,7 @@ Every kernel is stored as soon as it is finished, so that an interrupted process
 import importlib.util
 import sys
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import ExitStack, chdir, closing, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -127,14 +127,14 @@ def _compile_elsewhere(
     shares: list[list[Compilation]], processor: Processor, store: Store | None, tell: Callable[[], None]
 ) -> Generator[tuple[Compilation, bytes], None, None]:
     """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
-    folder = store and store.folder
+    folder = store.folder if store else None
     with ExitStack() as ending:
         futures: dict[Future[tuple[bytes, str]], Compilation] = {}
-        with suppress(OSError):  # no process can be started
+        with suppress(OSError, BrokenExecutor):  # no process can be started, or it has ended
             for share in shares:
                 pool = ending.enter_context(Pool(1, is_quiet=True))
                 for task in share:
-                    where = task.entry.__module__, _source(task.entry), task.entry.label, task.digest
+                    where = task.entry.__module__, _source(task.entry) or "", task.entry.label, task.digest
                     futures[pool.submit(_compile_there, where, processor, folder)] = task
         while futures:
             done, _ = wait(futures, _TOLD_EVERY, FIRST_COMPLETED)

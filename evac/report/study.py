@@ -33,9 +33,8 @@ from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.record import CaseTable, Record
 from evac.results.results import Results
-from evac.study.convergence import convergence, settled
 from evac.study.outputs import curves, parameter_keys
-from evac.study.statistics import Estimate, Statistics
+from evac.study.statistics import Estimate, Statistics, convergence, settled
 from evac.study.study import Study
 
 #: Percentiles over runs of what exits have [%].

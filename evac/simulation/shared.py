@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.processes import packed
 from evac.simulation.assembly import make_shared
 from evac.simulation.identity import ground_key
 from evac.simulation.scene import Ground
@@ -42,11 +41,12 @@ class GroundFile:
 
 def write_ground(ground: Ground, folder: Path) -> GroundFile:
     """Write a ground to a folder, to which other users must not have write access."""
-    frame, buffers = packed(ground)
+    buffers: list[pickle.PickleBuffer] = []
+    frame = pickle.dumps(ground, protocol=5, buffer_callback=buffers.append)
     digest = hashlib.sha256(frame).hexdigest()
     path, spans = folder / f"{digest}.ground", []
     with path.open("wb") as stream:
-        for part in (*buffers, frame):
+        for part in (*(buffer.raw() for buffer in buffers), memoryview(frame)):
             stream.seek(-(-stream.tell() // ALIGNMENT) * ALIGNMENT)
             spans.append((stream.tell(), len(part)))
             stream.write(part)

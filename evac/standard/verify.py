@@ -157,7 +157,7 @@ def in_processes(
     SimulationError
         A process died.
     """
-    with Pool(workers, QUIET) as pool:
+    with Pool(workers, *QUIET) as pool:
         for future in [pool.submit(function, *task) for task in tasks]:
             try:
                 result = future.result()

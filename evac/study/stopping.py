@@ -97,16 +97,26 @@ class Rule:
         return math.ceil(runs / self.repetitions - 1e-9) * self.repetitions
 
 
-def fixed(runs: int, repetitions: int = 1) -> Rule:
-    """Return the rule of a fixed number of runs."""
-    _check(runs=runs, repetitions=repetitions)
-    return Rule(runs, runs, repetitions=repetitions)
-
-
-def until_known(
-    until: float, statistic: str = "mean", least: int | None = None, most: int | None = None, repetitions: int = 1
+def rule_of(
+    runs: int | None = None,
+    until: float | None = None,
+    statistic: str = "mean",
+    least: int | None = None,
+    most: int | None = None,
+    repetitions: int = 1,
 ) -> Rule:
-    """Return the rule that stops when the relative half-width of the interval of a statistic is small enough."""
+    """Return the rule of a fixed number of runs, or with `until` of a narrow interval; see `evac.repeat`."""
+    if until is None:
+        if least is not None or most is not None:
+            raise ScenarioError("least and most can be used only with until; give runs instead, or add until")
+        runs = LEAST_RUNS if runs is None else runs
+        _check(runs=runs, repetitions=repetitions)
+        if runs % repetitions:
+            whole = math.ceil(runs / repetitions) * repetitions
+            raise ScenarioError(f"runs: {runs} is not a multiple of the {repetitions} repetitions; use {whole}")
+        return Rule(runs, runs, repetitions=repetitions)
+    if runs is not None:
+        raise ScenarioError("runs cannot be used with until; bound the number of runs with least and most")
     if not 0.0 < until < 1.0:
         raise ScenarioError(f"until must be a share between 0 and 1, such as 0.02 (2 %), not {until:g}")
     of = percentile_of(statistic)

@@ -1,4 +1,8 @@
-"""The rows of a study on disk, each written as soon as its run is done, in columns that data frame libraries read.
+"""The files of a study from which it is continued or opened again: its identity and definition, and its rows.
+
+The identity and the definition are written to study.json at the start. Only a study of the same identity can be
+resumed; with the definition a study can be opened again. Each row is written as soon as its run is done, in columns
+that data frame libraries read.
 
 During the study, rows are appended to ``runs.arrows``, an Arrow stream: each row is one record batch with a checksum,
 written with one call, so that after a kill at most the last one is incomplete. The first record that is incomplete or
@@ -7,28 +11,46 @@ sorted by point and run into ``runs.parquet``, whose digest is in ``runs.digest`
 SQLite (rows, not columns) nor Parquet (not readable without its end) is suitable for both.
 """
 
+import json
 import math
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from hashlib import file_digest
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.ipc
 import pyarrow.parquet as pq
 
-from evac.base.errors import ResultError, text_of
-from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, writing
+from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_path
+from evac.folder.digests import differences, digest_of_data
+from evac.folder.files import (
+    RUNS_DIGEST_NAME,
+    RUNS_PARQUET_NAME,
+    RUNS_STREAM_NAME,
+    STUDY_NAME,
+    replacing,
+    sync_file,
+    writing,
+)
+from evac.folder.jsonfile import plain
 from evac.folder.manifest import note_written
 from evac.folder.records import read_sealed, sealed
 from evac.results.ending import FAILED
-from evac.study.points import Point
-from evac.study.runs import Row
+from evac.results.results import versions
+from evac.simulation.assembly import providers
+from evac.simulation.identity import ground_key
+from evac.study.execute import Row
+from evac.study.points import Point, Seeds
+from evac.study.stopping import Rule
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
 
 #: Longest time after which rows are forced to disk, when the next one is appended [s].
 SYNC_EVERY = 1.0
@@ -315,3 +337,102 @@ def _value(column: pa.Array, k: int) -> Any:
     if pa.types.is_list(kind) and (pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type)):
         return column[k].values.to_numpy(zero_copy_only=False)
     return column[k].as_py()
+
+
+def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -> dict[str, Any]:
+    """Return what identifies a study: case, building, parameters, plugins, seeds, versions.
+
+    The number of runs, the stopping rule and the executor are not included.
+    """
+    case = points[0].case
+    return {
+        "case": plain(_settings(case)),
+        "parameters": [plain(point.parameters) for point in points],
+        "points": list(digests),
+        "plugins": sorted({name for point in points for name in providers(point.case)}),
+        "first_seed": seeds.first,
+        "repetitions": seeds.repetitions,
+        "versions": plain(versions()),
+    }
+
+
+def digest_of(case: "Case", key: str) -> str:
+    """Return a digest of everything that the runs of a point depend on except the seeds; includes the building."""
+    return digest_of_data(plain([_settings(case), providers(case), key]))
+
+
+def key_of(case: "Case") -> str:
+    """Return the key of the ground of a point."""
+    with naming(case.source):
+        return ground_key(case)
+
+
+def definition_of(points: Sequence[Point], rule: Rule) -> dict[str, Any]:
+    """Return what opens a study again, in addition to its identity: its cases, and the rule for the number of runs."""
+    bases = {id(point.base): point.base for point in points}
+    numbers = {key: number for number, key in enumerate(bases)}
+    cases = [base() if callable(base) else base for base in bases.values()]
+    return {
+        "rule": asdict(rule),
+        "cases": [{"table": case.table, "source": str(case.source), "plugin_files": _files(case)} for case in cases],
+        "case_of_point": [numbers[id(point.base)] for point in points],
+    }
+
+
+def _files(case: "Case") -> list[str]:
+    """Return all plugin files of a case: those of its registry, and those that have not been run."""
+    return [str(path) for path in dict.fromkeys((*case.registry.files(), *case.plugin_files))]
+
+
+def write_identity(folder: Path, identity: Mapping[str, Any], definition: Mapping[str, Any]) -> None:
+    """Write study.json, with a digest of its content."""
+    content = json.loads(json.dumps({**identity, "definition": definition}, default=plain))
+    text = json.dumps({**content, "digest": digest_of_data(content)}, indent=2)
+    with replacing(folder / STUDY_NAME, "the study") as new:
+        new.write_text(text + "\n", encoding="utf-8")
+
+
+def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the identity and the definition of a study."""
+    path = usable_path(folder, ResultError) / STUDY_NAME
+    if not path.is_file():
+        raise ResultError(f"{path}: no such file; name a result folder of `evac repeat` or `evac sweep`")
+    try:
+        identity = json.loads(path.read_text(encoding="utf-8"))
+        digest, definition = identity.pop("digest"), identity["definition"]
+    except (OSError, ValueError, AttributeError, LookupError, TypeError, RecursionError) as error:
+        raise ResultError(f"{path}: cannot be read: {in_one_line(error)}; start the study again") from error
+    if digest != digest_of_data(identity):
+        raise ResultError(f"{path}: damaged, its digest differs; start the study again")
+    del identity["definition"]
+    return identity, definition
+
+
+def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
+    """Check that a folder contains this study."""
+    found, _ = read_identity(folder)
+    changes = list(differences(found, json.loads(json.dumps(identity))))
+    if not changes:
+        return
+    listed = [
+        f"{'.'.join(key)} was {_short(old)} and is {_short(new)}" for key, old, new in changes if key[0] != "points"
+    ] or ["the file of the building has changed"]
+    shown = "\n".join(f"  {line}" for line in listed[:10])
+    more = f"\n  and {len(listed) - 10} more" if len(listed) > 10 else ""
+    raise ResultError(
+        f"{folder}: contains the runs of another study, which cannot be resumed:\n{shown}{more}\nundo the changes, or "
+        "choose another folder (--out)"
+    )
+
+
+def _settings(case: "Case") -> dict[str, Any]:
+    """Return the settings of a case without its seeds, which the study sets."""
+    table = case.to_dict()
+    for name in ("seed", "population_seed"):
+        table["simulation"].pop(name, None)
+    return table
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."

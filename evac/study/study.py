@@ -1,11 +1,12 @@
 """A study: its points, its rows, and their statistics."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,12 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, ResultError, in_one_line
 from evac.folder.files import STUDY_NAME
 from evac.results.reading import recorded_case
-from evac.study import imo
-from evac.study.conduct import Conductor
-from evac.study.identity import (
+from evac.study.execute import Execution, Order, Row, Task, order_of
+from evac.study.points import STEP, Point, Seeds
+from evac.study.statistics import MEDIAN, Estimate, Statistics, Variation, difference, statistics, variation
+from evac.study.stopping import Rule
+from evac.study.store import (
+    RowStore,
     check_identity,
     definition_of,
     digest_of,
@@ -26,11 +30,6 @@ from evac.study.identity import (
     read_identity,
     write_identity,
 )
-from evac.study.points import STEP, Point, Seeds
-from evac.study.runs import Order, Row, order_of
-from evac.study.statistics import MEDIAN, Estimate, Statistics, difference, statistics
-from evac.study.stopping import Rule
-from evac.study.store import RowStore
 
 if TYPE_CHECKING:
     import pandas
@@ -125,54 +124,42 @@ class Study:
         self.folder = folder
         self._store.move(folder)
 
-    def conduct(
+    def execute(
         self,
-        workers: int | None = None,
+        workers: int,
         executor: Executor | None = None,
         progress: Callable[[StudyProgress], None] | None = None,
     ) -> None:
-        """Check all missing runs, execute those that are not refused, and sort the rows.
-
-        Raises
-        ------
-        EvacError
-            The error of the first run, if all runs failed; or the rows cannot be written.
-        """
-        workers = workers or cpu_count() or 1
-        missing = [self._missing(order.point, range(self.rule.first)) for order in self._orders]
-        refused: list[Row] = []
-        if sum(map(len, missing)) > 1:
-            checks = Conductor(self.points, refused.append, workers, executor)
-            for order, runs in zip(self._orders, missing, strict=True):
-                checks.ask_check(order, runs)
-            checks.conduct()
-        if refused and len(refused) == self.rule.first * len(self.points):
-            raise _first_error(refused)
+        """Check all missing runs, execute those that are not refused, and sort the rows; raise if all runs failed."""
         failed: list[Row] = []
+        waiting: deque[Task] = deque()
 
-        def on_row(row: Row) -> None:
+        def keep(row: Row) -> None:
             self._store.append(row)
             self._there[row.point] += 1
-            order = self._orders[row.point]
-            conductor.ask(order, self._advanced(order))
+            waiting.extend(self._further(self._orders[row.point]))
             if row.error is not None:
                 failed.append(row)
             if progress is not None:
                 progress(StudyProgress(self.done, sum(self._wanted), row))
 
-        conductor = Conductor(self.points, on_row, workers, executor)
-        if progress is not None:
-            progress(StudyProgress(self.done, sum(self._wanted), None))
-        try:
-            for row in sorted(refused, key=lambda row: (row.point, row.run)):
-                on_row(row)
-            known = {(row.point, row.run) for row in refused}
+        missing = [self._missing(order.point, range(self.rule.first)) for order in self._orders]
+        tasks = {(o.point, run): Task(o, run) for o, runs in zip(self._orders, missing, strict=True) for run in runs}
+        with Execution(self.points, workers, executor) as execution, closing(self._store):
+            checks = deque(replace(task, only_check=True) for task in tasks.values() if len(tasks) > 1)
+            refused = sorted(execution.rows(checks), key=_place)
+            if refused and len(refused) == self.rule.first * len(self.points):
+                raise _first_error(refused)
+            if progress is not None:
+                progress(StudyProgress(self.done, sum(self._wanted), None))
+            for row in refused:
+                keep(row)
+                del tasks[_place(row)]
+            waiting.extend(tasks.values())
             for order, runs in zip(self._orders, missing, strict=True):
-                wanted = [run for run in runs if (order.point, run) not in known]
-                conductor.ask(order, wanted if runs else self._advanced(order))
-            conductor.conduct()
-        finally:
-            self._store.close()
+                waiting.extend(() if runs else self._further(order))
+            for row in execution.rows(waiting):
+                keep(row)
         if failed and all(math.isnan(entry.last_out) for entry in self._store.entries.values()):
             raise _first_error(failed)
         self._store.compact(sorted(self._store.entries))
@@ -226,9 +213,9 @@ class Study:
         """Return the statistic on which the stopping rule is based, at one point."""
         return self.rule.estimate(self.times(point), self.populations(point))
 
-    def variation(self, point: int) -> imo.Variation:
+    def variation(self, point: int) -> Variation:
         """Return the variation between populations and repetitions, as the procedure of the IMO requires."""
-        return imo.variation(self.times(point), self.populations(point))
+        return variation(self.times(point), self.populations(point))
 
     def rows(
         self, point: int | None = None, columns: Sequence[str] = (), *, failed: bool = False
@@ -288,8 +275,8 @@ class Study:
             before, runs = runs, self.rule.wanted(self._times(point, runs), populations)
         return runs if runs == before else missing[0] - missing[0] % self.seeds.repetitions
 
-    def _advanced(self, order: Order) -> list[int]:
-        """Apply the stopping rule to a point until it requests runs that are missing; return these."""
+    def _further(self, order: Order) -> list[Task]:
+        """Apply the stopping rule to a point until it requests runs that are missing; return their tasks."""
         point = order.point
         while self._there[point] == self._wanted[point]:
             before = self._wanted[point]
@@ -299,7 +286,7 @@ class Study:
             missing = self._missing(point, range(before, self._wanted[point]))
             self._there[point] = self._wanted[point] - len(missing)
             if missing:
-                return missing
+                return [Task(order, run) for run in missing]
         return []
 
 
@@ -346,8 +333,12 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
         raise ResultError(f"{place / STUDY_NAME}: not that of a study: {in_one_line(error)}") from error
 
 
+def _place(row: Row) -> tuple[int, int]:
+    return row.point, row.run
+
+
 def _first_error(failed: Sequence[Row]) -> EvacError:
     """Return the error of the first point and seed that failed."""
-    error = min(failed, key=lambda row: (row.point, row.run)).error
+    error = min(failed, key=_place).error
     assert error is not None
     return error

@@ -6,8 +6,8 @@ import pytest
 import evac
 from evac.base.errors import ScenarioError
 from evac.simulation.simulation import Simulation
-from evac.study.convergence import convergence
 from evac.study.outputs import curves
+from evac.study.statistics import convergence
 from tests.runs import assert_same_bits, run_ticks
 
 FLOOR = [[0, 0], [14, 0], [14, 8], [0, 8]]

@@ -22,10 +22,10 @@ import sys
 from contextlib import nullcontext
 
 import evac
-from evac.study import conduct
-from evac.study.executors import dask_executor
+from evac.study import execute
+from evac.study.execute import dask_executor
 
-conduct.JOINING = 0.05  # other processes join at once
+execute.JOINING = 0.0  # other processes join at once
 
 
 def told(progress):

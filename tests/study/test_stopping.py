@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from evac.base.errors import ScenarioError
-from evac.study.stopping import GROWTH, Rule, fixed, until_known
+from evac.study.stopping import GROWTH, Rule, rule_of
 
 ALONE = range(10**6)
 
 
 def test_a_fixed_number_of_runs_looks_at_nothing():
-    rule = fixed(7)
+    rule = rule_of(7)
     assert (rule.first, rule.wanted(np.full(7, math.inf), ALONE)) == (7, 7)
     assert rule.is_known(np.full(7, math.inf), ALONE)
 
 
 def test_a_study_stops_when_its_interval_is_narrow_enough():
     times = np.random.default_rng(1).lognormal(2.0, 0.08, 2000)
-    rule = until_known(0.02)
+    rule = rule_of(until=0.02)
     runs, looks = rule.first, [rule.first]
     while (wanted := rule.wanted(times[:runs], ALONE)) > runs:
         assert wanted >= GROWTH * runs
@@ -32,36 +32,36 @@ def test_a_study_stops_when_its_interval_is_narrow_enough():
 
 def test_the_required_runs_increase_with_the_square_of_the_width():
     times = np.random.default_rng(5).lognormal(2.0, 0.08, 20)
-    width = until_known(0.5).estimate(times, ALONE).relative_half_width
-    assert [until_known(width / share).wanted(times, ALONE) for share in (1.1, 2.0, 3.0)] == [30, 80, 180]
+    width = rule_of(until=0.5).estimate(times, ALONE).relative_half_width
+    assert [rule_of(until=width / share).wanted(times, ALONE) for share in (1.1, 2.0, 3.0)] == [30, 80, 180]
 
 
 def test_no_more_runs_than_the_most_are_wanted():
     times = np.random.default_rng(2).lognormal(0.0, 2.0, 60)
-    rule = until_known(0.01, most=60)
+    rule = rule_of(until=0.01, most=60)
     assert rule.wanted(times[:20], ALONE) == 60
     assert rule.wanted(times, ALONE) == 60
     assert not rule.is_known(times, ALONE)
 
 
 def test_a_percentile_without_an_interval_wants_more_runs():
-    rule = until_known(0.05, "percentile 95", least=10)
+    rule = rule_of(until=0.05, statistic="percentile 95", least=10)
     assert rule.wanted(np.linspace(1.0, 2.0, 10), ALONE) > 10
-    assert until_known(0.05, "percentile 95").first == 80
+    assert rule_of(until=0.05, statistic="percentile 95").first == 80
 
 
 def test_a_study_stops_when_its_interval_cannot_become_finite():
     """A percentile among the blocked runs, or one whose runs have too often been blocked for the greatest number."""
     times = np.linspace(1.0, 2.0, 80)
-    rule = until_known(0.05, "percentile 95")
+    rule = rule_of(until=0.05, statistic="percentile 95")
     often, seldom = times.copy(), times.copy()
     often[::4], seldom[:5] = math.inf, math.inf
     assert rule.wanted(often, ALONE) == 80
     assert not rule.is_open(often, ALONE)
     assert rule.wanted(seldom, ALONE) > 80
-    assert until_known(0.05, "percentile 95", most=90).wanted(seldom, ALONE) == 80
-    assert until_known(0.05).wanted(np.full(20, math.inf), ALONE) == 20
-    assert until_known(0.05).wanted(np.full(20, math.nan), ALONE) == 20
+    assert rule_of(until=0.05, statistic="percentile 95", most=90).wanted(seldom, ALONE) == 80
+    assert rule_of(until=0.05).wanted(np.full(20, math.inf), ALONE) == 20
+    assert rule_of(until=0.05).wanted(np.full(20, math.nan), ALONE) == 20
 
 
 def test_numbers_of_runs_are_whole_populations():
@@ -75,7 +75,7 @@ def test_numbers_of_runs_are_whole_populations():
     ("statistic", "until", "true"), [("mean", 0.03, math.exp(0.0032)), ("percentile 50", 0.03, 1.0)]
 )
 def test_intervals_of_stopped_studies_cover(statistic, until, true):
-    rng, rule, covered = np.random.default_rng(4), until_known(until, statistic), 0
+    rng, rule, covered = np.random.default_rng(4), rule_of(until=until, statistic=statistic), 0
     for _ in range(200):
         times, runs = rng.lognormal(0.0, 0.08, rule.most), rule.first
         while (wanted := rule.wanted(times[:runs], ALONE)) > runs:
@@ -90,6 +90,6 @@ def test_intervals_of_stopped_studies_cover(statistic, until, true):
 )
 def test_numbers_out_of_range_are_refused(arguments):
     with pytest.raises(ScenarioError):
-        until_known(**arguments)
+        rule_of(**arguments)
     with pytest.raises(ScenarioError):
-        fixed(0)
+        rule_of(0)

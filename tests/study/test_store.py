@@ -10,8 +10,8 @@ import pytest
 import evac
 from evac.base.errors import ResultError
 from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME
+from evac.study.execute import Row
 from evac.study.points import grid
-from evac.study.runs import Row
 from evac.study.store import RowStore
 
 
@@ -38,7 +38,6 @@ def row(point, run, people=3):
         exit_time=times,
         exit_used=np.zeros(people, np.int16),
         quality_warnings=("deep",) * run,
-        wall_time=0.1,
     )
 
 

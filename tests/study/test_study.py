@@ -3,7 +3,6 @@
 import concurrent.futures
 import csv
 import json
-import os
 import textwrap
 
 import numpy as np
@@ -13,7 +12,7 @@ import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.folder.files import RUNS_STREAM_NAME
 from evac.report.study import study_report
-from evac.study.identity import read_identity, write_identity
+from evac.study.store import read_identity, write_identity
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +47,7 @@ def test_runs_are_those_of_their_seeds(case):
 
 
 def test_tables_do_not_depend_on_who_makes_the_runs(case, tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)  # processes join for the least work
+    monkeypatch.setattr("evac.study.execute.JOINING", 0.0)  # processes join for the least work
     with concurrent.futures.ThreadPoolExecutor(2) as executor:
         studies = [
             evac.repeat(case, 6, folder=tmp_path / "1", workers=1),
@@ -386,7 +385,7 @@ def test_a_study_without_any_result_raises_the_first_error(case):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_run_that_fails_on_its_way_is_a_row(tmp_path, monkeypatch, workers):
-    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    monkeypatch.setattr("evac.study.execute.JOINING", 0.0)
     act = "assert crowd.mass[0] != self.heaviest, 'too heavy'"
     case = with_plugin(tmp_path, act)
     masses = [evac.Simulation(case.change({"simulation.seed": seed})).population.crowd.mass[0] for seed in (1, 2, 3, 4)]
@@ -395,15 +394,6 @@ def test_a_run_that_fails_on_its_way_is_a_row(tmp_path, monkeypatch, workers):
     assert [row["ended"] for row in study.rows(columns=["ended"], failed=True)][2] == "failed"
     assert "too heavy" in list(study.rows(columns=["error"], failed=True))[2]["error"]
     assert study.statistics[0].runs == 3
-
-
-def test_an_error_in_another_process_is_in_its_row(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
-    case = with_plugin(tmp_path, f"import os; os.getpid() != {os.getpid()} and int('three')")
-    study = evac.repeat(case, 8, workers=2)
-    errors = [row["error"] for row in study.rows(columns=["error"], failed=True)]
-    assert 0 < study.statistics[0].failed == sum(error is not None for error in errors) < 8
-    assert all("three" in error for error in errors if error is not None)
 
 
 def test_a_worker_that_cannot_load_the_case_ends_the_study(case):
@@ -417,32 +407,37 @@ def test_a_worker_that_cannot_load_the_case_ends_the_study(case):
         evac.repeat(case, 3, executor=Executor())
 
 
-@pytest.mark.parametrize("ending", ["error", "cancelled"])
-def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, ending):
+@pytest.mark.parametrize(("error", "words"), [(MemoryError("no room"), "no room"), (None, "given up")])
+def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, error, words):
     class Executor(concurrent.futures.Executor):
         def submit(self, *task):
             future = concurrent.futures.Future()
-            if ending == "error":
-                future.set_exception(MemoryError("no room"))
+            if error is not None:
+                future.set_exception(error)
             else:
                 future.cancel()
                 future.set_running_or_notify_cancel()
             return future
 
-    with pytest.raises(SimulationError, match="runs 0 to"):
+    with pytest.raises(SimulationError, match=rf"simulation.seed = \d.*{words}.*--resume"):
         evac.repeat(case, 3, executor=Executor())
 
 
-def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
-    mark = tmp_path / "killed"
-    kill = "(mark.touch(), os.kill(os.getpid(), 9))"
-    act = f"import os, pathlib; mark = pathlib.Path({str(mark)!r}); "
-    act += f"os.getpid() != {os.getpid()} and not mark.exists() and {kill}"
-    case = with_plugin(tmp_path, act)
-    study = evac.repeat(case, 8, workers=2)
-    assert mark.exists()
-    assert study.table().equals(evac.repeat(case, 8, workers=1).table())
+def test_a_process_that_dies_once_loses_no_run_and_one_that_dies_again_only_its_own(tmp_path, monkeypatch, started):
+    monkeypatch.setattr("evac.study.execute.JOINING", 0.0)
+    case = with_plugin(tmp_path, "pass")
+    whole = evac.repeat(case, 8, workers=1).table()
+    masses = [evac.Simulation(case.change({"simulation.seed": seed})).population.crowd.mass[0] for seed in (2, 5)]
+    dies_once = f"crowd.mass[0] == {float(masses[0])!r} and not mark.exists()"
+    act = f"import os, pathlib; mark = pathlib.Path({str(tmp_path / 'mark')!r}); "
+    act += f"({dies_once} or crowd.mass[0] == {float(masses[1])!r}) and (mark.touch(), os.kill(os.getpid(), 9))"
+    study = evac.repeat(with_plugin(tmp_path, act), 8, workers=2)
+    rows = list(study.rows(failed=True))
+    assert [row["seed"] for row in rows if row["ended"] == "failed"] == [5]
+    assert "twice" in rows[4]["error"]
+    assert study.table().filter([k != 4 for k in range(8)]).equals(whole.filter([k != 4 for k in range(8)]))
+    assert len(started) >= 4  # the pool is made again after each of three deaths
+    assert all(process.exitcode is not None for process in started)
 
 
 def test_a_folder_without_a_study_is_said_to_be_none(tmp_path):

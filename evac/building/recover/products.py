@@ -85,14 +85,14 @@ class _Reader:
     """A process that has the content of a file; another one takes its place after it has been ended."""
 
     def __init__(self, content: bytes, library: str) -> None:
-        self._first = (_load, (content, library))
+        self._arguments = content, library
         self._pool: Pool | None = None
 
     def ask(self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float, said: list[str]) -> Any:
         """Return the result of a call, or why there is none; add what the library writes to `said`."""
         try:
             if self._pool is None:
-                self._pool = Pool(1, self._first, is_quiet=True)
+                self._pool = Pool(1, _load, self._arguments, is_quiet=True)
                 self._pool.submit(_ready).result(timeout=START)  # is not counted
             result, lines = self._pool.submit(_answer, function, arguments).result(timeout=limit)
         except TimeoutError:
@@ -107,7 +107,7 @@ class _Reader:
     def close(self) -> None:
         """End the process."""
         if self._pool is not None:
-            self._pool.close(at_once=True)
+            self._pool.kill()
         self._pool = None
 
 

@@ -6,8 +6,8 @@ once, and then a metric and exits for each march; it answers with the costs.
 
 from collections import deque
 from collections.abc import Generator, Sequence
-from concurrent.futures import Future
-from contextlib import suppress
+from concurrent.futures import BrokenExecutor, Future
+from contextlib import ExitStack, suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -55,14 +55,16 @@ def march_all(
 ) -> Generator[FloatArray, None, None]:
     """Yield the costs (nodes,) of marches in their order, with the same bits for any number of workers.
 
-    What a worker does not answer, because it could not be started or was killed, is marched in this process.
+    What the workers do not answer, because one could not be started or was killed, is marched in this process.
     """
-    with Pool(workers, (_take, (grids, order)), is_quiet=True) as pool:
-        futures: deque[Future[FloatArray]] = deque()
-        with suppress(OSError):  # no process can be started
-            for metric, exits, barred in marches if workers > 1 else ():
-                factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number, repeated
-                futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred))
+    futures: deque[Future[FloatArray]] = deque()
+    with ExitStack() as stack:
+        with suppress(OSError, BrokenExecutor):
+            pool = stack.enter_context(Pool(workers, _take, (grids, order), is_quiet=True)) if workers > 1 else None
+            for metric, exits, barred in marches:
+                if pool is not None:
+                    factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number
+                    futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred))
         for metric, exits, barred in marches:
             cost = _answer(futures.popleft()) if futures else None
             yield march(grids, metric, exits, order, barred) if cost is None else cost

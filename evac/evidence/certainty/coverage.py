@@ -10,7 +10,7 @@ from evac.base.arrays import FloatArray
 from evac.base.distributions import generator_for
 from evac.evidence.evidence import Row
 from evac.study.statistics import CONFIDENCE, estimate, percentile, percentile_of
-from evac.study.stopping import until_known
+from evac.study.stopping import rule_of
 
 Interval = tuple[float, float]
 
@@ -74,7 +74,7 @@ def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, i
     if task.until is None:
         times = generator.choice(task.times, task.runs)
         return *_interval(task, times, generator), task.runs
-    rule = until_known(task.until, task.statistic)
+    rule = rule_of(until=task.until, statistic=task.statistic)
     times = generator.choice(task.times, rule.most)
     if task.method != "ours":
         return _plain(task, times, LOOKING_FROM[task.method])

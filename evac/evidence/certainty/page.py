@@ -13,9 +13,9 @@ from evac.evidence.evidence import WORKERS, Evidence, Row, new_figure
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
-from evac.study.asking import repeat, sweep
+from evac.study.api import repeat, sweep
 from evac.study.statistics import CONFIDENCE, least_runs, share_interval
-from evac.study.stopping import until_known
+from evac.study.stopping import rule_of
 from evac.study.study import Study
 
 #: Case, runs that studies are drawn from, and studies of each kind: full and quick.
@@ -220,7 +220,7 @@ def report_questions(evidence: Evidence, times: FloatArray) -> None:
     rows: list[Row] = []
     for name in STOPPED:
         for share in (0.10, 0.05, 0.02, 0.01):
-            rule = until_known(share, name)
+            rule = rule_of(until=share, statistic=name)
             runs = rule.first
             width = rule.estimate(regular, range(len(regular))).relative_half_width
             needed = 4000 * (width / share) ** 2

@@ -1,47 +1,52 @@
 """Functions that run studies: `evac.repeat`, `evac.sweep`; and the folder of a study."""
 
-import math
 import shutil
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from os import cpu_count
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
+from evac.base.processes import cores
 from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
 from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.simulation.shared import simulation_of
 from evac.study import points
-from evac.study.executors import warn_alone
+from evac.study.execute import warn_alone
+from evac.study.outputs import quality_of, remarks_of, write_outputs, write_replays
 from evac.study.points import Point, Seeds
-from evac.study.remarks import quality_of, remarks_of
-from evac.study.stopping import LEAST_RUNS, MOST_OF_STUDY, Rule, fixed, until_known
+from evac.study.stopping import MOST_OF_STUDY, rule_of
 from evac.study.study import Study, StudyProgress
 
 if TYPE_CHECKING:
     from evac.case.case import Case
 
 
+class StudyOptions(TypedDict, total=False):
+    """The options of `repeat`, which explains them, and of `sweep`."""
+
+    until: float | None
+    statistic: str
+    least: int | None
+    most: int | None
+    repetitions: int
+    folder: str | Path | None
+    workers: int | None
+    executor: Executor | None
+    resume: bool
+    progress: Callable[[StudyProgress], None] | None
+
+
 def repeat(
     case: "Case | str | Path | Mapping[str, Any]",
     runs: int | None = None,
     *,
-    folder: str | Path | None = None,
-    until: float | None = None,
-    statistic: str = "mean",
-    least: int | None = None,
-    most: int | None = None,
-    repetitions: int = 1,
-    workers: int | None = None,
-    executor: Executor | None = None,
-    resume: bool = False,
-    progress: Callable[[StudyProgress], None] | None = None,
     check_step: bool = False,
+    **options: Unpack[StudyOptions],
 ) -> Study:
     """Run a case with many seeds: ``simulation.seed`` and the following ones.
 
@@ -51,6 +56,8 @@ def repeat(
         A case from `evac.load`, or an argument of `evac.load`.
     runs : int, optional
         Number of runs; 20 by default. Not allowed with `until`.
+    check_step : bool
+        Make all runs with half the time step as well, as a second point; `Study.step_change` compares them.
     folder : str or Path, optional
         Result folder: new, empty, or an earlier result, which is overwritten. By default the rows are in a temporary
         folder that exists as long as the returned object.
@@ -58,12 +65,13 @@ def repeat(
         Run until half the width of the confidence interval of the `statistic` of the evacuation time is at most this
         share of its value.
     statistic : str
-        ``"mean"`` of the complete runs, or ``"percentile 95"`` for example.
+        ``"mean"`` of the complete runs, the default, or ``"percentile 95"`` for example.
     least, most : int, optional
         Bounds of the number of runs with `until`; 20 (80 for the 95th percentile) and 1000 by default.
     repetitions : int
         Number of consecutive runs with the same people, see `evac.study.points.Seeds`; `runs` counts all of them.
         100 populations with 5 repetitions, ``repeat(case, 500, repetitions=5)``, are the scheme of IMO MSC.1/Circ.1533.
+        By default 1.
     workers : int, optional
         Number of processes; by default the number of cores. Results do not depend on it. The processes do not import
         the main script, which needs no ``if __name__ == "__main__":``.
@@ -74,8 +82,6 @@ def repeat(
         Continue the study in the folder; existing runs are not repeated.
     progress : callable, optional
         Called with an `evac.study.study.StudyProgress` after each row has been written.
-    check_step : bool
-        Make all runs with half the time step as well, as a second point; `Study.step_change` compares them.
 
     Returns
     -------
@@ -101,11 +107,10 @@ def repeat(
     >>> study = repeat(load("classroom"), until=0.02, folder="study")  # doctest: +SKIP
     >>> study.statistics[0].mean  # doctest: +SKIP
     """
-    rule = rule_of(runs, until, statistic, least, most, repetitions)
     case = run_plugin_files(as_case(case))
     chosen = points.halved_steps(case) if check_step else points.single(case)
     warn(_warnings_before(chosen))
-    study = conducted(chosen, rule, folder, repetitions, workers, executor, resume, progress)
+    study = execute_study(chosen, runs, **options)
     warn((*remarks_of(study), *quality_of(study)))
     return study
 
@@ -114,17 +119,7 @@ def sweep(
     case: "Case | str | Path | Mapping[str, Any]",
     parameters: Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]],
     runs: int | None = None,
-    *,
-    folder: str | Path | None = None,
-    until: float | None = None,
-    statistic: str = "mean",
-    least: int | None = None,
-    most: int | None = None,
-    repetitions: int = 1,
-    workers: int | None = None,
-    executor: Executor | None = None,
-    resume: bool = False,
-    progress: Callable[[StudyProgress], None] | None = None,
+    **options: Unpack[StudyOptions],
 ) -> Study:
     """Run a case with many seeds at several points in parameter space, with the same seeds (common random numbers).
 
@@ -135,7 +130,9 @@ def sweep(
     parameters : mapping of str to sequence, or sequence of mapping
         A mapping of dotted keys to lists of values gives one point per combination; a sequence of mappings of dotted
         keys to values gives one point per mapping.
-    runs, folder, until, statistic, least, most, repetitions, workers, executor, resume, progress
+    runs : int, optional
+        Number of runs at each point; 20 by default.
+    **options
         As for `repeat`, at each point.
 
     Returns
@@ -158,40 +155,27 @@ def sweep(
     >>> study = sweep(load("square_room"), changes, runs=20)  # doctest: +SKIP
     >>> study.to_pandas().groupby("people.people.number").last_out.mean()  # doctest: +SKIP
     """
-    rule = rule_of(runs, until, statistic, least, most, repetitions)
     case = run_plugin_files(as_case(case))
     if isinstance(parameters, Mapping):
         chosen = points.grid(case, parameters)
     else:
         chosen = points.from_rows(case, parameters, Path.cwd(), case.registry)
     warn(_warnings_before(chosen))
-    study = conducted(chosen, rule, folder, repetitions, workers, executor, resume, progress)
+    study = execute_study(chosen, runs, **options)
     warn((*remarks_of(study), *quality_of(study)))
     return study
 
 
-def rule_of(
-    runs: int | None, until: float | None, statistic: str, least: int | None, most: int | None, repetitions: int
-) -> Rule:
-    """Return the stopping rule for these arguments."""
-    if until is None:
-        if least is not None or most is not None:
-            raise ScenarioError("least and most can be used only with until; give runs instead, or add until")
-        runs = LEAST_RUNS if runs is None else runs
-        if runs % max(repetitions, 1):
-            whole = math.ceil(runs / repetitions) * repetitions
-            raise ScenarioError(f"runs: {runs} is not a multiple of the {repetitions} repetitions; use {whole}")
-        return fixed(runs, repetitions)
-    if runs is not None:
-        raise ScenarioError("runs cannot be used with until; bound the number of runs with least and most")
-    return until_known(until, statistic, least, most, repetitions)
-
-
-def conducted(
+def execute_study(
     chosen: Sequence[Point],
-    rule: Rule,
-    folder: str | Path | None,
+    runs: int | None = None,
+    *,
+    until: float | None = None,
+    statistic: str = "mean",
+    least: int | None = None,
+    most: int | None = None,
     repetitions: int = 1,
+    folder: str | Path | None = None,
     workers: int | None = None,
     executor: Executor | None = None,
     resume: bool = False,
@@ -199,25 +183,24 @@ def conducted(
     replay: bool = False,
 ) -> Study:
     """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
+    rule = rule_of(runs, until, statistic, least, most, repetitions)
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
     if len(chosen) * rule.first > MOST_OF_STUDY:
-        runs = f"{rule.first} runs at each of {len(chosen)} points"
-        raise ScenarioError(f"{runs} are more than {MOST_OF_STUDY}; reduce the number of runs or points")
-    workers = _number_of_workers(chosen, workers or cpu_count() or 1, executor)
+        number = f"{rule.first} runs at each of {len(chosen)} points"
+        raise ScenarioError(f"{number} are more than {MOST_OF_STUDY}; reduce the number of runs or points")
+    workers = _number_of_workers(chosen, workers or cores(), executor)
     seeds = Seeds(chosen[0].case.simulation.seed, repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))
         study = Study.begun(chosen, seeds, rule, temporary)
         weakref.finalize(study, shutil.rmtree, temporary, ignore_errors=True)
-        study.conduct(workers, executor, progress)
+        study.execute(workers, executor, progress)
         return study
-    from evac.study.outputs import write_outputs, write_replays
-
     with ResultFolder(Path(folder)) as place:
         _open_folder(place, resume)
         study = Study.begun(chosen, seeds, rule, place.running, resume)
-        study.conduct(workers, executor, progress)
+        study.execute(workers, executor, progress)
         write_outputs(study)
         if replay:
             write_replays(study)

@@ -1,0 +1,361 @@
+"""Execution of the runs of a study: in this process, in a pool of local processes, or by a given executor."""
+
+import json
+import logging
+import math
+import os
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray
+from evac.base.errors import EvacError, ProcessWarning, SimulationError, in_one_line
+from evac.base.phases import Progress
+from evac.base.processes import Pool
+from evac.results.ending import EVERYBODY_OUT, EVERYBODY_SAFE, FAILED, INTERRUPTED, Stopped
+from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
+from evac.simulation.shared import GroundFile, shared_ground, simulation_of, write_ground
+from evac.study.points import SEEDS, Point, Seeds
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+    from evac.contract.registry import Registry
+
+#: Estimated wall time of the remaining tasks from which a pool makes them: its processes take half of it to start [s].
+JOINING = 3.0
+
+#: Number of tasks that a given executor has at a time.
+IN_FLIGHT = 1000
+
+#: Number of times that Dask repeats a task whose worker has died, in addition to its own attempts.
+DASK_RETRIES = 3
+
+
+@dataclass(frozen=True)
+class Order:
+    """The data that a process needs to execute runs of a point; picklable."""
+
+    point: int
+    where: str  # words that name the point in messages; empty if it is the only one
+    digest: str  # of the case, which is loaded only once in each process
+    table: Mapping[str, Any]  # the case, see `evac.case.loading.case_from`
+    source: Path
+    plugin_files: tuple[Path, ...]
+    seeds: Seeds
+    key: str  # of the ground
+    ground: GroundFile | None = None  # if it has been written
+
+
+@dataclass(frozen=True)
+class Row:
+    """The stored results of a run."""
+
+    point: int
+    run: int
+    seed: int
+    population_seed: int | None  # seed of the properties of people, if it differs from `seed`
+    ended: str  # as in `Results`; "failed" for a run without results, because of an error
+    time: float = math.nan  # simulated time [s]; NaN for a failed run
+    # time at which the last person left [s]; infinite if people are left inside, NaN for a failed run
+    last_out: float = math.nan
+    # tuple of (str, int, float): for each exit: name, number of people who left by it, time at which the last of them
+    # left [s] or NaN
+    exits: tuple[tuple[str, int, float], ...] = ()
+    # (people,) float64 [s]: NaN for people still inside
+    exit_time: FloatArray = field(default_factory=lambda: np.empty(0))
+    # (people,) int16: index in `exits`; -1 for people still inside
+    exit_used: NDArray[np.int16] = field(default_factory=lambda: np.empty(0, np.int16))
+    quality_warnings: tuple[str, ...] = ()
+    error: EvacError | None = None  # why the run failed, with its seed in a note
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether people are left inside at the end of a run that did not fail."""
+        return self.ended not in (EVERYBODY_OUT, EVERYBODY_SAFE, FAILED)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run of a point; or, with `only_check`, whether the run is refused.
+
+    It is refused if its people cannot be placed, have no ways, or are not accepted by the contact model.
+    """
+
+    order: Order
+    run: int
+    only_check: bool = False
+
+
+class Execution:
+    """Executes tasks: in this process while that is faster, then in a pool of processes; or all by a given executor."""
+
+    def __init__(self, points: Sequence[Point], workers: int, executor: Executor | None = None) -> None:
+        self._points, self._workers, self._executor = points, workers, executor
+        self._pool: Pool | None = None
+        self._grounds: dict[str, GroundFile | None] = {}
+        self._folder = TemporaryDirectory(prefix="evac-study-", ignore_cleanup_errors=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._renew()
+        self._folder.cleanup()
+
+    def rows(self, waiting: deque[Task]) -> Iterator[Row]:
+        """Yield the row of each task as soon as it has ended; tasks may be added meanwhile.
+
+        Those that only check have a row if the run is refused.
+        """
+        if self._executor is None and self._pool is None:
+            yield from self._rows_made_here(waiting)
+        try:
+            yield from self._rows_made_elsewhere(waiting)
+        except OSError as error:
+            warn_alone(f"no other process can be started: {error}")
+            self._renew()
+            self._workers = 1
+            yield from self._rows_made_here(waiting)
+
+    def _rows_made_here(self, waiting: deque[Task]) -> Iterator[Row]:
+        """Yield the rows of tasks until a pool is faster; a run that takes too long is given up for that."""
+        spent, made = 0.0, 0
+        while waiting and not self._pays(spent / max(made, 1), len(waiting)):
+            task, begin = waiting.popleft(), time.perf_counter()
+            row = make_row(task, self._points[task.order.point].case, partial(self._tick, begin, waiting))
+            spent, made = spent + time.perf_counter() - begin, made + 1
+            if row is not None and row.ended == INTERRUPTED:
+                waiting.appendleft(task)
+            elif row is not None:
+                yield row
+
+    def _tick(self, begin: float, waiting: Sized, progress: Progress) -> None:
+        if self._pays(time.perf_counter() - begin, len(waiting) + 1):
+            raise Stopped
+
+    def _pays(self, seconds: float, tasks: int) -> bool:
+        """Return whether a pool is faster for so many tasks, each of which takes some seconds here."""
+        return self._workers > 1 and tasks > 1 and seconds * tasks >= JOINING
+
+    def _rows_made_elsewhere(self, waiting: deque[Task]) -> Iterator[Row]:
+        """Yield the rows of tasks of the pool or the executor."""
+        running: dict[Future[Row | None], Task] = {}
+        most = self._workers if self._executor is None else IN_FLIGHT
+        try:
+            while waiting or running:
+                while waiting and len(running) < most:
+                    running[self._submitted(waiting[0])] = waiting[0]
+                    waiting.popleft()
+                done = wait(running, return_when=FIRST_COMPLETED).done
+                broken = {one for one in done if self._pool and isinstance(one.exception(), BrokenExecutor)}
+                for future in done - broken:
+                    row = _row_of(future, running.pop(future))
+                    if row is not None:
+                        yield row
+                if broken:
+                    unfinished = list(running.values())
+                    running.clear()
+                    yield from self._rows_made_singly(unfinished)
+        finally:
+            for future in running:
+                future.cancel()
+            waiting.extendleft(running.values())
+
+    def _rows_made_singly(self, tasks: Sequence[Task]) -> Iterator[Row]:
+        """Yield the rows of tasks of a broken pool, each executed alone: if its process dies again, its run failed."""
+        self._renew()
+        for task in tasks:
+            try:
+                row = self._submitted(task).result()
+            except BrokenExecutor:
+                self._renew()
+                error = SimulationError(
+                    "the process that made this run ended unexpectedly, twice, possibly for lack of memory; use fewer"
+                    " processes (--jobs, from Python workers=1)"
+                )
+                row = _failed_row(task, error)
+            if row is not None:
+                yield row
+
+    def _renew(self) -> None:
+        """End the processes of the pool; the next task starts others."""
+        if self._pool is not None:
+            self._pool.kill()
+        self._pool = None
+
+    def _submitted(self, task: Task) -> "Future[Row | None]":
+        """Submit a task to the pool or the executor, with the file of its ground."""
+        task = replace(task, order=replace(task.order, ground=self._shared(task.order)))
+        if self._executor is None and self._pool is None:
+            self._pool = Pool(self._workers)
+        try:
+            return (self._executor or self._pool).submit(make_row, task)  # type: ignore[union-attr]
+        except BrokenExecutor as error:
+            future: Future[Row | None] = Future()
+            future.set_exception(error)
+            return future
+        except (OSError, RuntimeError) as error:
+            if self._executor is None:
+                raise OSError(in_one_line(error)) from error
+            raise SimulationError(
+                f"the executor accepts no task: {in_one_line(error)}; continue with --resume"
+            ) from error
+
+    def _shared(self, order: Order) -> GroundFile | None:
+        """Return the file of a ground, written when it is first needed; None if the ground cannot be made."""
+        if order.key not in self._grounds:
+            self._grounds[order.key] = None
+            with suppress(EvacError):  # the worker tells why
+                ground = shared_ground(self._points[order.point].case, order.key)
+                self._grounds[order.key] = write_ground(ground, Path(self._folder.name))
+        return self._grounds[order.key]
+
+
+def _row_of(future: "Future[Row | None]", task: Task) -> Row | None:
+    """Return the row of a task that has ended, or raise why it was not executed."""
+    error = None if future.cancelled() else future.exception()
+    if isinstance(error, EvacError):
+        raise error
+    if error is not None or future.cancelled():
+        why = "its task was given up, as when the scheduler has ended" if error is None else in_one_line(error)
+        raise SimulationError(
+            f"the worker did not make {_named(task)}: {why}; see the log of the worker, then continue with --resume"
+        ) from error
+    return future.result()
+
+
+def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], None] | None = None) -> Row | None:
+    """Execute a task in this process; an error of the run makes a row with that error."""
+    order, base = task.order, case if case is not None else _case_of(task.order)
+    try:
+        case = base.change(order.seeds.changes(task.run))
+        if task.only_check:
+            ground = shared_ground(base, order.key, order.ground)
+            case.registry.call_all("evac_configure", case=case, registry=case.registry)
+            make_population(case, ground, make_contact_model(case), make_behaviours(case))
+            return None
+        results = simulation_of(case, order.key, order.ground).run(tick)
+    except EvacError as error:
+        return _failed_row(task, error)
+    crowd = results.crowd
+    exits = []
+    for exit_ in results.building.exits:
+        times = crowd.exit_time[crowd.exit_used == exit_.index]
+        exits.append((exit_.name, len(times), float(times.max()) if len(times) else math.nan))
+    return Row(
+        order.point,
+        task.run,
+        results.seed,
+        case.simulation.population_seed,
+        results.ended,
+        time=results.time,
+        last_out=results.last_out if results.is_complete and results.last_out is not None else math.inf,
+        exits=tuple(exits),
+        exit_time=crowd.exit_time[results.leaving],
+        exit_used=crowd.exit_used[results.leaving].astype(np.int16),
+        quality_warnings=tuple(results.quality_warnings),
+    )
+
+
+def _failed_row(task: Task, error: EvacError) -> Row:
+    """Return the row of a run that failed; its seed and, in a study of several points, its point are noted."""
+    changes = task.order.seeds.changes(task.run)
+    copy = type(error)(*error.args)  # without the simulation to which the traceback of the error refers
+    copy.__cause__ = error.__cause__
+    for note in getattr(error, "__notes__", ()):
+        copy.add_note(note)
+    copy.add_note(f"in {_named(task)}")
+    return Row(task.order.point, task.run, changes[SEEDS[0]], changes.get(SEEDS[1]), FAILED, error=copy)
+
+
+def _named(task: Task) -> str:
+    """Return the words that name the run of a task in messages."""
+    seeds = ", ".join(f"{key} = {seed}" for key, seed in task.order.seeds.changes(task.run).items())
+    return f"the run with {seeds}{task.order.where}"
+
+
+def order_of(point: Point, seeds: Seeds, digest: str, key: str) -> Order:
+    """Return the order for the runs of a point."""
+    case = point.case
+    where = f" at the point {point.label}" if point.parameters else ""
+    return Order(point.index, where, digest, case.table, case.source, case.registry.files(), seeds, key)
+
+
+_cases: dict[str, "Case"] = {}
+
+
+@lru_cache(maxsize=8)
+def _registry(plugin_files: tuple[Path, ...]) -> "Registry":
+    """Return the registry of a study, created once in each process."""
+    from evac.contract.registry import Registry
+
+    return Registry(plugin_files)
+
+
+def _case_of(order: Order) -> "Case":
+    """Return the checked case of an order; only that of the last point is cached."""
+    from evac.case.loading import case_from
+
+    if order.digest not in _cases:
+        registry = _registry(order.plugin_files)
+        case = case_from(order.table, order.source, plugin_files=order.plugin_files, registry=registry)
+        _cases.clear()
+        _cases[order.digest] = case
+    return _cases[order.digest]
+
+
+@contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """Connect to a Dask scheduler and yield an executor."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise EvacError('dask.distributed is not installed: pip install "evac[dask]"') from error
+    is_address = ":" in address and not os.path.exists(address)
+    where = address if is_address else _address_in(address)
+    # What Dask logs of a lost connection, with tracebacks, also later, is told by an error of the study.
+    before = logging.root.manager.disable
+    logging.disable()
+    try:
+        client = Client(where, timeout=10, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise EvacError(
+            f"no Dask scheduler answers at {address}: {in_one_line(error)}; start one, or check the address"
+        ) from error
+    try:
+        yield client.get_executor(pure=False, retries=DASK_RETRIES)
+    finally:
+        with suppress(Exception):  # of a scheduler that has ended
+            client.close(timeout=10)
+    logging.disable(before)
+
+
+def _address_in(path: str) -> str:
+    """Return the address in a scheduler file."""
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        address = found["address"]
+        if not isinstance(address, str):
+            raise TypeError("its address is not text")
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise EvacError(
+            f"{path}: not a scheduler file of Dask: {in_one_line(error)}; give the file that dask scheduler "
+            "--scheduler-file has written, or an address such as tcp://10.0.0.1:8786"
+        ) from error
+    return address
+
+
+def warn_alone(why: str) -> None:
+    """Warn that this process makes all runs."""
+    warnings.warn(f"{why}; all runs are made in this process", ProcessWarning, stacklevel=2)
