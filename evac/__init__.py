@@ -10,8 +10,6 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from evac.base.moved import refuse_former_names
-
 if TYPE_CHECKING:
     from evac.analysis.maps import LevelMaps as LevelMaps
     from evac.base.change import Change as Change
@@ -111,8 +109,6 @@ _HOMES = {
 }
 
 __all__ = list(_HOMES)
-
-refuse_former_names()
 
 
 def __getattr__(name: str) -> Any:

@@ -1,25 +1,20 @@
 """evac resume: continue a run that was killed or stopped, from its last checkpoint.
 
 On the same machine, with the same versions, plugins and building, the results are bitwise those of a run without
-interruption, except wall times. --set changes the case from the checkpoint on, such as building.closed='["door"]', and
-requires another result folder (--out); its summary lists the changes. People, seed, step, tick and output.every
-cannot be changed.
+interruption, except wall times.
 """
 
 import argparse
 from pathlib import Path
 
 from evac.base.display import Display
-from evac.cli.inputs import announce_plugin_file, declare_plugin, declare_set
+from evac.cli.inputs import announce_plugin_file, declare_plugin
 from evac.cli.run import declare_checkpoint, declare_threads, declare_verbose
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of the interrupted run")
-    declare_set(parser, "change keys of the case from the checkpoint on; requires --out")
-    other = "another result folder, with the records from the checkpoint on"
-    parser.add_argument("--out", type=Path, metavar="DIR", help=other)
     case = "case of the run; needed if it names plugin files and is not beside RESULT"
     parser.add_argument("--case", type=Path, metavar="FILE", help=case)
     declare_checkpoint(parser, "as the interrupted run")
@@ -38,11 +33,9 @@ def execute(arguments: argparse.Namespace) -> int:
         from evac.folder.resultfolder import ResultFolder
         from evac.simulation.running import resumed
 
-        with ResultFolder(arguments.out or arguments.result) as place:
+        with ResultFolder(arguments.result) as place:
             simulation, every = resumed(
-                arguments.result,
                 place,
-                arguments.set,
                 arguments.plugins,
                 allow_differences=arguments.allow_differences,
                 threads=arguments.threads,

@@ -20,21 +20,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     what = "compute also the parts that the case does not need: slower, with the same trajectories"
     parser.add_argument("--full", action="store_true", help=what)
     parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
-    parser.add_argument("--tolerance", action=Removed, nargs="?", help=argparse.SUPPRESS)
     declare_checkpoint(parser, "none")
     declare_threads(parser)
     declare_verbose(parser)
-
-
-class Removed(argparse.Action):
-    """An option that has been removed; the error names what replaces it."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Refuse the option."""
-        parser.error(
-            "--tolerance was removed, because errors of positions grow once people touch; evac repeat CASE --check-step"
-            " shows the effect of the time step"
-        )
 
 
 def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:

@@ -343,7 +343,7 @@ class Exposure:
         np.isfinite(self.stopped_at, out=self.stopped)
         self._shown = float(taken(state, "shown", np.float64, (), -PERIOD, np.inf))
         self._series = taken(state, "series", np.float64, (None, len(SERIES)), 0.0, np.inf)
-        if self.routes is not None and "routes.counts" in state:  # not if a changed case has added them
+        if self.routes is not None:
             with part_of(state, "routes.") as own:
                 self.routes.restore(own, scene)
         self._time = float(taken(state, "time", np.float64, (), 0.0, np.inf, nan=True))

@@ -67,7 +67,6 @@ class Header(_Table):
     case: CaseAtStart
     every: float | None = Field(ge=0.0)
     full: bool
-    routes: list[str]
     made_with: dict[str, dict[str, str]]
     resumed: list[dict[str, Any]]
     time: float

@@ -209,8 +209,7 @@ class Population:
 
     @property
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of the crowd, without those set by behaviours before a run, which a changed case may alter."""
-        return {name: array for name, array in self.crowd.values().items() if name != "contact_radius"}
+        return self.crowd.values()
 
     def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, ...]]:
         """Return the least and greatest value of each array of the crowd that has more bounds than to be finite."""
@@ -218,6 +217,7 @@ class Population:
         own = {name: BOUNDS[name] for name in ("radius", "height", "mass", "tau", "speed")}
         return own | {
             "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
+            "contact_radius": BOUNDS["radius"],
             "level": (-1, len(building.levels) - 1),
             "group": (0, len(self.groups) - 1),
             "start_time": (-np.inf, np.inf),

@@ -384,7 +384,7 @@ class CompiledEngine(Engine):
         state.lists = make_lists(n, pairs, walls, len(state.world.cosine))
         state.memory.number = 0
         make_room_for_contacts(state, contacts)
-        if self._model is not None and self._memory_keys(self._model)[0] in saved:  # not if a change adds the model
+        if self._model is not None and self._model.memory:
             self._restore_memory(self._model, saved)
         state.events = allocate(Events, events)
         state.tally[:] = tally

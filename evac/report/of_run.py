@@ -102,9 +102,9 @@ def quality_of(run: Results) -> list[str]:
                 " earlier times."
             )
     for resumed in run.record.resumed:
-        if resumed.get("differences") or resumed.get("changes"):
+        if resumed["differences"]:
             lines.append(
-                f"The run was resumed from a checkpoint at {resumed.get('time')} s with changes:"
-                f" {resumed.get('changes')} {resumed.get('differences')}"
+                f"The run was resumed from a checkpoint at {resumed['time']} s with other software or files:"
+                f" {'; '.join(resumed['differences'])}"
             )
     return lines

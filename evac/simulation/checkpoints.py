@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.errors import FolderWarning, PluginError, ResultError, ScenarioError, in_one_line
+from evac.base.errors import FolderWarning, PluginError, ResultError, in_one_line
 from evac.base.parameters import Configurable
 from evac.base.saved import SavedError, part_of, taken
-from evac.building.model.links import links_named
 from evac.case.loading import case_from
 from evac.case.trust import named_files, run_plugin_files
 from evac.folder.checkpoint import Header, read_checkpoint, write_checkpoint
-from evac.folder.digests import differences
 from evac.folder.files import CHECKPOINT_NAME
 from evac.folder.jsonfile import checked, plain
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
@@ -28,17 +26,12 @@ from evac.physics.contact.model import ContactModel
 from evac.results.ending import INTERRUPTED
 from evac.simulation.identity import inputs_of, made_of
 from evac.simulation.loop import Operation
-from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.contract.registry import Registry
-
-#: Keys of a case that must not change when a run is resumed in a changed case: the people, and the times of steps,
-#: ticks and recorded states. Of ``building``, only ``closed`` may change.
-FIXED = ("people", "presets", "simulation.seed", "simulation.step", "simulation.tick", "output.every")
 
 
 class Checkpoints:
@@ -99,7 +92,6 @@ class Checkpoints:
             },
             "every": self._every,
             "full": simulation.full,
-            "routes": [str(route) for route in simulation.fields.routes],
             "made_with": {**inputs_of(case), **made_of(simulation)},
             "resumed": plain(simulation.resumed),
         }
@@ -148,13 +140,12 @@ class Checkpoint:
 
     def case(
         self,
-        overrides: Mapping[str, Any] | Iterable[str] = (),
         plugin_files: Iterable[str | Path] = (),
         registry: "Registry | None" = None,
         case_file: str | Path | None = None,
         announce: Callable[[Path], None] | None = None,
     ) -> "Case":
-        """Return the case of the run as it was at the start, with overrides applied."""
+        """Return the case of the run."""
         given = self.header.case
         source = Path(given.source)
         files = [Path(path).resolve() for path in plugin_files]
@@ -166,32 +157,13 @@ class Checkpoint:
             )
         if set(named) - set(files):
             self._check_place(source, case_file)
-        case = run_plugin_files(case_from(given.table, source, (), files, registry), announce)
-        changed = case.change(overrides)
-        table, new = case.to_dict(), changed.to_dict()
-        kept = [key for key in FIXED if _at(table, key) != _at(new, key)]
-        kept += [f"building.{key}" for key, value in new["building"].items() if table["building"].get(key) != value]
-        kept = [key for key in kept if key != "building.closed"]
-        if kept:
-            raise ScenarioError(
-                f"{self.path}: {', '.join(kept)} cannot change when a run is resumed, because its people and time "
-                "steps must stay the same; run the changed case from its start"
-            )
-        return changed
+        return run_plugin_files(case_from(given.table, source, (), files, registry), announce)
 
-    def restore(self, simulation: Simulation, case_before: "Case") -> None:
-        """Restore the state of a simulation of the same or a changed case, except for the recorders."""
-        routes = [str(route) for route in simulation.fields.routes]
-        if routes != self.header.routes:
-            raise ScenarioError(
-                f"{self.path}: the routes of the changed case are {'; '.join(routes)}, those of the checkpoint "
-                f"{'; '.join(self.header.routes)}; the run cannot be resumed, run the case from its start"
-            )
-        changed = [".".join(key) for key, *_ in differences(case_before.to_dict(), simulation.case.to_dict())]
-        with self._naming(changed), part_of(self.arrays, "simulation.") as state:
+    def restore(self, simulation: Simulation) -> None:
+        """Restore the state of a simulation of the same case, except for the recorders."""
+        with self._naming(), part_of(self.arrays, "simulation.") as state:
             simulation.restore(state)
             taken({"time": np.array(self.header.time)}, "time", np.float64, (), simulation.time, simulation.time)
-        _switch_links(simulation.scene, case_before.building.closed, simulation.case.building.closed)
         simulation.resumed = list(self.header.resumed)
 
     def check_recorders(self, simulation: Simulation) -> None:
@@ -207,16 +179,11 @@ class Checkpoint:
             simulation.recording.restore(simulation, state, lengths, self.header.plugin_files)
 
     @contextmanager
-    def _naming(self, changed: Sequence[str] = ()) -> Iterator[None]:
-        """Name the checkpoint in errors about its content, and the keys of the case that have changed since."""
+    def _naming(self) -> Iterator[None]:
+        """Name the checkpoint in errors about its content."""
         try:
             yield
         except SavedError as error:
-            if changed:
-                raise ScenarioError(
-                    f"{self.path}: the saved state does not fit the changed {', '.join(changed)} ({error}); change "
-                    "other keys only, or run the changed case from its start"
-                ) from error
             raise ResultError(f"{self.path}: the state cannot be restored: {error}; run the case again") from error
         except (KeyError, ValueError, IndexError) as error:
             raise ResultError(
@@ -267,22 +234,3 @@ def without_state(simulation: Simulation) -> list[str]:
                 "state() and restore() to the plugin (state() may return {} if they are recomputed before each use)"
             )
     return lines
-
-
-def _switch_links(scene: Scene, before: Sequence[str], after: Sequence[str]) -> None:
-    """Open the links that a changed case no longer closes, and close those that it closes in addition."""
-    opened: set[int] = set()
-    for name in before:
-        if name not in after:
-            opened |= links_named(scene.building, name)
-            scene.set_open(name, True)
-    for name in after:
-        if name not in before or links_named(scene.building, name) & opened:
-            scene.set_open(name, False)
-
-
-def _at(table: Mapping[str, Any], key: str) -> Any:
-    value: Any = table
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, Mapping) else None
-    return value

@@ -130,13 +130,12 @@ class Deciding:
         return state
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned; behaviours that a changed case has added stay as they are."""
+        """Restore the arrays that `state` returned."""
         self.held[:] = taken(state, "held", np.bool_, self.held.shape, False, True)
         for behaviour, scene in self.used:
-            if f"generator.{behaviour.name}" in state:
-                what = f"behaviour {behaviour.name!r}: restore"
-                with plugin_code(what, behaviour), part_of(state, f"behaviour.{behaviour.name}.") as own:
-                    behaviour.restore(own)
-                with part_of(state, "generator.") as own:
-                    words = taken(own, behaviour.name, np.uint64, MOST_WORDS.shape, 0, MOST_WORDS)
-                restore_generator(scene.generator, words)
+            what = f"behaviour {behaviour.name!r}: restore"
+            with plugin_code(what, behaviour), part_of(state, f"behaviour.{behaviour.name}.") as own:
+                behaviour.restore(own)
+            with part_of(state, "generator.") as own:
+                words = taken(own, behaviour.name, np.uint64, MOST_WORDS.shape, 0, MOST_WORDS)
+            restore_generator(scene.generator, words)

@@ -42,7 +42,7 @@ def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
     data = {
         Path(os.path.relpath(path, folder)).as_posix(): digest_of_file(path)[:16] for path in simulation.data_files()
     }
-    # Other links may be closed in a run that is resumed, from which warnings follow.
+    # Links that were closed during the run are open before it is restored, and warnings follow from them.
     building = digest_of_data({**building_to_json(simulation.building), "closed": [], "warnings": []})
     return {"building": {"": building}, "data": data, "kernel": kernels_of(simulation)}
 
@@ -57,7 +57,7 @@ def kernels_of(simulation: Simulation) -> dict[str, str]:
 
 
 def differences_of(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Return a line for each difference; of kernels and data only where both have them, since a case may change."""
+    """Return a line for each difference; of kernels and data only where both have them."""
     return [
         f"{f'{kind} {name}'.strip()}: {old or 'missing'} when the checkpoint was written, {new or 'missing'} now"
         for kind, values in now.items()

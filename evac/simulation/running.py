@@ -14,7 +14,6 @@ from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioErro
 from evac.base.interrupt import Interrupt
 from evac.base.phases import Phases, Progress
 from evac.case.loading import as_case
-from evac.case.overrides import parsed
 from evac.folder.files import (
     ANIMATION_NAME,
     CHECKPOINT_NAME,
@@ -114,9 +113,7 @@ def run(
 
 def resume(
     folder: str | Path,
-    overrides: Mapping[str, Any] | Iterable[str] = (),
     *,
-    out: str | Path | None = None,
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     checkpoint: float | None = None,
@@ -131,11 +128,6 @@ def resume(
     ----------
     folder : str or Path
         Result folder of the interrupted run.
-    overrides : mapping, or iterable of str
-        Keys of the case to change from the checkpoint on, as for `evac.load`; requires `out`. Of the building only
-        ``closed`` may change, and people, seed, step, tick and ``output.every`` may not.
-    out : str or Path, optional
-        Another result folder. It contains records from the checkpoint on, and `folder` is left unchanged.
     plugin_files, registry
         As for `evac.load`: those that the run was given in addition to those of its case.
     checkpoint : float, optional
@@ -170,22 +162,17 @@ def resume(
     Examples
     --------
     >>> results = evac.resume("classroom-result")  # doctest: +SKIP
-    >>> results = evac.resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
     _check_interval(checkpoint)
-    with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
-        simulation, every = resumed(
-            folder, place, overrides, plugin_files, registry, allow_differences, threads, case_file
-        )
+    with ResultFolder(folder) as place, displayed(progress) as shown:
+        simulation, every = resumed(place, plugin_files, registry, allow_differences, threads, case_file)
         results = _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
     warn((*results.warnings, *results.remarks, *results.quality_warnings))
     return results
 
 
 def resumed(
-    folder: str | Path,
     place: ResultFolder,
-    overrides: Mapping[str, Any] | Iterable[str] = (),
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     allow_differences: bool = False,
@@ -194,42 +181,28 @@ def resumed(
     compiling: Callable[[int, int], None] | None = None,
     announce: Callable[[Path], None] | None = None,
 ) -> tuple[Simulation, float | None]:
-    """Return a simulation restored from the checkpoint of a folder, and its wall time between checkpoints [s].
+    """Return a simulation restored from the checkpoint of a locked folder, and its wall time between checkpoints [s].
 
-    Parameters and errors are those of `resume` and of `Simulation`. `place` must be locked; `announce` is called with
+    Parameters and errors are those of `resume` and of `Simulation`; `announce` is called with
     the path of each plugin file of the case before it is executed.
     """
-    folder, overrides = Path(folder), _listed(overrides)
-    is_branch = folder.resolve() != place.path.resolve()
-    if overrides and not is_branch:
-        raise ScenarioError(
-            f"{folder}: a run that is resumed in a changed case needs another result folder, so that results are not "
-            "mixed; give one (--out)"
-        )
-    checkpoint = find_checkpoint(folder)
-    before = checkpoint.case((), plugin_files, registry, case_file, announce)
-    case = checkpoint.case(overrides, plugin_files, before.registry, case_file) if overrides else before
-    differences = differences_of(checkpoint.header.made_with, inputs_of(before))
+    checkpoint = find_checkpoint(place.path)
+    case = checkpoint.case(plugin_files, registry, case_file, announce)
+    differences = differences_of(checkpoint.header.made_with, inputs_of(case))
     _check_differences(checkpoint.path, differences, allow_differences)
     simulation = Simulation(case, place.running, checkpoint.header.full, threads=threads, compiling=compiling)
     differences += differences_of(checkpoint.header.made_with, made_of(simulation))
     _check_differences(checkpoint.path, differences, allow_differences)
-    checkpoint.restore(simulation, before)
-    if not is_branch:
-        checkpoint.check_recorders(simulation)
-    simulation.resumed.append(
-        {"from": str(folder), "time": checkpoint.header.time, "changes": dict(overrides), "differences": differences}
-    )
-    if is_branch:
-        place.start()
-    else:
-        place.reopen(checkpoint.path.parent)
-        try:
-            checkpoint.restore_recorders(simulation)
-        except BaseException:
-            place.put_back(checkpoint.path.parent)
-            raise
-        remove_written(place.running, [*checkpoint.files, CHECKPOINT_NAME])
+    checkpoint.restore(simulation)
+    checkpoint.check_recorders(simulation)
+    simulation.resumed.append({"time": checkpoint.header.time, "differences": differences})
+    place.reopen(checkpoint.path.parent)
+    try:
+        checkpoint.restore_recorders(simulation)
+    except BaseException:
+        place.put_back(checkpoint.path.parent)
+        raise
+    remove_written(place.running, [*checkpoint.files, CHECKPOINT_NAME])
     return simulation, checkpoint.header.every
 
 
@@ -384,11 +357,3 @@ def _check_differences(path: Path, differences: list[str], is_allowed: bool) -> 
             + "\n".join(f"  {line}" for line in differences)
             + "\nundo the changes, run the case again, or accept them (--allow-differences)"
         )
-
-
-def _listed(overrides: Mapping[str, Any] | Iterable[str]) -> dict[str, Any]:
-    """Return overrides as a dictionary."""
-    pairs, faults = parsed(overrides)
-    if faults:
-        raise ScenarioError("; ".join(f"{'.'.join(map(str, fault.key))}: {fault.text}" for fault in faults))
-    return dict(pairs)

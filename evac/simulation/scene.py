@@ -99,7 +99,6 @@ class Scene:
         self.changes: list[Change] = []
         self.ground = ground
         self.has_begun = self.has_ended = False
-        self._planned: list[Change] = []  # what behaviours have applied before the run
         self._waiting: list[Change] = []
         self.new_ways: list[int] = []
         self.people: Population | None = None
@@ -139,8 +138,6 @@ class Scene:
         if not isinstance(change, Change):
             raise ScenarioError(f"{change!r:.80} is not a change; give evac.Change(time, kind, what)")
         check(self, change)
-        if not self.has_begun:
-            self._planned.append(change)
         if change.time > self.time + AT_ONCE or self.has_ended:
             self._waiting.append(change)
             return
@@ -202,8 +199,8 @@ class Scene:
         return fields
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the indices of the closed links, changes so far, planned and to come as JSON, and values of fields."""
-        rows = {"changes": self.changes, "planned": self._planned, "waiting": self._waiting}
+        """Return the indices of the closed links, changes so far and to come as JSON, and values of fields."""
+        rows = {"changes": self.changes, "waiting": self._waiting}
         texts = {name: json.dumps([change.as_row() for change in changes]) for name, changes in rows.items()}
         state: dict[str, NDArray[Any]] = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
         state |= {f"field.{name}": field.values.copy() for name, field in self._owned.items()}
@@ -213,8 +210,6 @@ class Scene:
     def restore(self, state: Mapping[str, NDArray[Any]], time: float) -> None:
         """Restore the arrays that `state` returned at a time [s].
 
-        What the behaviours of a changed case plan replaces what those of the case before had planned.
-
         Raises
         ------
         SavedError
@@ -222,14 +217,9 @@ class Scene:
         """
         closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_closable - 1)
         self.time = time
-        self.changes, before, waiting = (_changes_in(state, name) for name in ("changes", "planned", "waiting"))
-        if before != self._planned:
-            waiting = [change for change in waiting if change not in before or change in self._planned]
-            waiting += [change for change in self._planned if change not in before]
-        self._waiting = waiting
+        self.changes, self._waiting = (_changes_in(state, name) for name in ("changes", "waiting"))
         for name, field in self._owned.items():
-            if f"field.{name}" in state:  # not if a changed case has added the behaviour
-                field.values[:] = taken(state, f"field.{name}", np.float64, field.values.shape)
+            field.values[:] = taken(state, f"field.{name}", np.float64, field.values.shape)
         try:
             building = building_at(self.ground.building, self.changes, time)
         except BuildingError as error:

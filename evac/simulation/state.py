@@ -60,9 +60,9 @@ def restore_state(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -
     restore("population", simulation.population.restore, simulation.building, routes)
     restore("places", simulation.places.restore, routes)
     simulation.scene.hold()
-    if simulation.outside is not None and any(key.startswith("outside.") for key in state):  # not if a change adds it
+    if simulation.outside is not None:
         restore("outside", simulation.outside.restore)
-    if simulation.exposure is not None and any(key.startswith("exposure.") for key in state):
+    if simulation.exposure is not None:
         restore("exposure", simulation.exposure.restore, simulation.scene)
     simulation.deciding.restore(state)
     contact = simulation.contact
@@ -83,6 +83,6 @@ def _restore_own(simulation: "Simulation", state: Mapping[str, NDArray[Any]]) ->
     if step % settings.steps_per_tick and step < settings.last_step:
         raise SavedError(f"clock: step {step} is not at the end of a tick")
     simulation.step = step
-    simulation.timetable.restore(taken(state, "events", np.float64, (None,), 0.0, np.inf))
+    simulation.timetable.restore(taken(state, "events", np.float64, (len(simulation.case.event),), 0.0, np.inf))
     bounds = {"start_level": (-1, len(simulation.building.levels) - 1)}
     take(state, {name: getattr(simulation, name) for name in OWN}, bounds)

@@ -61,10 +61,8 @@ class Timetable:
         return self._happens.copy()
 
     def restore(self, happens: FloatArray) -> None:
-        """Restore what `state` returned; the events of a changed case begin anew if their number is another."""
-        if len(happens) == len(self._happens):
-            is_given = np.array([one.time is not None for one in self._events], dtype=bool)
-            self._happens[~is_given] = happens[~is_given]
+        """Restore what `state` returned."""
+        self._happens[:] = happens
 
     def _is_true(self, when: "WhenSettings") -> bool:
         """Return whether a condition is true now."""

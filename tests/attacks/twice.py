@@ -14,8 +14,8 @@ from evac.simulation import assembly, checkpoints
 if TYPE_CHECKING:
     from evac.case.case import Case
 
-#: How the second run differs: it is killed and resumed, in its folder or in another one, or has all parts or threads.
-KINDS = ("resumed", "branched", "full", "threads")
+#: How the second run differs: it is killed and resumed, or has all parts or threads.
+KINDS = ("resumed", "full", "threads")
 
 
 class Killed(BaseException):
@@ -23,29 +23,22 @@ class Killed(BaseException):
 
 
 def made_again(kind: str, case: "Case", one: evac.Results, folder: Path, generator: random.Random) -> evac.Results:
-    """Make a run in a folder, ``one``, again; return its results, whose tables and trajectory have the same bytes.
-
-    A branch has its own trajectory, from the moment of the kill on.
-    """
-    names = [PEOPLE_NAME, *({CROSSINGS_NAME} & {path.name for path in one.folder.iterdir()})]
+    """Make a run in a folder, ``one``, again; return its results, whose tables and trajectory have the same bytes."""
+    names = [PEOPLE_NAME, TRAJECTORY_NAME, *({CROSSINGS_NAME} & {path.name for path in one.folder.iterdir()})]
     if kind == "full":
         two = evac.run(case, folder / "two", progress=False, full=True)
     elif kind == "threads":
         with patch(f"{threads.__name__}.PEOPLE_PER_THREAD", 1), patch(f"{assembly.__name__}.PEOPLE_PER_THREAD", 1):
             two = evac.run(case, folder / "two", progress=False, threads=2)
     else:
-        two = killed_and_resumed(
-            case, one, folder / "two", folder / "branch" if kind == "branched" else None, generator
-        )
-    for name in names if kind == "branched" else [*names, TRAJECTORY_NAME]:
+        two = killed_and_resumed(case, one, folder / "two", generator)
+    for name in names:
         assert (one.folder / name).read_bytes() == (two.folder / name).read_bytes(), f"{name} differs"
     assert one.changes == two.changes
     return two
 
 
-def killed_and_resumed(
-    case: "Case", one: evac.Results, folder: Path, out: Path | None, generator: random.Random
-) -> evac.Results:
+def killed_and_resumed(case: "Case", one: evac.Results, folder: Path, generator: random.Random) -> evac.Results:
     """Kill a run before a random tick, that after the last one included, and resume it from its last checkpoint."""
     tick = case.simulation.tick
     ticks = generator.randrange(1, max(2, round(one.time / tick)))
@@ -62,5 +55,5 @@ def killed_and_resumed(
         with patch(f"{checkpoints.__name__}.time", SimpleNamespace(monotonic=lambda: now)):
             evac.run(case, folder, progress=kill, checkpoint=every)
     except Killed:
-        return evac.resume(folder, registry=case.registry, progress=False, out=out)
+        return evac.resume(folder, registry=case.registry, progress=False)
     raise AssertionError("the run was not killed")

@@ -1,8 +1,7 @@
 """Attacks on walking: extreme people, parameters, contact models and strategies; a run is killed and resumed.
 
-`run` raises AssertionError unless everybody stays on the floor at a possible speed, and a run that was resumed, in its
-folder or in another one (``branched``), or that has all parts (``full``) or two threads (``threads``) gives the same
-bits.
+`run` raises AssertionError unless everybody stays on the floor at a possible speed, and a run that was resumed, or
+that has all parts (``full``) or two threads (``threads``), gives the same bits.
 """
 
 import random

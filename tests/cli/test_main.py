@@ -25,13 +25,6 @@ def test_every_command_has_help(command, capsys):
     assert f"evac {command}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("words", [("--tolerance", "0.001"), ("--tolerance",), ("--tolerance=1",)])
-def test_a_removed_option_names_what_replaces_it(capsys, words):
-    with pytest.raises(SystemExit, match="2"):
-        main(["run", "square_room", *words])
-    assert "--check-step" in capsys.readouterr().err
-
-
 def test_wrong_words_give_status_2(capsys):
     for words in ([], ["fly"], ["export", "r", "--to"], ["run", "square_room", "--seed", "x"]):
         with pytest.raises(SystemExit, match="2"):

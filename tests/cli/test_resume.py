@@ -190,18 +190,6 @@ def test_a_killed_run_leaves_an_earlier_result_and_is_replaced_by_the_next(evac,
     assert_same(whole, tmp_path / "r")
 
 
-def test_a_changed_case_needs_a_folder_of_its_own(evac, tmp_path, whole, capsys):
-    kill(tmp_path)
-    assert evac("resume", "r", "--set", "contact.model=nsm1") == 2
-    assert "--out" in capsys.readouterr().err
-    assert evac("resume", "r", "--set", "contact.model=nsm1", "--out", "other") == PEOPLE_LEFT
-    summary = json.loads((tmp_path / "other" / "summary.json").read_text())
-    assert summary["resumed"][0]["changes"] == {"contact.model": "nsm1"}
-    assert summary["contact"]["model"] == "nsm1"
-    assert evac("resume", "r") == PEOPLE_LEFT  # the run itself can still go on
-    assert_same(whole, tmp_path / "r")
-
-
 @pytest.mark.parametrize("seconds", ["-1", "nan", "inf", "often"])
 def test_an_interval_that_is_none_is_refused(evac, capsys, seconds):
     with pytest.raises(SystemExit) as caught:

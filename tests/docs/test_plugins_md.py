@@ -214,9 +214,6 @@ def test_a_run_resumed_while_people_stick_goes_on_to_the_bit(plugin_files, tmp_p
     assert found.keys() == wanted.keys()
     for key, array in wanted.items():
         np.testing.assert_array_equal(found[key], array, err_msg=key)
-    resumed = evac.Simulation(case.change({"contact.model": "dem"}))
-    resumed.restore(middle)
-    resumed.advance_tick()
 
 
 def test_a_tangential_spring_is_checked_on_the_command_line(plugin_files, capsys):

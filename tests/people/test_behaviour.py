@@ -161,8 +161,6 @@ def test_a_run_is_not_resumed_with_other_data(smoky, tmp_path):
     (tmp_path / "rate.txt").write_text("0.03")
     with pytest.raises(ResultError, match=r"data rate\.txt: \w+ when"):
         evac.resume(tmp_path / "r", **files)
-    (tmp_path / "other.txt").write_text("0.03")
-    evac.resume(tmp_path / "r", {"behaviours.smoke.file": "other.txt"}, out=tmp_path / "other", **files)
     (tmp_path / "rate.txt").write_text("0.02")
     evac.resume(tmp_path / "r", **files)
 

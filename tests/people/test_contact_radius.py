@@ -92,15 +92,6 @@ def test_a_resumed_run_has_the_same_bodies(thin):
     assert_same_bits(one, other)
 
 
-def test_a_changed_case_goes_on_with_its_own_bodies(thin):
-    case = thin()
-    one = run_ticks(Simulation(case), 5)
-    other = Simulation(case.change({"behaviours.thin.depth": 0.2}))
-    other.restore(one.state())
-    assert (other.population.crowd.contact_radius == 0.1).all()
-    assert other.time == one.time
-
-
 @pytest.mark.parametrize(
     "returned", ["radius[:-1]", "radius - 1.0", "2.0 * radius", "radius * np.nan", "None", "0 * radius + 0.0099"]
 )

@@ -335,7 +335,7 @@ def test_arrays_that_no_run_can_have_are_refused_by_name(tmp_path, hall, name, v
     assert content(tmp_path / "r.running") == before
 
 
-@pytest.mark.parametrize("key", ["files", "routes", "made_with", "case", "time"])
+@pytest.mark.parametrize("key", ["files", "made_with", "case", "time"])
 def test_headers_that_evac_does_not_write_are_refused_by_name(tmp_path, hall, key):
     kill(evac.load(hall), tmp_path / "r", 1.0)
     before = forge(tmp_path / "r", {key: None})
@@ -417,72 +417,6 @@ def test_files_of_plugins_go_with_their_result_and_those_of_others_stay(tmp_path
     evac.run(evac.load(hall), tmp_path / "r")
     assert not (tmp_path / "r" / "inside.txt").exists()
     assert (tmp_path / "r" / "notes.txt").read_text() == "mine"
-
-
-def test_a_changed_case_goes_on_in_a_folder_of_its_own(tmp_path, hall):
-    case = evac.load(hall)
-    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
-    before = (tmp_path / "r" / "trajectory.evac").read_bytes()
-    change = {"building.closed": ["front"]}
-    with pytest.raises(ScenarioError, match="--out"):
-        evac.resume(tmp_path / "r", change)
-    with pytest.raises(ScenarioError, match=r"people.* cannot change"):
-        evac.resume(tmp_path / "r", {"people.people.number": 3}, out=tmp_path / "other")
-    fixed = {"building.scale": 2.0, "simulation.seed": 9, "output.every": 1.0}
-    fixed |= {"simulation.step": 0.5 * case.simulation.step, "simulation.tick": 2 * case.simulation.tick}
-    for key, value in fixed.items():
-        with pytest.raises(ScenarioError, match=rf"{re.escape(key)}.* cannot change"):
-            evac.resume(tmp_path / "r", {key: value}, out=tmp_path / "other")
-    assert not (tmp_path / "other").exists()
-    inside = evac.read_trajectory(tmp_path / "r")[-1]["person"]
-    results = evac.resume(tmp_path / "r", change, out=tmp_path / "other")
-    assert (results.crowd.exit_used[inside] == 1).all()
-    assert (results.crowd.exit_used == 0).any()
-    summary = json.loads((tmp_path / "other" / "summary.json").read_text())
-    assert summary["resumed"] == [
-        {"from": str(tmp_path / "r"), "time": 1.0, "changes": change, "differences": []},
-    ]
-    assert summary["changes"] == [{"time": 1.0, "kind": "close", "what": "front", "values": {}}]
-    assert evac.read_trajectory(tmp_path / "other").time[0] == pytest.approx(1.0)
-    assert (tmp_path / "r" / "trajectory.evac").read_bytes() == before
-
-
-def test_the_stair_to_an_empty_storey_closes(tmp_path):
-    """Of which the building warns that nobody can leave it."""
-    floor = [[0, 0], [6, 0], [6, 4], [0, 4]]
-    plan = {
-        "storeys": [{"name": "low", "polygons": [floor]}, {"name": "high", "z": 2.0, "polygons": [floor]}],
-        "exits": [{"name": "out", "storey": "low", "segment": [[6, 1], [6, 3]]}],
-        "stairs": [
-            {
-                **{"name": "stair", "lower": "low", "lower_edge": [[1, 1], [1, 2]], "upper": "high"},
-                **{"length": 3.0, "direction": [1, 0]},
-            }
-        ],
-    }
-    people = [{"name": "people", "number": 3, "level": "low", "speed": 0.2}]
-    model, simulation = {"model": "nsm2"}, {"duration": 2.0}
-    case = evac.load({"building": {"plan": plan}, "people": people, "contact": model, "simulation": simulation})
-    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
-    results = evac.resume(tmp_path / "r", {"building.closed": ["stair"]}, out=tmp_path / "other")
-    assert [change.what for change in results.changes] == ["stair"]
-    assert results.resumed[0]["differences"] == []
-
-
-def test_an_exit_that_was_closed_opens(tmp_path, hall):
-    case = evac.load(hall, {"building.closed": ["front"]})
-    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
-    results = evac.resume(tmp_path / "r", {"building.closed": []}, out=tmp_path / "other")
-    assert set(results.crowd.exit_used.tolist()) >= {0}
-    same = evac.resume(tmp_path / "r", out=tmp_path / "same")
-    assert set(same.crowd.exit_used.tolist()) == {1}
-
-
-def test_a_change_of_the_ways_that_people_can_take_is_refused(tmp_path, hall):
-    evac.run(evac.load(hall), tmp_path / "r", progress=until(1.0, Stopped))
-    change = {"behaviours.route_choice": {"exits": ["front", "back"]}}
-    with pytest.raises(ScenarioError, match="routes"):
-        evac.resume(tmp_path / "r", change, out=tmp_path / "other")
 
 
 def test_a_checkpoint_that_cannot_be_written_is_warned_of_and_the_run_goes_on(tmp_path, hall, monkeypatch):

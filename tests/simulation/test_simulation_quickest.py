@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import ScenarioError
-from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
-from tests.simulation.test_checkpoints import until
 
 #: A hall with two storeys' worth of ways: a floor, a stair down, and an exit of 0.9 m beside one of 1.6 m farther away.
 PLAN = {
@@ -118,17 +115,6 @@ def test_a_change_between_two_updates_is_followed_at_once():
     place, level = simulation.population.crowd.position[inside], np.zeros(inside.sum(), np.int32)
     before, now = (of.fields.travel_time_at(level, place, 0, 0.15) for of in (quickest, simulation.scene.quickest))
     assert (now > before + 1.0).any()
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("directions.spacing", 0.2), ("directions.clearance", 0.5), ("behaviours.walking", {})],
-)
-def test_changes_that_directions_depend_on_are_refused_by_key_when_a_run_is_resumed(tmp_path, key, value):
-    evac.run(case_of(), tmp_path / "r", progress=until(1.0, Stopped))
-    with pytest.raises(ScenarioError, match=key):
-        evac.resume(tmp_path / "r", {key: value}, out=tmp_path / "other")
-    assert not (tmp_path / "other").exists()
 
 
 def test_threads_change_no_bit(monkeypatch):

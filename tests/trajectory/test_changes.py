@@ -114,17 +114,6 @@ def test_the_trajectory_says_when(trajectory):
         assert trajectory.building_at(time).is_open(east)
 
 
-def test_a_run_that_goes_on_with_a_changed_case_keeps_what_was_before(case, tmp_path):
-    evac.run(case, tmp_path / "r", progress=stop_at_3_s)
-    plugins = case.plugin_files
-    evac.resume(tmp_path / "r", ["simulation.duration=3.5"], out=tmp_path / "other", plugin_files=plugins)
-    trajectory = evac.read_trajectory(tmp_path / "other")
-    assert trajectory.time[0] > 2.9
-    assert trajectory.changes == (evac.Change(2.0, "close", "west", {"let_through": (6,)}),)
-    assert len(trajectory.building_at(trajectory.time[0]).closed) == 1
-    assert closed_in(tmp_path / "other" / "replay.html")[-1] == [2.0, sorted(trajectory.building_at(2.0).closed)]
-
-
 def test_the_field_of_a_behaviour_is_in_the_trajectory(trajectory):
     haze = trajectory.field("haze")
     assert (haze.unit, haze.spacing, haze.values.shape) == ("1/m", 0.5, (len(trajectory), 80))
