@@ -101,6 +101,8 @@ def crowd_at(position, level, velocity=None, exit_time=None):
         exit_time=exit_time,
         exit_used=np.where(np.isfinite(exit_time), 0, -1).astype(np.int32),
         distance=np.arange(n) * 10.0,
+        overlap=np.zeros(n),
+        mingled=np.zeros(n, np.uint8),
         contact_force=np.arange(n) * 100.0,
         arrival_time=np.zeros(n),
         passing=np.full(n, -1, np.int32),

@@ -18,6 +18,14 @@ MOST_LINES = 12
 #: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
 
+#: Why steps are cut, by the names of the counts.
+CUTS = {
+    "too_stiff_steps": "stiff contacts",
+    "too_fast_steps": "fast people",
+    "wall_crossings_prevented": "walls",
+    "passes_prevented": "people passing each other",
+}
+
 
 def show_answer(results: Results, below: int = 1) -> None:
     """Show what the run answers; on a terminal in `MOST_LINES` with as many as are shown `below`.
@@ -117,10 +125,6 @@ def _show_contact(contact: dict[str, Any]) -> None:
         ("created in contacts", f"{energy['contact_creation']:.4g} J"),
         ("balance: carried out or still in motion", f"{balance:.4g} J"),
     ]
-    cut = contact["too_fast_steps"] + contact["too_stiff_steps"] + contact["wall_crossings_prevented"]
-    if cut:
-        value = f"{cut} times; maximum speed {contact['greatest_speed']:.3g} m/s"
-        rows.insert(5, ("steps cut into smaller ones", value))
-    if contact["hardened_contacts"]:
-        rows.insert(3, ("hardened contacts", f"{contact['hardened_contacts']} of {contact['contacts']}"))
+    if cut := ", ".join(f"{reason} {contact[name]}" for name, reason in CUTS.items() if contact[name]):
+        rows.insert(5, ("steps cut into smaller ones", cut))
     show_table("Contact", ("quantity", "value"), rows)

@@ -226,6 +226,8 @@ class Population:
             "exit_time": (0.0, FINITE, True),
             "exit_used": (-1, len(building.exits) - 1),
             "distance": (0.0, FINITE),
+            "overlap": (0.0, FINITE),
+            "mingled": (0, 1),
             "contact_force": (0.0, FINITE),
             "arrival_time": (0.0, FINITE, True),
             "passing": (-1, building.n_closable - 1),

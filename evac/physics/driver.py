@@ -17,14 +17,16 @@ import numpy as np
 from evac.directions.fields import columns_of
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
-from evac.physics.contact.contacts import keep_percussions, report_contact_force
+from evac.physics.contact.contacts import keep_percussions, normal_velocity, report_contact_force
 from evac.physics.contact.memory import call_memory, mark_start
 from evac.physics.contact.overlaps import call_separate
+from evac.physics.extent import extent
 from evac.physics.force import call_add_forces
 from evac.physics.motion import add_contact_work
 from evac.physics.phases import build_lists
 from evac.physics.state import CHUNK, DRIVE, FIND, LOOK, MOVE, OPEN, REACH, Bodies, Crowd, State, call_phase
 from evac.physics.status import (
+    CENTRES_PASSED,
     EVENTS_FULL,
     FIRST_MISSING_PART,
     NEEDS_SEPARATION,
@@ -51,7 +53,7 @@ call_law = AddressCall([State, Struct, float], (int,))
 
 #: Arrays of the bodies that are copied from the crowd at the start of a tick, and back at its end.
 TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
-WRITTEN = ("position", "velocity", "level", "distance", "contact_force", "passing")
+WRITTEN = ("position", "velocity", "level", "distance", "overlap", "mingled", "contact_force", "passing")
 
 
 def gather(state: State, crowd: Crowd, inside: int) -> None:
@@ -64,8 +66,11 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
     mass = 1.0 if state.traits.overdamped else bodies.mass[:inside]
     bodies.inverse_mass[:inside] = 1.0 / mass / bodies.firmness[:inside]
+    bodies.lightest = 1.0 / bodies.inverse_mass[:inside].max(initial=1e-300)
     bodies.smallest = bodies.contact_radius[:inside].min(initial=math.inf)
     bodies.inside = inside
+    bodies.mingled[:inside] &= bodies.overlap[:inside] > 0.5 * bodies.smallest
+    bodies.overlap[:inside] = 0.0
     bodies.relaxation_step = 0.0
     bodies.node[:inside] = -1
     state.warm_start.number = 0
@@ -261,8 +266,11 @@ def _tally_contacts(state):
         overlaps += overlap >= 0.0
         total += max(overlap, 0.0)
         deepest = max(deepest, overlap)
+        i, j = contacts.body[c], contacts.other[c]
+        bodies.overlap[i] = max(bodies.overlap[i], overlap)
+        if j >= 0:
+            bodies.overlap[j] = max(bodies.overlap[j], overlap)
         if overlap > tally[at.GREATEST_OVERLAP]:
-            i, j = contacts.body[c], contacts.other[c]
             if j >= 0 and bodies.row[j] > bodies.row[i]:
                 i = j
             tally[at.GREATEST_OVERLAP] = overlap
@@ -272,15 +280,43 @@ def _tally_contacts(state):
             tally[at.DEEPEST_X] = bodies.old_position[i, 0]
             tally[at.DEEPEST_Y] = bodies.old_position[i, 1]
     contacts.deepest = deepest
+    if state.clock.time == 0.0:
+        for i in range(bodies.inside):
+            bodies.mingled[i] = bodies.overlap[i] > 0.5 * bodies.smallest
     tally[at.CONTACTS] += overlaps
     tally[at.OVERLAPS] += overlaps
     tally[at.OVERLAP_SUM] = total
+
+
+@inner
+def _centres_pass(state):
+    """Return whether the centres of two people pass each other in the sub-step; note one of them as failed.
+
+    Only overlaps beyond a radius can be that deep, as no free path is longer than half a radius. People who overlap
+    from the start of the run are excepted.
+    """
+    bodies, contacts, share = state.bodies, state.contacts, state.traits.old_share
+    if contacts.deepest <= bodies.smallest:
+        return False
+    for c in range(contacts.number):
+        i, j = contacts.body[c], contacts.other[c]
+        if j < 0 or contacts.gap[c] > -bodies.smallest or bodies.mingled[i] & bodies.mingled[j]:
+            continue
+        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+        opening = (1.0 - share) * normal_velocity(bodies.solved, contacts, c) + share * contacts.velocity_before[c]
+        distance = contacts.gap[c] + extent(bodies, i, -nx, -ny) + extent(bodies, j, nx, ny)
+        if distance + state.clock.h * opening < 0.0:
+            bodies.failed, bodies.other_failed = i, j
+            return True
+    return False
 
 
 @kernel
 def conclude(state: State) -> int:
     """Report contact forces if requested, sum the work, keep percussions and memory, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
+    if _centres_pass(state):
+        return CENTRES_PASSED
     if clock.reports and traits.reports_percussions:
         report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
     if not traits.overdamped:  # without inertia there is no kinetic energy to account for
@@ -355,6 +391,8 @@ def cut(state: State, status: int, parts: int) -> int:
         entry = at.TOO_FAST_STEPS
     elif status == TOO_STIFF:
         entry = at.TOO_STIFF_STEPS
+    elif status == CENTRES_PASSED:
+        entry = at.PASSES_PREVENTED
     else:
         return 0
     tally[entry] += 1.0

@@ -43,6 +43,10 @@ _FAILURES = {
         "would pass through a wall even if the step is divided into {parts} parts: the contact is too soft for the"
         " load, or the run started with overlaps"
     ),
+    status.CENTRES_PASSED: (
+        "and person {other} would pass through each other even if the step is divided into {parts} parts: the contact"
+        " is too soft for the load"
+    ),
     status.TOO_FAST: (
         "moves too fast even if the step is divided into {parts} parts, or faster than {fastest:g} m/s; check speeds,"
         " forces, masses and overlaps"
@@ -316,7 +320,8 @@ class CompiledEngine(Engine):
         elif outcome in _FAILURES:
             if culprit := self._force_at_fault(time) or model.culprit(state):
                 raise culprit
-            failure = _FAILURES[outcome].format(parts=driver.GREATEST_PARTS, fastest=driver.FASTEST)
+            other = state.bodies.row[state.bodies.other_failed]
+            failure = _FAILURES[outcome].format(parts=driver.GREATEST_PARTS, fastest=driver.FASTEST, other=other)
             advice = model.advice().get(outcome, "")
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:

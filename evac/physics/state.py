@@ -55,6 +55,10 @@ class Crowd(Struct):
         direction of the field plus this, normalised, is the desired direction
     exit_time : (n,) [s], NaN until out;  exit_used : (n,) int32, -1 until out
     distance : (n,) path length walked in plan, up to the exit [m]
+    overlap : (n,) greatest overlap with another body or a wall at the start of the sub-steps of the previous tick [m].
+        Written by the contact model
+    mingled : (n,) uint8, 1: has overlapped since the start of the run by more than half the smallest radius. Such
+        people may pass through each other. Written by the contact model
     contact_force : (n,) sum of contact forces [N] in the last step of the previous tick if a behaviour reads it,
         otherwise at the last output
     arrival_time : (n,) time at which a person came into the building [s], 0 for those who were there from the start,
@@ -84,6 +88,8 @@ class Crowd(Struct):
     exit_time: Floats
     exit_used: Ints
     distance: Floats
+    overlap: Floats
+    mingled: Bytes
     contact_force: Floats
     arrival_time: Floats
     passing: Ints
@@ -202,7 +208,9 @@ class Bodies(Struct):
 
     inside: int  # number of bodies
     failed: int  # body that the last failure concerns
+    other_failed: int  # the other body, of two whose centres would pass each other
     smallest: float  # smallest contact radius [m]
+    lightest: float  # smallest mass [kg]
     fastest: float  # largest free speed in the sub-step [m/s]
     reach_floor: float  # smallest reach [m]
     farthest_reach: float  # largest reach, if a law requests another search [m]
@@ -229,6 +237,8 @@ class Bodies(Struct):
     speed_factor: Floats
     extra_direction: Pairs
     distance: Floats
+    overlap: Floats
+    mingled: Bytes
     contact_force: Floats
     passing: Ints
     ahead: Pairs

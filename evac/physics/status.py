@@ -15,6 +15,7 @@ NEAR_WALLS_FULL = 4
 WALL_CROSSED = 6
 TOO_FAST = 8
 TOO_STIFF = 9
+CENTRES_PASSED = 10
 
 #: A failure that smaller sub-steps do not avoid.
 NOT_FINITE = 7

@@ -16,20 +16,31 @@ if TYPE_CHECKING:
 MADE = 0.01
 
 
-def contact_warnings(report: Mapping[str, Any], rigid: Sequence[str]) -> tuple[str, ...]:
+def contact_warnings(
+    report: Mapping[str, Any],
+    rigid: Sequence[str],
+    keepers: Sequence[str] | None = None,
+    overlaps: Observation | None = None,
+) -> tuple[str, ...]:
     """Return a line for each number of a contact report (docs/summary.md) that is out of bounds.
 
-    `rigid` names the registered contact models without overlaps and rebounds, see `ContactModel.rigid`.
+    `rigid` names the registered contact models without overlaps and rebounds, see `ContactModel.rigid`. `keepers` names
+    the registered behaviours that keep distances; None if one of them is in use. `overlaps` is what
+    `Watch.overlaps` has seen.
     """
     warnings = []
     overlap, promised, energy = report["greatest_overlap"], report["promised_overlap"], report["energy"]
     if overlap > promised:
-        at = report["greatest_overlap_at"]
+        at, model = report["greatest_overlap_at"], report["model"]
+        who = _who(overlaps, "overlapped") if overlaps else "Bodies overlapped"
+        advice = "" if keepers is None else f"a behaviour with which people keep their distance{_sets(keepers)}, "
+        stiffer = f"a greater contact.{model}.stiffness with a " if "stiffness" in report["parameters"] else "a "
         warnings.append(
-            f"bodies overlapped by up to {_length(overlap)}, more than the {_length(promised)} that contact model "
-            f"{report['model']!r} guarantees: greatest at t = {at['time']:.2f} s, person {at['person']} at "
-            f"({at['x']:.2f}, {at['y']:.2f}) on level {at['level']!r}; use a smaller simulation.step, stiffer contacts "
-            f"or start positions without overlaps, or a contact model that prevents overlaps{_models(rigid)}"
+            f"large overlaps: positions and forces there are not reliable; use {advice}{stiffer}smaller "
+            "simulation.step, start positions without overlaps, or a contact model that prevents overlaps"
+            f"{_models(rigid)}. {who} by more than the {_length(promised)} that contact model {model!r} guarantees, "
+            f"most at t = {at['time']:.2f} s, person {at['person']} at ({at['x']:.2f}, {at['y']:.2f}) on level "
+            f"{at['level']!r}: {_length(overlap)} (docs/results.md)"
         )
     unconverged = report["unconverged_steps"]
     if unconverged:
@@ -74,7 +85,7 @@ def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[st
 def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
     """Return the quality warning on lethal contact forces that `Watch.crushing` has seen.
 
-    `keepers` names the registered behaviours that keep distances; None if one of them is in use.
+    `keepers` as above.
     """
     force, load = seen.values
     advice = "" if keepers is None else f", or use a behaviour with which people keep their distance{_sets(keepers)}"

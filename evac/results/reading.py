@@ -221,6 +221,7 @@ def _crowd_of(
         arrival_time=arrival_time,
         exit_used=exit_used,
         distance=table.numbers("distance", 0.0),
+        overlap=np.full(n, np.nan),
         contact_force=np.full(n, np.nan),
     )
 

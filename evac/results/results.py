@@ -532,6 +532,7 @@ def results_of(
     report: Mapping[str, Any],
     chatter: Observation | None = None,
     crushing: Observation | None = None,
+    overlaps: Observation | None = None,
     **others: Any,
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
@@ -545,7 +546,7 @@ def results_of(
     advised = None if case.keeps_distance else keepers
     quality = [
         *(f"the building is incomplete: {one}" for one in building.findings if one.kind == "missing"),
-        *contact_warnings(report, rigid),
+        *contact_warnings(report, rigid, advised, overlaps),
         *([chatter_warning(chatter, names, rigid)] if chatter else []),
         *([crushing_warning(crushing, names, advised)] if crushing else []),
         *flow_warnings(exits, advised),

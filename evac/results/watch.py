@@ -1,4 +1,4 @@
-"""Checks during a run: velocities that do not match displacements, and lethal contact forces."""
+"""Checks during a run: velocities that do not match displacements, lethal contact forces, and large overlaps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -43,7 +43,8 @@ class Observation:
     x: float  # position of that person at `end` [m]
     y: float
     # Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
-    # velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m].
+    # velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m]. For overlaps:
+    # the greatest in that tick [m], and as a share of the radius.
     values: tuple[float, float]
 
 
@@ -60,14 +61,17 @@ class Watch:
         Time between two samples of velocities [s].
     every : float
         Time between two samples of contact forces [s].
+    promised : float
+        Overlap that the contact model guarantees not to exceed [m].
     """
 
-    def __init__(self, radius: FloatArray, tick: float, every: float) -> None:
-        self._width = 2.0 * radius
+    def __init__(self, radius: FloatArray, tick: float, every: float, promised: float = np.inf) -> None:
+        self._width, self._tick, self._promised = 2.0 * radius, tick, promised
         self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
         self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
         self._chatter = _Notes(len(radius))
         self._crushing = _Notes(len(radius))
+        self._overlaps = _Notes(len(radius))
 
     def look_at_velocities(self, time: float, crowd: Crowd, displacement_velocity: FloatArray) -> None:
         """Add the velocities at the end of a tick.
@@ -93,6 +97,12 @@ class Watch:
             noticed = inside & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
             self._crushing.note(noticed, load, (force, load), begin, time, crowd)
 
+    def look_at_overlaps(self, time: float, crowd: Crowd) -> None:
+        """Note the overlaps of the tick that ends at a time [s]."""
+        noticed = (crowd.level >= 0) & (crowd.overlap > self._promised)
+        shares = 2.0 * crowd.overlap / self._width
+        self._overlaps.note(noticed, crowd.overlap, (crowd.overlap, shares), max(time - self._tick, 0.0), time, crowd)
+
     def chatter(self) -> Observation | None:
         """Return people who moved much more slowly than with the contact model's velocities, or None."""
         return self._chatter.observation()
@@ -100,6 +110,10 @@ class Watch:
     def crushing(self) -> Observation | None:
         """Return people with lethal contact forces, or None."""
         return self._crushing.observation()
+
+    def overlaps(self) -> Observation | None:
+        """Return people who overlapped others or walls by more than the contact model guarantees, or None."""
+        return self._overlaps.observation()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all arrays on which the observations depend."""
@@ -113,7 +127,8 @@ class Watch:
                 take(own, vars(part), {key: part.bounds(key, levels) for key in vars(part)})
 
     def _parts(self) -> "dict[str, _Means | _Notes]":
-        return {"speeds": self._speeds, "forces": self._forces, "chatter": self._chatter, "crushing": self._crushing}
+        notes = {"chatter": self._chatter, "crushing": self._crushing, "overlaps": self._overlaps}
+        return {"speeds": self._speeds, "forces": self._forces, **notes}
 
 
 class _Means:

@@ -86,6 +86,7 @@ class Loop:
             )
         look = watch.look_at_velocities
         yield Operation("velocities", "recording", lambda: look(one.time, crowd, one.displacement_velocity))
+        yield Operation("overlaps", "recording", lambda: watch.look_at_overlaps(one.time, crowd))
         yield Operation("forces", "recording", lambda: watch.look_at_forces(one.time, crowd), self._is_at_output)
         record = one.recording.record
         yield Operation("recorders", "recording", lambda: record(one), self._is_at_output, self._start_recording)

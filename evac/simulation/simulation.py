@@ -196,7 +196,7 @@ class Simulation:
         """Keep the initial state of people, and begin to watch how they get on."""
         crowd, settings = self.population.crowd, self.case.simulation
         self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
-        self.watch = Watch(crowd.radius, settings.tick, self.case.output.every)
+        self.watch = Watch(crowd.radius, settings.tick, self.case.output.every, self._promised_overlap)
         staying, routes = self.population.staying, len(self.fields.routes)
         stopped = None if self.exposure is None else self.exposure.stopped
         self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying, stopped)
@@ -337,6 +337,7 @@ class Simulation:
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self._promised_overlap},
             chatter=self.watch.chatter(),
             crushing=self.watch.crushing(),
+            overlaps=self.watch.overlaps(),
             phases=self.phases.seconds(),
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),

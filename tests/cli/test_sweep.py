@@ -41,10 +41,10 @@ def test_a_table_names_the_points(evac, tmp_path):
 
 
 def test_a_refused_point_is_named_with_its_seed_and_the_others_are_run(evac, tmp_path, capsys):
-    values = ("contact.dem.stiffness=1.2e5,1e9", "contact.model=dem", "people.people.number=3")
+    values = ("people.people.tau=0.3,0.005", "simulation.driving=explicit", "people.people.number=3")
     assert evac("sweep", "square_room", *FEW, "--out", "r", "--set", *values) == 2
     out, err = capsys.readouterr()
-    assert "failed: point 1 (contact.dem.stiffness = 1000000000.0), seed 1" in err
+    assert "failed: point 1 (people.people.tau = 0.005), seed 1" in err
     assert "in 2 of 2 runs" in out
     assert [row["failed"] for row in rows_of(tmp_path / "r" / "statistics.csv")] == ["0", "2"]
     assert [row["ended"] for row in rows_of(tmp_path / "r" / "runs.csv")] == ["everybody out"] * 2 + ["failed"] * 2

@@ -166,7 +166,7 @@ def test_the_minimal_kernel_walks_as_dem_does_away_from_walls(density):
     minimal = make_minimal(walk.crowd, hall.fields.packed, STEP)
     people = nearest(walk.crowd.position, minimal.position)
     before = walk.crowd.position[people].copy()
-    walk.advance(make_variant("DEM", STEP, hardening=1.0).model, 8)
+    walk.advance(make_variant("DEM", STEP).model, 8)
     walk_minimal(minimal, 8 * walk.per_tick, STEP)
     assert np.linalg.norm(minimal.position - before, axis=1).mean() > 0.5
     np.testing.assert_allclose(minimal.position, walk.crowd.position[people], atol=1e-9)
@@ -232,12 +232,12 @@ def test_memory_grows_with_the_people_alone():
     model = make_variant("DEM", STEP).model
     small, large = (memory(walked(people, 2.0, "DEM", ticks=2), model) for people in (200, 2000))
     assert 8 < large / small <= 10
-    # DEM has four numbers of its own for each person, NSM2 the contact problem.
+    # DEM has its stiffness and a number of its own for each person, NSM2 the contact problem.
     other = walked(2000, 2.0, "NSM2", ticks=1)
     problem = sum(np.asarray(value).nbytes for value in other.engine.state.problem.values().values())
     without = sum(np.asarray(value).nbytes for value in make_problem(0, 0).values().values())
     found = memory(other, make_variant("NSM2", STEP).model) - large
-    assert found == problem - without - 4 * 8 * 2000
+    assert found == problem - without - 8 * (1 + 2000)
 
 
 @pytest.mark.slow
@@ -299,5 +299,5 @@ def test_laws_are_timed_in_turns_and_the_linear_spring_walks_as_dem_without_hard
     )
     soft, hard = Walk(make_hall(100, 2.0, 1), STEP), Walk(make_hall(100, 2.0, 1), STEP)
     soft.advance(laws.Spring(), 5)
-    hard.advance(make_variant("DEM", STEP, hardening=1.0).model, 5)
+    hard.advance(make_variant("DEM", STEP).model, 5)
     assert np.allclose(soft.crowd.position, hard.crowd.position, rtol=0.0, atol=1e-12)

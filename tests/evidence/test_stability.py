@@ -97,7 +97,7 @@ def test_pressed_crowd_turns_unstable_at_the_limit_of_its_network():
 def test_run_beyond_the_limit_of_its_network_is_cut_and_counted():
     rest = settled(crowd_in_corridor(12, 3, 60.0), 1e5)
     limit = step_limit(greatest_frequency(rest, rest.crowd.position, 1e5), 0.5, False)
-    verdict = try_step(nudged(rest, np.random.default_rng(1)), 1e5, 1.05 * limit, False, False)
+    verdict = try_step(nudged(rest, np.random.default_rng(1)), 1e5, 1.05 * limit, False)
     assert verdict.kind == HANDLED
 
 
@@ -189,8 +189,8 @@ def test_centre_beyond_a_wall_is_seen():
 
 
 def test_step_beyond_the_limit_is_refused_with_the_limit():
-    scene = room_with([(3.0, 2.0)], speed=1.0)
-    trial = attempt(make_model("DEM"), scene, 0.1, 1.0)
+    scene = room_with([(3.0, 2.0)], speed=1.0, tau=0.05)
+    trial = attempt(make_model("DEM"), scene, 0.1, 1.0, explicit=True)
     verdict = judge(trial, lambda _: 0.0, 1.0, 1.0, "m")
     assert verdict.kind == REFUSED
     assert "simulation.step" in verdict.words

@@ -68,7 +68,7 @@ EXPECTED = {
 #: The same for the large and the long scene.
 EXPECTED_LARGE = {
     "10000 people at a closed door": {
-        "DEM": (DEGRADED, 0.1, 0.2),  # hardened
+        "DEM": (REFUSED, 0.0, 0.0),
         "NSM1 inertial": (HANDLED, 0.0, GAP),
         "NSM2 K_N = 1e5": (BEYOND, 0.015, 0.15),
     },

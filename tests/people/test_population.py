@@ -44,8 +44,8 @@ def test_everybody_has_arrays_of_the_declared_kind_within_the_drawn_ranges(make_
     for name, array in crowd.values().items():
         assert len(array) == 25, name
         assert array.flags.c_contiguous, name
-        kind = np.int32 if name in ("level", "group", "route", "exit_used", "passing") else np.float64
-        assert array.dtype == kind, name
+        kinds = {"mingled": np.uint8, **dict.fromkeys(("level", "group", "route", "exit_used", "passing"), np.int32)}
+        assert array.dtype == kinds.get(name, np.float64), name
     assert ((crowd.radius >= 0.2) & (crowd.radius <= 0.25)).all()
     assert (crowd.mass[20:] == 70).all()
     assert np.array_equal(crowd.speed[20:, 1], 0.5 * crowd.speed[20:, 0])

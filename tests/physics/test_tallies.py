@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from evac.physics.state import make_crowd
@@ -83,3 +84,16 @@ def test_lists_are_built_once_a_tick_and_when_somebody_has_moved_by_half_the_ski
     engine = make_engine(walking)
     engine.advance(model, walking, 0, 15, 0.01, True, False)
     assert engine.report()["list_builds"] == 2
+
+
+def test_each_person_has_the_greatest_overlap_of_the_last_tick():
+    """Of a tick of one step, that of its start: with people and with walls, as computed from the positions."""
+    places = [(-0.19, 0.0), (-0.54, 0.1), (-0.6, 0.4), (-3.0, 0.0)]
+    crowd = make_crowd(places, radius=[0.2, 0.22, 0.18, 0.2], speed=1.5, tau=0.2)
+    engine = make_engine(crowd, make_building(walls=[(0, -3, 0, 3)]), uniform_fields(1, (1.0, 0.0)))
+    for step in range(100):
+        apart = np.linalg.norm(crowd.position[:, None] - crowd.position[None], axis=2)
+        overlap = crowd.radius[:, None] + crowd.radius - np.where(np.eye(4, dtype=bool), np.inf, apart)
+        expected = np.maximum(overlap.max(axis=1), crowd.radius + crowd.position[:, 0])
+        engine.advance(Dem(), crowd, step, 1, 0.01, False, False)
+        np.testing.assert_allclose(crowd.overlap, np.maximum(expected, 0.0), rtol=0, atol=1e-12)

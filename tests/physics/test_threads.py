@@ -137,7 +137,7 @@ def test_walls_that_would_be_crossed_cut_the_same_steps():
     for number in (1, 3):
         engines = []
         with pytest.raises(SimulationError) as caught:
-            walked(Dem(stiffness=300.0, hardening=1.0), number, prepare=engines.append, speed=3.0)
+            walked(Dem(stiffness=300.0), number, prepare=engines.append, speed=3.0)
         told.append((str(caught.value), engines[0].report()))
     assert told[0][1]["wall_crossings_prevented"] > 1
     assert told[1] == told[0]

@@ -10,6 +10,7 @@ from evac.results.watch import Observation
 
 ALL_RIGHT = {
     "model": "dem",
+    "parameters": {"stiffness": 1.2e5},
     "steps": 100,
     "greatest_overlap": 0.1,
     "greatest_overlap_at": {"time": 3.21, "person": 7, "level": "hall", "x": 9.5, "y": 3.0},
@@ -32,7 +33,7 @@ def test_nothing_is_said_of_a_run_that_is_all_right():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"greatest_overlap": 0.101}, f"101 mm.*100 mm.*'dem'.*t = 3\\.21 s.*{PLACE}"),
+        ({"greatest_overlap": 0.101}, f"Bodies .*100 mm.*'dem'.*t = 3\\.21 s, {PLACE}: 101 mm"),
         ({"unconverged_steps": 3, "greatest_residual": 0.25}, "3 of 100 steps .*0.25 m/s"),
         ({"failed_position_corrections": 7}, "7 times"),
         ({"energy": {**ALL_RIGHT["energy"], "contact_creation": 411.0}}, "411 J.*400 J"),
@@ -43,6 +44,18 @@ def test_each_number_has_a_warning_of_its_own_and_how_to_fix_it(change, words):
     assert re.search(words, line)
     assert re.search("smaller simulation.step|check for", line)
     assert ("--set contact.model=stiff" in line) == ("greatest_overlap" in change)
+
+
+@pytest.mark.parametrize("keepers", [None, ["walking", "headway"]])
+def test_large_overlaps_are_told_with_people_period_place_and_remedies(keepers):
+    seen = Observation(12, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (0.155, 0.7))
+    (line,) = contact_warnings(ALL_RIGHT | {"greatest_overlap": 0.155}, RIGID, keepers, seen)
+    assert line.startswith("large overlaps: ")
+    assert re.search(f"t = 2\\.0 and 8\\.0 s 12 people .*100 mm.*'dem'.*t = 3\\.21 s, {PLACE}: 155 mm", line)
+    assert re.search(r"contact\.dem\.stiffness .* simulation\.step.*--set contact\.model=stiff", line)
+    assert ("--set behaviours.walking={} or behaviours.headway={}" in line) == (keepers is not None)
+    (line,) = contact_warnings(ALL_RIGHT | {"greatest_overlap": 0.155, "parameters": {}}, RIGID, keepers, seen)
+    assert "stiffness" not in line
 
 
 def test_contacts_that_give_back_what_springs_took_are_all_right():

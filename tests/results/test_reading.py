@@ -17,7 +17,7 @@ from evac.folder.resultfolder import find_result
 
 #: What is not written: the objects of the process, and what the loop needs for its next step.
 LIVE = {"case_or_reader", "building_or_none", "crowd", "groups"}
-OF_THE_LOOP = {"velocity", "contact_force", "contact_radius", "speed_factor", "extra_direction"}
+OF_THE_LOOP = {"velocity", "contact_force", "overlap", "mingled", "contact_radius", "speed_factor", "extra_direction"}
 
 
 @pytest.fixture(scope="module")

@@ -93,18 +93,39 @@ def test_a_single_impact_crushes_nobody():
     assert watch.crushing() is None
 
 
+def test_people_who_overlap_too_much_are_counted_once_with_period_and_greatest():
+    watch = Watch(np.array([0.2, 0.25, 0.2]), 0.1, 0.5, promised=0.1)
+    crowd = crowd_of([0.0] * 3)
+    for time, overlaps in (
+        (0.1, (0.1, 0.0, 0.0)),
+        (0.2, (0.11, 0.0, 0.3)),
+        (0.3, (0.12, 0.15, 0.0)),
+        (0.4, (0.0,) * 3),
+    ):
+        crowd.overlap[:] = overlaps
+        crowd.level[2] = -1  # who has left is not counted
+        watch.look_at_overlaps(time, crowd)
+    found = watch.overlaps()
+    assert (found.people, found.since, found.until) == pytest.approx((2, 0.1, 0.3))
+    assert (found.person, found.begin, found.end, found.x, found.y) == pytest.approx((1, 0.2, 0.3, 1.0, 5.0))
+    assert found.values == pytest.approx((0.15, 0.6))
+    assert watch.chatter() is watch.crushing() is None
+
+
 def test_a_watch_restored_in_the_middle_of_a_span_finds_the_same():
     generator = np.random.default_rng(3)
-    looks = [(generator.uniform(0.0, 2.0, 4), generator.uniform(0.0, 9e3, 4)) for _ in range(60)]
+    looks = [[generator.uniform(0.0, most, 4) for most in (2.0, 9e3, 0.2)] for _ in range(60)]
 
     def look(watch, numbers):
         for k in numbers:
-            crowd = crowd_of(*looks[k])
+            crowd = crowd_of(*looks[k][:2])
+            crowd.overlap[:] = looks[k][2]
             crowd.level[0] = -1 if k > 40 else 0
             watch.look_at_velocities(0.5 * k, crowd, displaced(*(0.2 * looks[k][0])))
             watch.look_at_forces(0.5 * k, crowd)
+            watch.look_at_overlaps(0.5 * k, crowd)
 
-    whole, other = (Watch(np.full(4, 0.2), 0.5, 0.5) for _ in range(2))
+    whole, other = (Watch(np.full(4, 0.2), 0.5, 0.5, 0.1) for _ in range(2))
     look(whole, range(33))
     state = whole.state()
     look(whole, range(33, 60))
@@ -112,4 +133,6 @@ def test_a_watch_restored_in_the_middle_of_a_span_finds_the_same():
     look(other, range(33, 60))
     assert whole.chatter() is not None
     assert whole.crushing() is not None
-    assert (whole.chatter(), whole.crushing()) == (other.chatter(), other.crushing())
+    assert whole.overlaps() is not None
+    for name in ("chatter", "crushing", "overlaps"):
+        assert getattr(whole, name)() == getattr(other, name)()

@@ -196,7 +196,7 @@ def test_curves_of_the_folder(case, tmp_path):
 
 
 def test_a_study_is_opened_again_from_its_folder(case, tmp_path):
-    values = {"contact.model": ["dem"], "contact.dem.stiffness": [1.2e5, 1e9], "people.people.number": [3]}
+    values = {"simulation.driving": ["explicit"], "people.people.tau": [0.3, 0.005], "people.people.number": [3]}
     study = evac.sweep(case, values, 3, folder=tmp_path / "r", workers=1)
     again = evac.read_study(tmp_path / "r")
     assert repr(again.statistics) == repr(study.statistics)
@@ -321,8 +321,8 @@ def test_a_run_that_fails_tells_its_seed(tmp_path):
     assert caught.value.__notes__ == ["in the run with simulation.seed = 8"]
 
 
-#: Of this stiffness the seeds are refused that draw too light a person.
-STIFF = {"contact.model": "dem", "contact.dem.stiffness": 4e5}
+#: With this drive the seeds are refused that draw a relaxation time of at most half a step.
+QUICK = {"simulation.driving": "explicit", "people.people.tau": {"uniform": [0.002, 0.06]}}
 
 
 def refused_seeds(case, seeds):
@@ -336,30 +336,30 @@ def refused_seeds(case, seeds):
 
 
 def test_refused_seeds_are_known_first_and_the_others_finish(case, tmp_path):
-    stiff, made = case.change(STIFF), []
-    refused = refused_seeds(stiff, range(5, 15))
+    quick, made = case.change(QUICK), []
+    refused = refused_seeds(quick, range(5, 15))
     assert 0 < len(refused) < 10
-    study = evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, progress=lambda state: made.append(state.row))
+    study = evac.repeat(quick, 10, folder=tmp_path / "r", workers=1, progress=lambda state: made.append(state.row))
     assert [row.seed for row in made[1:]][: len(refused)] == refused
     rows = list(study.rows(failed=True))
     assert [row["seed"] for row in rows if row["ended"] == "failed"] == refused
-    assert all("stiffness" in row["error"] for row in rows if row["ended"] == "failed")
+    assert all("smallest tau" in row["error"] for row in rows if row["ended"] == "failed")
     found = study.statistics[0]
     assert (found.runs, found.failed) == (10 - len(refused), len(refused))
-    alone = [evac.run(stiff.change({"simulation.seed": seed})) for seed in range(5, 15) if seed not in refused]
+    alone = [evac.run(quick.change({"simulation.seed": seed})) for seed in range(5, 15) if seed not in refused]
     assert found.mean.value == pytest.approx(np.mean([one.last_out for one in alone]))
     with (tmp_path / "r" / "runs.csv").open() as file:
         assert [int(row["seed"]) for row in csv.DictReader(file) if row["error"]] == refused
 
 
 def test_a_study_with_failed_runs_goes_on_and_makes_them_again(case, tmp_path):
-    stiff = case.change(STIFF)
-    refused = refused_seeds(stiff, range(5, 15))
-    whole = evac.repeat(stiff, 10, folder=tmp_path / "whole", workers=1)
+    quick = case.change(QUICK)
+    refused = refused_seeds(quick, range(5, 15))
+    whole = evac.repeat(quick, 10, folder=tmp_path / "whole", workers=1)
     with pytest.raises(StopError):
-        evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, progress=stopping_after(len(refused) + 2))
+        evac.repeat(quick, 10, folder=tmp_path / "r", workers=1, progress=stopping_after(len(refused) + 2))
     made = []
-    evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row))
+    evac.repeat(quick, 10, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row))
     assert [row.seed for row in made[1:]][: len(refused)] == refused
     assert len(made) == 1 + 10 - 2
     for name in ("runs.parquet", "runs.csv", "summary.json"):
@@ -367,7 +367,7 @@ def test_a_study_with_failed_runs_goes_on_and_makes_them_again(case, tmp_path):
 
 
 def test_a_refused_point_ends_no_sweep(case, tmp_path):
-    changes = {"contact.model": ["dem"], "contact.dem.stiffness": [1.2e5, 1e9]}
+    changes = {"simulation.driving": ["explicit"], "people.people.tau": [0.3, 0.005]}
     study = evac.sweep(case, changes, 3, folder=tmp_path / "r", workers=1)
     good, bad = study.statistics
     assert (good.runs, good.failed, bad.runs, bad.failed) == (3, 0, 0, 3)
@@ -376,11 +376,11 @@ def test_a_refused_point_ends_no_sweep(case, tmp_path):
 
 
 def test_a_study_without_any_result_raises_the_first_error(case):
-    with pytest.raises(ScenarioError, match="stiffness") as caught:
-        evac.sweep(case, {"contact.model": ["dem"], "contact.dem.stiffness": [1e8, 1e9]}, 2, workers=1)
+    with pytest.raises(ScenarioError, match="smallest tau") as caught:
+        evac.sweep(case, {"simulation.driving": ["explicit"], "people.people.tau": [0.004, 0.005]}, 2, workers=1)
     (note,) = caught.value.__notes__
     assert "simulation.seed = 5" in note
-    assert "contact.dem.stiffness = 100000000.0" in note
+    assert "people.people.tau = 0.004" in note
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -52,7 +52,7 @@ def hertz(gap: float, closing_speed: float, reduced_mass: float, parameters: Flo
 
 
 class Spring(PairContact):
-    """A linear spring: DEM without hardening."""
+    """A linear spring, as DEM has it."""
 
     name = "spring"
     pair = spring

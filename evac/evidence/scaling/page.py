@@ -153,8 +153,14 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> Row
         walked, pace = walk.time, walk.pace
         cost = time_ticks(walk, variant.model, timed)
     except SimulationError as refusal:
-        ended = f"refused at {str(refusal).partition(':')[0]}"
+        ended, before = f"refused at {str(refusal).partition(':')[0]}", walk.made // walk.per_tick - timed
+        if before > 0:  # time the last ticks before it
+            walk = Walk(hall, variant.step)
+            walk.advance(variant.rough, before)
+            walked, pace = walk.time, walk.pace
+            cost = time_ticks(walk, variant.model, timed)
     people, used = len(walk.crowd.level), memory(walk, variant.model)
+    overlap = walk.engine.report()["greatest_overlap"]
     row = {
         "people": people,
         "state": state,
@@ -165,7 +171,8 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> Row
         "walk ended by": ended,
         "walked [s]": walked,
         "median speed [% of desired]": None if pace is None else 100.0 * pace,
-        "greatest overlap [m]": walk.engine.report()["greatest_overlap"],
+        "greatest overlap [m]": overlap,
+        "greatest load [kN]": 1e-3 * overlap * getattr(variant.model, "stiffness", np.nan),
         "ns per person-step": 1e9 * cost.per_person if cost else None,
         "minimal [ns]": 1e9 * cost.minimal if cost else None,
         "times minimal": cost.ratio if cost else None,

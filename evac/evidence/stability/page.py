@@ -4,14 +4,14 @@ from collections import Counter
 
 from evac.evidence.evidence import Evidence
 from evac.evidence.stability.crowds import dissipation, reported_force, standing, static_overlap
-from evac.evidence.stability.dem import hardened_contacts, network_limits, stiffness_map
+from evac.evidence.stability.dem import network_limits, stiffness_map
 from evac.evidence.stability.extremes import extreme_scenes
 from evac.evidence.stability.steps import mass_map, overlap_order, radius_map, speed_map, tau_map
 from evac.evidence.stability.trials import VERDICTS, WRONG
 from evac.evidence.verdicts import all_of, reported
 
 SECTIONS = {
-    "DEM: stiffness and step": (stiffness_map, network_limits, static_overlap, hardened_contacts),
+    "DEM: stiffness and step": (stiffness_map, network_limits, static_overlap),
     "Relaxation time and step": (tau_map,),
     "NSM2: dissipation from zero to infinity": (dissipation,),
     "Walking speed and step": (speed_map, overlap_order),

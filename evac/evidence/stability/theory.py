@@ -1,7 +1,6 @@
 """Theory: the step at which DEM becomes unstable, the error of a free walk, overlaps of each model."""
 
 import numpy as np
-from scipy.integrate import quad
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -33,23 +32,6 @@ def wall_gaps(scene: Scene, position: FloatArray) -> tuple[FloatArray, FloatArra
     away = position[:, None] - nearest
     distance = np.hypot(away[..., 0], away[..., 1])
     return away / np.maximum(distance, TOUCHING)[..., None], distance - scene.crowd.radius[: len(position), None]
-
-
-def hardened_overlap(load: float, stiffness: float, radius: float, hardening: float) -> float:
-    """Return the overlap [m] at which a contact of DEM bears `load` [N], by the integral of its stiffness.
-
-    That is k up to the share `hardening` of the radius, or to a force of 6 kN if that is farther, and rises
-    exponentially from there, to 1000 k at the radius.
-    """
-    onset = max(hardening * radius, 6000.0 / stiffness)
-
-    def slope(overlap: float) -> float:
-        return stiffness * float(1000.0 ** max(0.0, (overlap - onset) / (radius - onset)))
-
-    def missing(overlap: float) -> float:
-        return float(quad(slope, 0.0, overlap, points=[onset], epsabs=0.0, epsrel=1e-12)[0]) - load
-
-    return float(brentq(missing, 1e-9 * radius, radius, xtol=1e-15))
 
 
 def greatest_frequency(scene: Scene, position: FloatArray, stiffness: float) -> float:

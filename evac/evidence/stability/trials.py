@@ -50,6 +50,7 @@ FAILURES = (
     "unconverged_steps",
     "failed_position_corrections",
     "wall_crossings_prevented",
+    "passes_prevented",
     "too_fast_steps",
     "elastic_fallbacks",
 )

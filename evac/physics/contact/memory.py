@@ -72,6 +72,15 @@ def retain(state: State) -> int:
 
 
 @inner
+def new_memory(contacts):
+    """Return the memory of a contact that begins, for a trial, in the row behind those of contacts."""
+    last = contacts.memory.shape[0] - 1
+    for k in range(contacts.memory.shape[1]):
+        contacts.memory[last, k] = 0.0
+    return row(contacts.memory, last)
+
+
+@inner
 def tried_memory(contacts, c):
     """Return a copy of the memory of contact c for a trial, in the row behind those of contacts."""
     last = contacts.memory.shape[0] - 1

@@ -7,28 +7,42 @@ from typing import Any, ClassVar
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import PluginError, ScenarioError, fault, in_one_line
-from evac.jit import Entry, Floats, Struct, Triples, call_pair_contact, call_pair_friction, row
+from evac.base.errors import PluginError, fault, in_one_line
+from evac.jit import Entry, Floats, Struct, call_pair_contact, call_pair_friction, inner, row
 from evac.jit.digest import kernels_in
-from evac.physics.contact.contacts import push, rub, tangential_velocity, use_free_velocity
-from evac.physics.contact.memory import tried_memory
+from evac.physics.contact.contacts import (
+    keep_only_meeting,
+    normal_velocity,
+    push,
+    rub,
+    set_reach,
+    tangential_velocity,
+    use_free_velocity,
+)
+from evac.physics.contact.memory import new_memory, tried_memory
 from evac.physics.contact.model import BorderScene, ContactModel
 from evac.physics.contact.packing import check_indices, packed_row
-from evac.physics.contact.stability import add_stiffness, damping_limit, forget_stiffnesses, makes_unstable
 from evac.physics.state import State
-from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
+from evac.physics.status import CENTRES_PASSED, OK, SEARCH_AGAIN, TOO_STIFF, WALL_CROSSED
 
 #: Difference of overlaps from which the stiffness of a law is computed [m].
 SPAN = 1e-6
 PER_SPAN = 1.0 / SPAN
 
+#: Greatest h^2 k (1/m + 1/m') of a contact of stiffness k. In steps of this length, a collision changes the relative
+#: speed of two people by at most 10 %, wherever in a step they touch; from 0.718 on it can be more.
+COARSEST = 0.71
+
+
+#: Limit of h^2 omega^2 below which no step shorter than tau is unstable.
+LEAST_LIMIT = 2.0
+
 
 class PairLaw(Struct):
-    """Parameters of the law of a single contact, and work arrays of the stability check."""
+    """Parameters of the law of a single contact, and scratch for the check of stability."""
 
     parameters: Floats
-    stiffnesses: Triples  # (n, 3) of each body, see `evac.physics.contact.stability` [1/s2]
-    coupling: Floats  # (n,) [1/s2]
+    square: Floats  # (n,) bound of omega^2 of the springs of a body [1/s2]
 
 
 def law_of(pair: Entry, label: str) -> Entry:
@@ -37,11 +51,12 @@ def law_of(pair: Entry, label: str) -> Entry:
     Both are compiled together, which is faster than a call for every contact.
 
     The stiffness of a contact is dF/dD + (2/h) dF/dw at the overlap D that it reaches within the step, with the closing
-    speed w: an explicit step with springs k and dampers c is stable if h^2 (k + 2c/h) / m < 4 for all modes.
+    speed w: an explicit step with springs k and dampers c is stable if h^2 (k + 2c/h) / m < 4 for all modes. A step is
+    divided if it is unstable, or too coarse for a collision (`COARSEST`), which may also be about to begin.
     """
-    obey = _law_with_friction(pair) if _has_friction(pair) else _law_along_normal(pair)
-    obey.__module__, obey.__qualname__ = label.rsplit(":", 1)
-    return Entry(obey)
+    law = _law_with_friction(pair) if _has_friction(pair) else _law_along_normal(pair)
+    law.__module__, law.__qualname__ = label.rsplit(":", 1)
+    return Entry(law)
 
 
 def _has_friction(pair: Entry) -> bool:
@@ -50,25 +65,41 @@ def _has_friction(pair: Entry) -> bool:
 
 def _law_along_normal(pair: Entry) -> Callable[[State, PairLaw, float], int]:
 
-    def obey(state: State, own: PairLaw, h: float) -> int:
+    def law(state: State, own: PairLaw, h: float) -> int:
         bodies, contacts, given = state.bodies, state.contacts, own.parameters
-        forget_stiffnesses(contacts, own)
+        if state.clock.attempt == 0:
+            mass, deepest = 0.5 * bodies.lightest, _deepest(state, h)
+            rise = pair(deepest - SPAN, 0.0, mass, given) - pair(deepest, 0.0, mass, given)
+            if _is_coarse(h, rise, 1.0 / mass):
+                return _look_ahead(bodies, h)
+        else:
+            for c in range(contacts.number):
+                closing, mass = -normal_velocity(bodies.free, contacts, c), 1.0 / contacts.omega[c]
+                deepest = contacts.gap[c] - h * max(closing, 0.0)
+                rise = pair(min(deepest, 0.0) - SPAN, closing, mass, given) - pair(
+                    min(deepest, 0.0), closing, mass, given
+                )
+                if deepest < 0.0 and _is_coarse(h, rise, contacts.omega[c]):
+                    bodies.failed = contacts.body[c]
+                    return TOO_STIFF
+            keep_only_meeting(state.world, bodies, contacts, 0.0, 0.0)
+        for i in range(bodies.inside):
+            own.square[i] = 0.0
         for c in range(contacts.number):
             gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
             contacts.percussion[c] = h * max(pair(gap, closing, mass, given), 0.0)
             deepest = gap - h * max(closing, 0.0)  # equal to the gap if it opens; a branch costs more than a call
             force = pair(deepest, closing, mass, given)
             beyond = pair(deepest - SPAN, closing + 2.0 * SPAN / h, mass, given)
-            stiffness = PER_SPAN * max(beyond - force, 0.0)
-            add_stiffness(bodies, contacts, own, c, contacts.normal[c, 0], contacts.normal[c, 1], stiffness)
-        if makes_unstable(state, own, h, 1.0):
+            _add_stiffness(bodies, contacts, own, c, PER_SPAN * max(beyond - force, 0.0))
+        if _is_unstable(state, own, h):
             return TOO_STIFF
         use_free_velocity(state)
         for c in range(contacts.number):
             push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
         return OK
 
-    return obey
+    return law
 
 
 def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
@@ -77,9 +108,27 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
     It is that towards less friction: a contact that slides may stick in the next step.
     """
 
-    def obey(state: State, own: PairLaw, h: float) -> int:
+    def law(state: State, own: PairLaw, h: float) -> int:
         bodies, contacts, given = state.bodies, state.contacts, own.parameters
-        forget_stiffnesses(contacts, own)
+        if state.clock.attempt == 0:
+            mass, deepest = 0.5 * bodies.lightest, _deepest(state, h)
+            force, _ = pair(deepest, 0.0, 0.0, mass, 0.5 * h, new_memory(contacts), given)
+            beyond, _ = pair(deepest - SPAN, 0.0, 0.0, mass, 0.5 * h, new_memory(contacts), given)
+            if _is_coarse(h, beyond - force, 1.0 / mass):
+                return _look_ahead(bodies, h)
+        else:
+            for c in range(contacts.number):
+                closing, mass = -normal_velocity(bodies.free, contacts, c), 1.0 / contacts.omega[c]
+                deepest = contacts.gap[c] - h * max(closing, 0.0)
+                force, _ = pair(min(deepest, 0.0), closing, 0.0, mass, 0.5 * h, tried_memory(contacts, c), given)
+                tried = tried_memory(contacts, c)
+                beyond, _ = pair(min(deepest, 0.0) - SPAN, closing, 0.0, mass, 0.5 * h, tried, given)
+                if deepest < 0.0 and _is_coarse(h, beyond - force, contacts.omega[c]):
+                    bodies.failed = contacts.body[c]
+                    return TOO_STIFF
+            keep_only_meeting(state.world, bodies, contacts, 0.0, 0.0)
+        for i in range(bodies.inside):
+            own.square[i] = 0.0
         for c in range(contacts.number):
             gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
             slide = tangential_velocity(bodies.velocity, contacts, c)
@@ -90,9 +139,7 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
             beyond, _ = pair(deepest - SPAN, closing + change, slide, mass, 0.5 * h, tried, given)
             tried = tried_memory(contacts, c)
             _, less = pair(deepest, closing, slide + math.copysign(change, friction), mass, 0.5 * h, tried, given)
-            nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-            add_stiffness(bodies, contacts, own, c, nx, ny, PER_SPAN * max(beyond - force, 0.0))
-            add_stiffness(bodies, contacts, own, c, -ny, nx, PER_SPAN * abs(less - friction))
+            _add_stiffness(bodies, contacts, own, c, PER_SPAN * max(beyond - force, abs(less - friction)))
             elapsed = state.clock.h_before
             if -gap < elapsed * closing:
                 elapsed = -gap / closing
@@ -101,7 +148,7 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
             contacts.friction[c] = h * friction
             contacts.slide_before[c] = slide
             contacts.sticky[c] = 1
-        if makes_unstable(state, own, h, 1.0):
+        if _is_unstable(state, own, h):
             return TOO_STIFF
         use_free_velocity(state)
         for c in range(contacts.number):
@@ -109,7 +156,58 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
             rub(bodies.solved, bodies.inverse_mass, contacts, c, contacts.friction[c])
         return OK
 
-    return obey
+    return law
+
+
+@inner
+def _deepest(state, h):
+    """Return the gap of the deepest overlap that a contact may have within the step [m]."""
+    return -max(state.contacts.deepest, 0.0) - 2.0 * h * state.bodies.fastest
+
+
+@inner
+def _is_coarse(h, rise, omega):
+    """Return whether steps of `h` are too coarse for a collision; `rise` is that of the force over `SPAN` [N]."""
+    return h * h * PER_SPAN * rise * omega > COARSEST
+
+
+@inner
+def _look_ahead(bodies, h):
+    """Extend the reach of bodies to their free paths, to find the contacts that may begin within the step."""
+    set_reach(bodies, 0, bodies.inside, h, 1.0)
+    bodies.farthest_reach = h * bodies.fastest
+    return SEARCH_AGAIN
+
+
+@inner
+def _add_stiffness(bodies, contacts, own, c, stiffness):
+    """Add the greatest stiffness of contact c along a direction to the bounds of omega^2 of its bodies.
+
+    Gershgorin's bound is the sum of k (1/m + 1/sqrt(m m')) over the contacts of a body of mass m with those of mass m',
+    which is at most that of k (3/m + 1/m') / 2.
+    """
+    i, j = contacts.body[c], contacts.other[c]
+    if j < 0:
+        own.square[i] += stiffness * bodies.inverse_mass[i]
+    else:
+        own.square[i] += 0.5 * stiffness * (contacts.omega[c] + 2.0 * bodies.inverse_mass[i])
+        own.square[j] += 0.5 * stiffness * (contacts.omega[c] + 2.0 * bodies.inverse_mass[j])
+
+
+@inner
+def _is_unstable(state, own, h):
+    """Return whether the contacts make a sub-step unstable; note the body as failed.
+
+    The limit of h^2 omega^2 is that of a spring with the damping of the drive.
+    """
+    bodies = state.bodies
+    for i in range(bodies.inside):
+        if h * h * own.square[i] > LEAST_LIMIT or h >= bodies.tau[i]:
+            kept = 1.0 - h / bodies.tau[i] if state.clock.explicit else math.exp(-h / bodies.tau[i])
+            if h * h * own.square[i] > 2.0 * (1.0 + kept):
+                bodies.failed = i
+                return True
+    return False
 
 
 class PairContact(ContactModel):
@@ -118,7 +216,7 @@ class PairContact(ContactModel):
     A subclass names a function compiled with `evac.jit.pair_contact`, which returns the repulsive force of two people
     who overlap, or of a person and a wall, or one compiled with `evac.jit.pair_friction`, which also returns a force
     along the tangent and may have a `memory`. A negative repulsive force is replaced by zero. Steps that are unstable
-    because of the stiffness of the law are divided.
+    because of the stiffness of the law, or too coarse for a collision, are divided.
     """
 
     longest_path = 0.5
@@ -162,9 +260,7 @@ class PairContact(ContactModel):
         return np.array(list(self.values().values()), dtype=np.float64)
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse steps beyond the stability limit of a dense packing, omega^2 = 6k/m (docs/physics.md).
-
-        The stiffness k is taken at the overlap at which a contact balances the driving force of one person.
+        """Refuse a law that attracts bodies or is not finite, and steps that are too long for explicit driving.
 
         Raises
         ------
@@ -175,34 +271,15 @@ class PairContact(ContactModel):
         """
         super().check_scene(scene)
         self._check_sign(scene)
-        if self.overdamped:
-            return
-        load = float((scene.mass * scene.speed / scene.tau).max(initial=0.0))
-        mass, tau, step = float(scene.mass.min()), float(scene.tau.min()), scene.step
-        overlap = self._overlap(load, 0.5 * mass, float(scene.radius.min()))
-        while step > 0.0:
-            rise = self._force(overlap + SPAN, 0.5 * mass, 2.0 * SPAN / step) - self._force(overlap, 0.5 * mass)
-            if step**2 * 6.0 * PER_SPAN * rise / mass < damping_limit(step, tau, scene.explicit):
-                break
-            step *= 0.98
-        if step < scene.step:
-            raise ScenarioError(
-                f"simulation.step: {scene.step} s is too long for contact model {self.name!r} with its stiffness"
-                f" under a load of {load:.0f} N, a least mass of {mass:.1f} kg and a least tau of {tau:g} s; it must"
-                f" be at most {step:.2g} s (or choose parameters of contact.{self.name} that make contacts softer)"
-            )
 
     def _check_sign(self, scene: BorderScene) -> None:
         """Refuse a law that only attracts, which would have no effect, since such forces are replaced by zero."""
         mass, radius = 0.5 * float(scene.mass.min()), float(scene.radius.min())
-        forces = [self._force(share * radius, mass) for share in (0.001, 0.01, 0.1, 0.5, 1.0)]
+        forces = [self.forces(-share * radius, 0.0, mass, self.packed())[0] for share in (0.001, 0.01, 0.1, 0.5, 1.0)]
         if min(forces) < 0.0 and max(forces) <= 0.0:
             wrong = f"{self.pair.title} returns {forces[-1]:.3g} N for the gap {-radius:.3g} m"
             remedy = "return a positive force, which is repulsive, for a negative gap"
             raise fault(f"contact model {self.name!r}", wrong, remedy, self.pair)
-
-    def _force(self, overlap: float, mass: float, closing: float = 0.0) -> float:
-        return self.forces(-overlap, closing, mass, self.packed())[0]
 
     def forces(
         self, gap: float, closing: float, mass: float, packed: FloatArray, slide: float = 0.0, elapsed: float = 0.0
@@ -244,14 +321,6 @@ class PairContact(ContactModel):
                 return error
         return super().culprit(state)
 
-    def _overlap(self, load: float, mass: float, largest: float) -> float:
-        """Return the overlap [m] that balances a load [N], or the largest one."""
-        low, high = 0.0, largest
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._force(middle, mass) > load else (middle, high)
-        return high
-
     @property
     def parameters(self) -> FloatArray:
         """What the law reads."""
@@ -260,7 +329,9 @@ class PairContact(ContactModel):
     def advice(self) -> Mapping[int, str]:
         """Return advice for steps that fail."""
         own = f"parameters of contact.{self.name}"
+        stiffer = f"choose {own} that make contacts stiffer, or a contact model that prevents overlaps"
         return {
-            WALL_CROSSED: f"choose {own} that make contacts stiffer, or a contact model that prevents overlaps",
+            WALL_CROSSED: stiffer,
+            CENTRES_PASSED: f"use a behaviour with which people keep their distance, {stiffer}",
             TOO_STIFF: f"choose {own} that make contacts softer, or use a smaller simulation.step",
         }
