@@ -92,8 +92,8 @@ def _show(made: "Imported") -> None:
     from evac.building.model.findings import KINDS, grouped
     from evac.building.model.storeys import storeys
     from evac.cli.screen import say, show_facts, show_table, show_warnings
+    from evac.importing.documents import MOST_OPENINGS, opening_row
     from evac.importing.importing import PICTURE, PLAN, REPORT
-    from evac.importing.report import MOST_OPENINGS, opening_row
 
     building = made.building
     floors = [own for _, levels in storeys(building) if (own := [level for level in levels if level.kind == "floor"])]

@@ -1,7 +1,8 @@
-"""Import of building files to a folder with a case: surface, preliminary people, picture and report."""
+"""Import of building files to a folder with a case: plan or surface, preliminary people, picture and report."""
 
+import re
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,25 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.base.errors import BuildingError, EvacError, ScenarioError
+from evac.base.errors import BuildingError, EvacError, ScenarioError, usable_path
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
 from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
-from evac.building.plan.plantable import SECTIONS, plan_of, read_table, table_of
+from evac.building.plan.plantable import table_of
 from evac.building.plan.redrawing import plan_of_building
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
-from evac.importing.casefile import case_text, check_folder
-from evac.importing.completeness import with_missing
-from evac.importing.edits import comments_of, plan_text, with_edits, with_former_names
-from evac.importing.openings import Opening, find_openings
-from evac.importing.report import report_text
-from evac.importing.rooms import Room, fill, find_rooms
+from evac.importing.documents import MOST_OPENINGS, case_text, plan_text, report_text
+from evac.importing.rooms import Opening, Room, fill, find_openings, find_rooms, with_missing
 from evac.simulation.assembly import read_file, read_storeys, read_surface
 
 if TYPE_CHECKING:
@@ -42,7 +39,9 @@ MOST_DENSITY = 100.0
 STOREY_HEIGHT = 3.0
 #: Names of the files in the folder.
 CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
-PLAN, ORIGIN = "building.plan.toml", "imported.plan.toml"
+PLAN = "building.plan.toml"
+#: Lines of report.md that show whether a file has been changed since the import.
+DIGEST = re.compile(r"(case\.toml|building\.plan\.toml) as written: ([0-9a-f]{16}|none)")
 
 
 @dataclass(frozen=True)
@@ -77,8 +76,8 @@ def import_building(
     """Create a case from building files: one file, or one for each storey, from the lowest up.
 
     If a storey or more than 2 % of the ground has no way out, or a stair could not be used, only the plan, the report
-    and the picture are written, unless `partial` is true. What users have changed in the plan and in case.toml of an
-    earlier import to the same folder is kept.
+    and the picture are written, unless `partial` is true. A plan or case.toml of an earlier import to the same folder
+    that has been changed is kept; with such a plan, the files are not read again.
 
     Parameters
     ----------
@@ -117,24 +116,33 @@ def import_building(
         raise ScenarioError(f"density: must be between 0 and {MOST_DENSITY:g} people per square metre, not {density!r}")
     registry = registry or Registry()
     paths, place = tuple(Path(file) for file in files), Path(folder)
-    edited = check_folder(place, CASE, REPORT)
+    changed = _changed_files(place)
     importers, own, values = _options(paths, dict(options or {}), registry)
-    read, findings = _read(paths, importers, z, registry)
+    findings = list[Finding]()
     with _drafted(place) as draft:
-        building = _Draft(draft, read, paths[0], own, registry)
+        building = _Draft(draft, own, registry)
+        if PLAN in changed:
+            building.keep(place)
+        else:
+            read, findings = _read(paths, importers, z, registry)
+            building.write(read, paths[0], own)
         openings = find_openings(building.written, building.openings)
-        chosen = [opening.exit() for opening in _chosen(exits, openings)]
-        building.add(chosen, place)
+        keeper = PLAN if PLAN in changed else CASE if CASE in changed and building.name == MESH else ""
+        ways = [] if keeper == PLAN else [opening.exit() for opening in _chosen(exits, openings)]
+        if ways:
+            building.add(ways)
         written = building.written
         findings += building.findings
+        known = {way.name for way in written.exits} if keeper == PLAN else set()
+        lost = [name for name in (f"exit {number}" for number in sorted(set(exits))) if keeper and name not in known]
+        if lost:
+            names = ", ".join(map(repr, lost))
+            findings.append(Finding("warning", f"{names}: not among the exits in {keeper}, which is kept; add them"))
         if people is None and density is None:
             text = f"{DENSITY:g} people per square metre in every room (--density, --people)"
             findings.append(Finding("assumed", text))
-        if edited:
+        if CASE in changed:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
-            if chosen and building.name == MESH:
-                ways = ", ".join(repr(one["name"]) for one in chosen)
-                findings.append(Finding("warning", f"{ways}: not among the exits in {CASE}, which is kept; add them"))
         rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
         findings = sorted(with_missing(written, [*findings, *assumed]), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)
@@ -151,28 +159,49 @@ def import_building(
             fault="",
             is_accepted=partial or not missing,
         )
-        if edited:
+        if CASE in changed:
             shutil.copyfile(place / CASE, draft / CASE)
         else:
             # Names of files need not be UTF-8.
             keys = {"mesh": building.name} | building.kept | ({"missing": list(missing)} if missing else {})
-            text = case_text(made, [] if building.name == PLAN else chosen, keys, spacing)
+            text = case_text(made, [] if building.name == PLAN else ways, keys, spacing)
             (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
         if not made.is_accepted:
             made = replace(made, fault="the building is incomplete")
         else:
             made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
-        digest = edited or (digest_of_file(draft / CASE)[:16] if made.is_accepted else "none")
-        text = report_text(made, digest)
-        (draft / REPORT).write_text(text, encoding="utf-8", errors="replace")
+        produced = {building.name, *([CASE] if made.is_accepted else [])}
+        digests = {name: digest_of_file(draft / name)[:16] if name in produced else "none" for name in (CASE, PLAN)}
+        (draft / REPORT).write_text(report_text(made, digests | changed), encoding="utf-8", errors="replace")
         _draw(made, draft, are_named=bool(building.openings))
-        produced = (PICTURE, REPORT, *((PLAN, ORIGIN) if building.name == PLAN else ()))
-        _publish(draft, place, (*produced, *((building.name, CASE) if made.is_accepted else ())), keep=bool(edited))
+        if building.name == MESH and not made.is_accepted:
+            produced = set()
+        _publish(draft, place, {PICTURE, REPORT, *produced}, changed)
     return made
 
 
+def _changed_files(folder: Path) -> dict[str, str]:
+    """Return the case and the plan that were changed after an import to a folder, with their digests before that.
+
+    A folder with other things than an import is refused.
+    """
+    usable_path(folder, ScenarioError)
+    if folder.exists() and not folder.is_dir():
+        raise ScenarioError(f"{folder}: not a folder; choose another one for the case (--out)")
+    if not folder.exists() or not any(folder.iterdir()):
+        return {}
+    try:
+        before = dict(DIGEST.findall((folder / REPORT).read_text(encoding="utf-8")))
+        now = {name: digest_of_file(folder / name)[:16] for name in before if (folder / name).exists()}
+    except (OSError, EvacError):
+        before = {}
+    if CASE not in before:
+        raise ScenarioError(f"{folder}: contains files other than an import; choose a new or empty folder (--out)")
+    return {name: digest for name, digest in before.items() if now.get(name, digest) != digest}
+
+
 class _Draft:
-    """The building of an import in a draft of its folder, as a plan that users can edit, or as a mesh.
+    """The building of an import in a draft of its folder: a plan that users can edit, or a mesh.
 
     Attributes
     ----------
@@ -188,20 +217,33 @@ class _Draft:
         Those of the importer and on the building.
     """
 
-    def __init__(
-        self, folder: Path, read: SurfaceMesh | Plan, source: Path, own: SurfaceOptions, registry: Registry
-    ) -> None:
+    def __init__(self, folder: Path, own: SurfaceOptions, registry: Registry) -> None:
         self._folder, self._registry = folder, registry
-        keys = {"flat_angle", "walkable_angle", "treads"}
-        plan = read if isinstance(read, Plan) and own.scale == 1.0 and own.up == "z" else None
-        self._proposed: list[tuple[Finding, dict[str, Any]]] = []
-        self.findings: list[Finding] = []
+        self.name = PLAN
+        # The other options are applied to the file.
+        keys = {"flat_angle", "walkable_angle", "treads", "weld"}
+        self.kept = own.model_dump(include=keys, exclude_defaults=True)
         self.openings: list[tuple[str, Any]] = []
+
+    def keep(self, folder: Path) -> None:
+        """Read the plan in a folder, and copy it with the files of its storeys that are there."""
+        text = f"{PLAN} has been changed and is kept; to read the files again, remove it or choose another folder"
+        self._told = [Finding("warning", text)]
+        self._build(folder / PLAN)
+        (importer,), _, _ = _options([folder / PLAN], {}, self._registry)
+        for file in (file.resolve() for file in importer.files(folder / PLAN)):
+            if file.is_relative_to(folder.resolve()):
+                copy = self._folder / file.relative_to(folder.resolve())
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file, copy)
+
+    def write(self, read: SurfaceMesh | Plan, source: Path, own: SurfaceOptions) -> None:
+        """Write what an importer has read as a plan, or as a mesh if it has no plan."""
+        plan = read if isinstance(read, Plan) and own.scale == 1.0 and own.up == "z" else None
         if plan is not None:
-            keys |= {"weld"}
             self._told = list(plan.findings)
-            self._proposed = plan.proposals
         else:
+            self.kept.pop("weld", None)
             mesh = read.surface() if isinstance(read, Plan) else read
             surface = clean(mesh, source, own)
             building = building_of(surface, source, need_exit=False)
@@ -211,65 +253,34 @@ class _Draft:
                 plan = plan_of_building(building)
             except ValueError as error:
                 self._told.append(Finding("assumed", f"there is no plan to edit, since {error}"))
-                write_surface(tagged_surface(surface, building), folder / MESH)
-        # The other options have been applied to the file.
-        self.kept = own.model_dump(include=keys, exclude_defaults=True)
-        self.table = None if plan is None else table_of(plan)
-        self.name = MESH if plan is None else PLAN
-        self._build(comments=self._proposals())
+                self.name = MESH
+                write_surface(tagged_surface(surface, building), self._folder / MESH)
+        if plan is not None:
+            self._table, proposed = table_of(plan), [given for _, given in plan.proposals]
+            # What an importer has seen and left out.
+            self._comments = plan_text({"stairs": proposed}, head="").splitlines()[1:]
+            self._write_plan()
+        self._build(self._folder / self.name)
 
-    def add(self, exits: Sequence[Mapping[str, Any]], folder: Path) -> None:
-        """Add exits [name, segment, level], and the edits that a user has made to the plan of an earlier import."""
-        is_edited = _is_edited(folder)
-        if self.table is None:
-            if is_edited:
-                text = "has been changed, and these files have no plan in which that could be kept"
-                raise ScenarioError(f"{folder / PLAN}: {text}; choose another folder (--out)")
-            self._build({"exits": exits})
-            return
-        storeys = {one["name"] for one in self.table["storeys"]}
-        for way in exits:
-            level = way["level"] if way["level"] in storeys else way["level"].rpartition(" (")[0]
-            more = {"name": way["name"], "storey": level, "segment": way["segment"]}
-            self.table["exits"] = [*self.table.get("exits", []), more]
-        if (folder / ORIGIN).exists():
-            self.table = with_former_names(self.table, _table_in(folder / ORIGIN))
-        (self._folder / ORIGIN).write_text(plan_text(self.table, self._proposals()), encoding="utf-8", errors="replace")
-        comments = self._proposals()
-        if is_edited:
-            places = (self._folder / ORIGIN, folder / ORIGIN, folder / PLAN)
-            imported, former, edited = (_table_in(place) for place in places)
-            for file in (Path(str(storey["file"])) for storey in edited.get("storeys", ()) if "file" in storey):
-                if (folder / file).is_file() and not file.is_absolute() and ".." not in file.parts:
-                    (self._folder / file).parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(folder / file, self._folder / file)
-            self.table, dropped, told = with_edits(
-                imported, former, edited, lambda own: self._check(own, folder / PLAN)
-            )
-            seen, known = (comments_of((folder / name).read_text(encoding="utf-8-sig")) for name in (PLAN, ORIGIN))
-            own = {one["name"] for one in self.table.get("stairs", ())}
-            done = [finding for finding, given in self._proposed if given["name"] in own]
-            self._proposed = [one for one in self._proposed if one[0] not in done]
-            self._told = [one for one in self._told if one not in done]
-            comments = [*self._proposals(), *(line for line in seen if line not in known), *dropped]
-            self._told += told
-        is_new = plan_text(self.table, comments) != (self._folder / PLAN).read_text(encoding="utf-8")
-        if is_new or self._told != self.findings[: len(self._told)]:
-            self._build(comments=comments)
+    def add(self, exits: Sequence[Mapping[str, Any]]) -> None:
+        """Add exits [name, segment, level] to what has been written."""
+        if self.name == MESH:
+            self._build(self._folder / MESH, {"exits": exits})
+        else:
+            storeys = {one["name"] for one in self._table["storeys"]}
+            for way in exits:
+                level = way["level"] if way["level"] in storeys else way["level"].rpartition(" (")[0]
+                more = {"name": way["name"], "storey": level, "segment": way["segment"]}
+                self._table["exits"] = [*self._table.get("exits", []), more]
+            self._write_plan()
+            self._build(self._folder / PLAN)
 
-    def _proposals(self) -> list[str]:
-        """Return the lines of the plan that add what an importer has seen and left out."""
-        return plan_text({"stairs": [given for _, given in self._proposed]}, head="").splitlines()[1:]
+    def _write_plan(self) -> None:
+        text = plan_text(self._table, self._comments)
+        (self._folder / PLAN).write_text(text, encoding="utf-8", errors="replace")
 
-    def _check(self, table: Mapping[str, Any], source: Path) -> None:
-        plan = read_storeys(plan_of(table, source, self._folder), self._registry)
-        plan.building(need_exit=False, **self.kept)
-
-    def _build(self, more: Mapping[str, Any] | None = None, comments: Sequence[str] = ()) -> None:
-        """Write the plan if there is one, and read the building as a case does."""
-        file = self._folder / self.name
-        if self.table is not None:
-            file.write_text(plan_text(self.table, comments), encoding="utf-8", errors="replace")
+    def _build(self, file: Path, more: Mapping[str, Any] | None = None) -> None:
+        """Read the building as a case does."""
         (importer,), _, _ = _options([file], {}, self._registry)
         mesh = read_surface(importer, file, self._registry)
         surface = clean(mesh, file, SurfaceOptions(**self.kept))
@@ -289,40 +300,13 @@ def _drafted(folder: Path) -> Iterator[Path]:
         raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
 
 
-def _is_edited(folder: Path) -> bool:
-    """Return whether the plan of an earlier import has been changed."""
-    plan, origin = folder / PLAN, folder / ORIGIN
-    if plan.exists() and not origin.exists():
-        text = f"is missing, so that the edits of {PLAN} cannot be found"
-        raise ScenarioError(f"{origin}: {text}; restore it, or remove {PLAN} to import without its edits")
-    return plan.exists() and plan.read_bytes() != origin.read_bytes()
-
-
-def _table_in(file: Path) -> dict[str, Any]:
-    """Return the table of a plan file, whose sections are lists of tables."""
-    try:
-        table = read_table(file)
-        for section in SECTIONS:
-            items = table.get(section, [])
-            if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-                raise ValueError(f"{section} must be a list of tables: [[{section}]]")
-        return table
-    except ValueError as error:
-        raise BuildingError(f"{file}: {error}; correct it, or remove it to import without its edits") from error
-
-
-def _publish(draft: Path, folder: Path, names: Sequence[str], *, keep: bool) -> None:
-    """Move the files of an import to its folder, and remove those of an earlier import that it does not have.
-
-    A case.toml that is to be kept stays.
-    """
+def _publish(draft: Path, folder: Path, names: Collection[str], kept: Collection[str]) -> None:
+    """Move files of an import to its folder, where those of an earlier import go, except those that are to be kept."""
     folder.mkdir(exist_ok=True)
-    for name in (MESH, PLAN, ORIGIN, PICTURE, CASE, REPORT):
-        if keep and name == CASE:
-            continue
-        if name in names:
+    for name in (MESH, PLAN, PICTURE, CASE, REPORT):
+        if name in names and name not in kept:
             (draft / name).replace(folder / name)
-        else:
+        elif name not in kept:
             (folder / name).unlink(missing_ok=True)
 
 
@@ -390,7 +374,6 @@ def _fault(draft: Path, folder: Path, registry: Registry) -> str:
 
 def _draw(made: Imported, folder: Path, *, are_named: bool) -> None:
     """Draw every level, with numbered openings if the file names them, or there is no exit."""
-    from evac.importing.report import MOST_OPENINGS
     from evac.pictures.annotated import Mark, draw_levels
 
     offered = () if made.building.exits and not are_named else made.openings[:MOST_OPENINGS]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from evac import Plan
 from evac.building.plan.plantable import table_of
-from evac.importing.edits import plan_text
+from evac.importing.documents import plan_text
 from tests.attacks.commands import call
 from tests.attacks.models import CHANGES, FOREIGN, made_model
 from tests.attacks.seeded import Case, in_turn

@@ -27,7 +27,7 @@ def test_an_import_in_two_calls(evac, room, capsys, tmp_path):
     assert "evac run case" in out
     assert evac("run", "case") == 0
     assert {path.name for path in (tmp_path / "case").iterdir()} == {
-        "building.plan.toml", "case.toml", "imported.plan.toml", "levels.png", "report.md",
+        "building.plan.toml", "case.toml", "levels.png", "report.md",
     }  # fmt: skip
 
 

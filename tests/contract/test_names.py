@@ -12,7 +12,7 @@ from evac.contract.registry import Registry
 ROOT = Path(evac.__file__).parent
 
 #: Where names are allowed: the defaults, the case that `evac import` writes, the standard tests, evidence.
-MAY_NAME = ("contract/hooks.py", "importing/casefile.py", "standard/", "evidence/")
+MAY_NAME = ("contract/hooks.py", "importing/documents.py", "standard/", "evidence/")
 
 #: Registered names that are common words, too, or a column of people.csv.
 WORDS = {"familiarity", "response_time", "rest", "together", "walking"}
@@ -34,7 +34,7 @@ def test_no_module_of_the_core_names_a_model():
     read = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in ROOT.rglob("*.py")}
     found = {path: named_in(text) for path, text in read.items() if not path.startswith(MAY_NAME)}
     assert {path: sorted(set(words)) for path, words in found.items() if words} == {}
-    assert set(named_in(read["importing/casefile.py"])) == {"nsm2"}
+    assert set(named_in(read["importing/documents.py"])) == {"nsm2"}
 
 
 @pytest.mark.parametrize("text", ['"""As NSM1 does."""', "x = headway", "dem_step = 1", "class Headway:", "'uzawa'"])

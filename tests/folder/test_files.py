@@ -75,7 +75,7 @@ def test_links_in_a_result_are_replaced_and_not_followed(result, tmp_path, name,
     place.parent.mkdir(parents=True, exist_ok=True)
     place.unlink(missing_ok=True)
     place.symlink_to(thesis)
-    assert main([*command.format(place).split(), str(result)]) == 0
+    assert main([*(word.format(place) for word in command.split()), str(result)]) == 0
     assert thesis.read_text() == "precious"
     assert place.is_file()
     assert not place.is_symlink()

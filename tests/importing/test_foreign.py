@@ -13,7 +13,7 @@ from evac import BuildingError, import_building
 from evac.building.recover.bodies import Body
 from evac.building.recover.products import LIBRARIES, read_products
 from evac.cli.main import main
-from evac.importing.completeness import NEGLIGIBLE
+from evac.importing.rooms import NEGLIGIBLE
 from tests.importing.independent import FOREIGN, TABLE, rows_of
 
 pytestmark = pytest.mark.skipif(not FOREIGN.is_dir(), reason="../shared/data/foreign is not there")

@@ -11,8 +11,7 @@ import shapely.affinity
 import evac
 from evac import BuildingError, ScenarioError, import_building, read_building
 from evac.building.model.findings import KINDS
-from evac.importing.openings import find_openings
-from evac.importing.rooms import fill, find_rooms
+from evac.importing.rooms import fill, find_openings, find_rooms
 
 ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 #: Three rooms along a corridor, with walls of 0.1 m.
