@@ -21,8 +21,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Show the differences, and write the page if wanted."""
     from evac.folder.resultfolder import check_result, find_result
     from evac.report.comparison import compare
-    from evac.report.pages import write_page
-    from evac.report.templates import fixed
+    from evac.report.pages import fixed, write_page
 
     folders = [find_result(path) for path in arguments.designs]
     for folder in folders:

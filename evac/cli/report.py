@@ -42,9 +42,9 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result
     from evac.report.bundle import BUNDLE_NAME, write_bundle
-    from evac.report.congestion import MAPS, Places
     from evac.report.of_run import run_report
     from evac.report.pages import Labels, write_page
+    from evac.report.sections import MAPS, Places
     from evac.report.study import is_study, study_report
     from evac.results.reading import read_results
 

@@ -12,7 +12,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, counted
 from evac.report import figures
-from evac.report.templates import fixed, rendered
+from evac.report.pages import fixed, rendered
 from evac.results.answer import MOST, time_of_share
 from evac.results.reading import read_results
 from evac.results.results import Results

@@ -5,15 +5,22 @@ from pathlib import Path
 from evac.base.errors import counted
 from evac.folder.files import CROSSINGS_NAME, EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
 from evac.report import figures
-from evac.report.building import building_section, levels_section
-from evac.report.congestion import USUAL, Places, congestion_sections
-from evac.report.design import design_section
-from evac.report.fire import fire_section, margins_section
-from evac.report.model import case_section, model_section
-from evac.report.occupants import occupants_section
-from evac.report.pages import BLANK, Head, Labels, files_section, page
-from evac.report.templates import Section, section
-from evac.report.times import places_section, times_section
+from evac.report.pages import BLANK, Head, Labels, Section, files_section, page, section
+from evac.report.sections import (
+    USUAL,
+    Places,
+    building_section,
+    case_section,
+    congestion_sections,
+    design_section,
+    fire_section,
+    levels_section,
+    margins_section,
+    model_section,
+    occupants_section,
+    places_section,
+    times_section,
+)
 from evac.report.verification import evidence_section, standard_section, verification_section
 from evac.results.reading import read_results
 from evac.results.results import Results

@@ -21,13 +21,19 @@ from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_N
 from evac.folder.jsonfile import checked, read_json
 from evac.folder.tables import read_columns
 from evac.report import figures
-from evac.report.building import building_section, levels_section
-from evac.report.congestion import USUAL, Places, congestion_sections
-from evac.report.model import case_section, model_section
-from evac.report.occupants import occupants_section
-from evac.report.pages import BLANK, Head, Labels, files_section, page
-from evac.report.templates import APPENDIX, Cell, Section, fixed, section
-from evac.report.times import places_section, times_section
+from evac.report.pages import APPENDIX, BLANK, Cell, Head, Labels, Section, files_section, fixed, page, section
+from evac.report.sections import (
+    USUAL,
+    Places,
+    building_section,
+    case_section,
+    congestion_sections,
+    levels_section,
+    model_section,
+    occupants_section,
+    places_section,
+    times_section,
+)
 from evac.report.verification import evidence_section, standard_section, verification_section
 from evac.results.ending import FAILED
 from evac.results.reading import read_results

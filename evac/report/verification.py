@@ -4,10 +4,9 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
-from evac.report.templates import APPENDIX, Cell, Section, section
+from evac.report.pages import APPENDIX, Cell, Section, read, section
 from evac.results.record import CaseTable
 
 #: Verdicts of docs/evidence, as `evac evidence` writes them beside this module.
@@ -23,8 +22,7 @@ TEST_COLUMNS = ("test", "measured", "expected", "by")
 @cache
 def evidence() -> Mapping[str, Any]:
     """Return the evidence that this version of evac comes with."""
-    text = files("evac.report").joinpath(EVIDENCE_NAME).read_text(encoding="utf-8")
-    verdicts: Mapping[str, Any] = json.loads(text)
+    verdicts: Mapping[str, Any] = json.loads(read(EVIDENCE_NAME))
     return verdicts
 
 
@@ -67,8 +65,7 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
 
 def meaning(names: str) -> str:
     """Return what it means for a building that a model does not meet the standard test of some names."""
-    text = files("evac.report").joinpath("meanings.toml").read_text(encoding="utf-8")
-    (found,) = [words for test, words in tomllib.loads(text).items() if test in names.split()]
+    (found,) = [words for test, words in tomllib.loads(read("meanings.toml")).items() if test in names.split()]
     return str(found)
 
 
@@ -80,7 +77,7 @@ def standard_section(case: CaseTable, keepers: Sequence[str]) -> Section:
     return section(
         STANDARD,
         f"{APPENDIX}standard tests",
-        "standard.html",
+        "standard",
         columns=["met"] if subject else columns,
         rows=[
             [*(row[name] for name in TEST_COLUMNS), *(_coloured(row[name]) for name in columns)]

@@ -15,8 +15,7 @@ from evac.base.errors import ResultError, RunWarning, SimulationError, usable_pa
 from evac.base.processes import Pool, cores
 from evac.folder.files import replacing, writing
 from evac.folder.manifest import COMPLETE, mark, read_manifest
-from evac.report.pages import write_page
-from evac.report.templates import Cell, rendered
+from evac.report.pages import Cell, rendered, write_page
 from evac.standard import tests as standard
 from evac.standard.plans import Row
 from evac.standard.trial import StandardTest, Trial

@@ -16,8 +16,8 @@ import evac
 from evac.base.errors import ResultError
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.replay.writer import replay_trajectory
-from evac.report.congestion import Places
 from evac.report.of_run import run_report
+from evac.report.sections import Places
 from tests.attacks.checkpoints import HALL, ODD, places, table
 from tests.attacks.seeded import Case, in_turn
 

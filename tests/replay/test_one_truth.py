@@ -10,8 +10,8 @@ from evac.cli.outcome import show_answer, show_results
 from evac.pictures.colouring import colouring
 from evac.pictures.palette import NOTHING, rgb
 from evac.pictures.scales import PEOPLE
-from evac.report.congestion import Places
 from evac.report.of_run import run_report
+from evac.report.sections import Places
 from tests.replay.recount import Map, Recount, fixed, rows_of, steady, time_of
 from tests.report.conftest import Page
 

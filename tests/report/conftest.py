@@ -8,7 +8,7 @@ import pytest
 
 import evac
 from evac.case.loading import load_case
-from evac.report.checklist import points
+from evac.report.pages import points
 
 #: What a page must not turn into markup.
 HOSTILE = "<script>alert('1')</script> & \"co\""

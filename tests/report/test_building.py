@@ -7,8 +7,8 @@ import pytest
 from shapely import box
 
 from evac import Plan
-from evac.report.building import building_section
 from evac.report.pages import BLANK, Head, page
+from evac.report.sections import building_section
 from evac.results.record import BuildingTable
 
 from .conftest import Page

@@ -16,11 +16,9 @@ from evac.case.loading import load_case
 from evac.case.toml import case_text
 from evac.evidence.validation.page import SUBJECTS
 from evac.pictures.colouring import colouring
-from evac.report.congestion import Places
 from evac.report.of_run import run_report
-from evac.report.pages import Labels
-from evac.report.templates import shown
-from evac.report.times import SHARES
+from evac.report.pages import Labels, shown
+from evac.report.sections import SHARES, Places
 from evac.report.verification import evidence, meaning, subject_like
 from evac.results.answer import time_of_share
 from evac.results.record import CaseTable

@@ -9,7 +9,7 @@ import pytest
 import evac
 from evac.base.errors import ResultError
 from evac.case.loading import load_case
-from evac.report.congestion import Places
+from evac.report.sections import Places
 from evac.report.study import is_study, study_report
 
 from .conftest import CASE, Page

@@ -22,7 +22,7 @@ from evac.pictures import palette
 from evac.pictures.map_pictures import draw_map
 from evac.pictures.render import Renderer, render_animation
 from evac.replay.writer import replay_trajectory
-from evac.report.building import building_section
+from evac.report.sections import building_section
 from evac.results.ending import Stopped
 from evac_plugins.export_geojson import GeojsonExporter
 from evac_plugins.export_vtk import VtkExporter

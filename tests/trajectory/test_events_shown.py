@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgb
 import evac
 from evac.pictures import palette
 from evac.pictures.render import Renderer
-from evac.report.building import building_section
+from evac.report.sections import building_section
 from tests.simulation.test_timetable import event, house
 
 EVENTS = [

@@ -13,7 +13,7 @@ from shapely import box
 import evac
 from evac.pictures import palette
 from evac.pictures.render import Renderer
-from evac.report.building import building_section
+from evac.report.sections import building_section
 from evac.trajectory.header import HeaderError, building_from_json, building_to_json
 
 PLACES = [

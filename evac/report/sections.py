@@ -1,0 +1,544 @@
+"""The sections of a report on one run, from the building to the hydraulic calculation."""
+
+import base64
+import hashlib
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from evac.analysis.congestion import DENSITY, SHARE, Exceedance
+from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
+from evac.analysis.maps import KERNEL_RADIUS, level_maps
+from evac.base.arrays import FloatArray
+from evac.base.defaults import TENABLE
+from evac.base.distributions import told
+from evac.base.errors import in_order
+from evac.building.model.building import Building
+from evac.building.model.links import states_of
+from evac.building.model.storeys import storeys
+from evac.case.toml import case_text
+from evac.pictures.colouring import colouring
+from evac.report import figures
+from evac.report.pages import APPENDIX, Cell, Section, fixed, section
+from evac.results.answer import time_of_share
+from evac.results.record import CaseTable, ExitUse, FlowUse, GroupTable, PlaceUse
+from evac.results.results import Results
+from evac.trajectory.trajectory import Trajectory
+
+
+def building_section(run: Results | None) -> Section:
+    """Return the section on the building that a run recorded; without one, what the author has to add."""
+    if run is None or run.trajectory is None:
+        return section("building", "Building", building=None, has_run=run is not None, is_missing=True)
+    building = run.trajectory.building
+    levels = building.levels
+    states = [_in_words(found) for found in states_of(building, run.trajectory.changes)]
+    return section(
+        "building",
+        "Building",
+        building=building,
+        mesh=run.record.table.building.mesh,
+        ground=sum(level.polygon.area for level in levels),
+        plans=figures.plans(building),
+        stairs=[_stair(building, name) for name in building.stairs],
+        exits=[
+            (e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)])
+            for e in in_order(building.exits)
+        ],
+        doors=_alike(
+            (levels[door.level].name, fixed(door.width, 2), states[building.n_links + k], door.name)
+            for k, door in in_order(enumerate(building.doors), lambda one: one[1].name)
+        ),
+        areas=_alike(
+            (levels[area.level].name, fixed(area.polygon.area, 1), area.name)
+            for area in sorted(in_order(building.areas), key=lambda area: area.level)
+        ),
+        places=[
+            (place.name, place.kind, levels[place.level].name, place.area or place.exit, place.use)
+            for place in building.places
+        ],
+        closed=run.record.table.building.closed,
+        changes=[(fixed(change.time, 1), change.words) for change in run.trajectory.changes],
+        lacks=() if building.doors else ("doors",),
+    )
+
+
+def levels_section(trajectory: Trajectory) -> Section:
+    """Return the appendix with the levels of a building and their portals, without those of stairs that stay open."""
+    building = trajectory.building
+    levels, states = building.levels, [_in_words(found) for found in states_of(building, trajectory.changes)]
+    return section(
+        "levels",
+        f"{APPENDIX}levels and portals",
+        levels=[
+            (
+                level.name,
+                level.kind,
+                fixed(level.z_min, 2),
+                fixed(level.z_max, 2),
+                fixed(math.degrees(level.slope), 1) if level.kind == "flight" else None,
+                fixed(level.polygon.area, 1),
+            )
+            for level in levels
+            if level.stair is None
+        ],
+        portals=[
+            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index])
+            for p in building.portals
+            if states[p.index] != "open" or all(levels[k].stair is None for k in p.levels)
+        ],
+    )
+
+
+def _alike(rows: Iterable[tuple[str | None, ...]]) -> list[tuple[object, ...]]:
+    """Return one row for all those that differ only in the name at their end, with their number and names."""
+    names: dict[tuple[str | None, ...], list[str]] = {}
+    for *alike, name in rows:
+        names.setdefault(tuple(alike), []).append(str(name))
+    return [(*alike, len(found), ", ".join(found)) for alike, found in names.items()]
+
+
+def _stair(building: Building, name: str) -> tuple[object, ...]:
+    """Return the row of a stair: its heights, flights, steepest slope, and narrowest portal."""
+    parts = [building.levels[index] for index in building.stairs[name]]
+    flights = [level for level in parts if level.kind == "flight"]
+    widths = [portal.width for level in parts for portal in building.portals_of(level.index)]
+    return (
+        name,
+        fixed(min(level.z_min for level in parts), 2),
+        fixed(max(level.z_max for level in parts), 2),
+        len(flights),
+        fixed(math.degrees(max((level.slope for level in flights), default=0.0)), 1),
+        fixed(min(widths, default=None), 2),
+    )
+
+
+def _in_words(states: Sequence[tuple[float, bool]]) -> str:
+    """Say whether a link is open at the start, and from which times on that changes."""
+    words = [("open" if is_open else "closed", time) for time, is_open in states]
+    return ", ".join([words[0][0], *(f"{word} from {time:g} s on" for word, time in words[1:])])
+
+
+#: Quantities of a person: the column of people.csv, what it is, its unit, and digits behind the point.
+QUANTITIES = {
+    "speed": ("desired speed on the flat", "m/s", 2),
+    "speed_up": ("desired speed up stairs, along the slope", "m/s", 2),
+    "speed_down": ("desired speed down stairs, along the slope", "m/s", 2),
+    "radius": ("radius of the body", "m", 3),
+    "height": ("height of the body", "m", 2),
+    "mass": ("mass", "kg", 1),
+    "tau": ("relaxation time", "s", 2),
+}
+
+
+def occupants_section(case: CaseTable, run: Results | None) -> Section:
+    """Return the section on the occupants of a case, with what a run has drawn."""
+    enabled = {name: values for name, values in case.behaviours.items() if values is not False}
+    responses = []
+    if run is not None:
+        starts = [(group.name, run.crowd.start_time[group.rows]) for group in in_order(run.groups)]
+        responses = [(name, *_least_mean_greatest(times, 1)) for name, times in starts if len(times)]
+    return section(
+        "occupants",
+        "Occupants and assumptions",
+        people=sum(_size(group, run) for group in case.people),
+        groups=_groups(case, run),
+        characteristics=_characteristics(case, run),
+        is_drawn=run is not None,
+        behaviours=[(name, told(values)) for name, values in enabled.items()],
+        settings=[
+            (group.name, name, told(values))
+            for group in in_order(case.people)
+            for name, values in group.behaviours.items()
+            if name in enabled
+        ],
+        responses=responses,
+    )
+
+
+def _groups(case: CaseTable, run: Results | None) -> list[tuple[object, ...]]:
+    """Return name, number of people, start, density, exits and strategy of each group."""
+    building = run.trajectory.building if run and run.trajectory else None
+    areas = {area.name: area.polygon.area for area in building.areas} if building else {}
+
+    def row(group: GroupTable) -> tuple[object, ...]:
+        size = None if group.arrive else areas.get(group.area or "")
+        density = fixed(group.size / size, 2) if size else None
+        ways = (", ".join(group.exits) or "any exit") if group.leave else "they stay"
+        if group.leave and group.assembly:
+            ways = f"assembly area {', '.join(group.assembly)}"
+        return group.name, _size(group, run), _start(group), density, ways, group.strategy
+
+    return [row(group) for group in in_order(case.people)]
+
+
+def _size(group: GroupTable, run: Results | None) -> int:
+    """Return the number of people of a group: in a run, those who were drawn to arrive as well."""
+    return group.size if run is None else next(len(one.rows) for one in run.groups if one.name == group.name)
+
+
+def _start(group: GroupTable) -> str:
+    """Return where the people of a group start, or where and when they arrive."""
+    on = f"level {group.level}" if group.level else f"z = {group.z:g} m" if group.z is not None else "a level"
+    where = f"area {group.area}" if group.area else on if group.positions is None else f"given places on {on}"
+    if group.arrive is None:
+        return where
+    for kind in ("exit", "portal"):
+        if name := group.arrive.get(kind):
+            where = f"{kind} {name}"
+    if times := group.arrive.get("times"):
+        return f"arrive: {where}, {len(times)} from {min(times):g} to {max(times):g} s"
+    span = f"from {group.arrive.get('from', 0.0):g} to {group.arrive.get('to', 0.0):g} s"
+    return f"arrive: {where}, {group.arrive.get('rate', 0.0):g} per second {span}"
+
+
+def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any]]:
+    """Return names, number of people and a row for each quantity of each set of groups with the same ones."""
+    alike: dict[str, list[GroupTable]] = {}
+    for group in in_order(case.people):
+        given = {name: (group.model_extra or {}).get(name) for name in (*QUANTITIES, "limit_stair_speeds")}
+        alike.setdefault(repr(given), []).append(group)
+    rows = []
+    for groups in alike.values():
+        given = groups[0].model_extra or {}
+        rows.append(
+            {
+                "names": ", ".join(group.name for group in groups),
+                "people": sum(_size(group, run) for group in groups),
+                "rows": [
+                    (what, unit, told(given.get(name)), *_drawn(run, groups, name, digits))
+                    for name, (what, unit, digits) in QUANTITIES.items()
+                ],
+                "is_limited": given.get("limit_stair_speeds"),
+            }
+        )
+    return rows
+
+
+def _drawn(run: Results | None, groups: list[GroupTable], column: str, digits: int) -> tuple[str | None, ...]:
+    """Return minimum, mean and maximum of a quantity of the people of some groups; nothing without a run."""
+    if run is None:
+        return ()
+    names = {group.name for group in groups}
+    rows = np.concatenate([group.rows for group in run.groups if group.name in names])
+    speeds = dict(zip(("speed", "speed_up", "speed_down"), run.crowd.speed.T, strict=True))
+    return _least_mean_greatest((run.crowd.values() | speeds)[column][rows], digits)
+
+
+def _least_mean_greatest(values: np.ndarray, digits: int) -> tuple[str | None, ...]:
+    if not len(values):
+        return (None,) * 3
+    return tuple(fixed(float(number), digits) for number in (values.min(), values.mean(), values.max()))
+
+
+#: Shares of the people whose times are told [%].
+SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)
+
+
+#: Greatest numbers of doors and of portals in the table of flows.
+MOST_FLOWS = 10
+
+
+def times_section(run: Results) -> Section:
+    """Return the section on the times of a run."""
+    record, exit_time, leaving = run.record, run.crowd.exit_time, run.leaving
+    left = leaving[np.isnan(exit_time[leaving])]
+    motion = run.trajectory or None  # one without a recorded time shows nothing
+    groups = [_group(one.name, exit_time[np.intersect1d(one.rows, leaving)]) for one in in_order(run.groups)]
+    if len(groups) > 1 and run.evacuated:
+        groups.append(_group("everybody", exit_time[leaving]))
+    exits = []
+    for index, (name, use) in enumerate(record.exits.items()):
+        times = exit_time[run.crowd.exit_used == index]
+        first = fixed(float(times.min()), 1) if times.size else None
+        exits.append((name, use.people, first, fixed(use.last_out, 1), *_width_and_flows(use)))
+    levels = Counter(one.level for one in record.stuck)
+    return section(
+        "times",
+        "Course and evacuation times",
+        course=figures.course(motion, exit_time[leaving]) if motion else [],
+        looks=colouring(motion, "group").legend if motion else (),
+        inside=figures.inside(motion, left) if motion and len(left) else None,
+        stuck=[(name, levels[name]) for name in record.levels if levels[name]],
+        curve=figures.egress(run),
+        shares=[
+            (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time_of(share, exit_time[leaving]))
+            for share in SHARES
+        ],
+        groups=groups,
+        exits=in_order(exits, itemgetter(0)),
+        others=record.left_by_other_exits,
+        metrics=[(name, told(values)) for name, values in record.metrics.items()],
+    )
+
+
+def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:
+    """Return the rows of lines and doors, and of the portals with the greatest specific flows."""
+    portals = [use for use in flows if use.kind == "portal" and use.flow_per_metre is not None]
+    portals.sort(key=lambda use: -(use.flow_per_metre or 0.0))
+    chosen = [use for use in flows if use.kind == "line"] + [use for use in flows if use.kind == "door"][:MOST_FLOWS]
+    return [
+        (use.kind, use.name, use.direction, use.people, *_width_and_flows(use))
+        for use in [*chosen, *portals[:MOST_FLOWS]]
+    ]
+
+
+def places_section(run: Results, id_: str = "places", name: str = "") -> Section:
+    """Return the appendix with the use of levels and stairs, and flows through lines, of a run with a name."""
+
+    def rows(places: Mapping[str, PlaceUse]) -> list[tuple[object, ...]]:
+        return [
+            (name, use.people, use.greatest_number, fixed(use.last_left, 1) or ("not cleared" if use.people else None))
+            for name, use in places.items()
+        ]
+
+    inner = {level.name for level in run.trajectory.building.levels if level.stair} if run.trajectory else set()
+    return section(
+        id_,
+        f"{APPENDIX}{name}levels, stairs and flows",
+        "places",
+        run=run,
+        levels=[row for row in rows(run.record.levels) if row[0] not in inner],
+        stairs=rows(run.record.stairs),
+        flows=_flow_rows(run.record.flows),
+    )
+
+
+def _width_and_flows(use: FlowUse | ExitUse) -> tuple[str | None, ...]:
+    return tuple(fixed(number, 2) for number in (use.width, use.flow, use.flow_per_metre))
+
+
+def _time_of(share: float, times: FloatArray) -> str:
+    return fixed(time_of_share(times, share), 1) or "not reached"
+
+
+def _group(name: str, times: FloatArray) -> tuple[object, ...]:
+    """Return the row of people with some exit times."""
+    out = times[np.isfinite(times)]
+    first, mean = (fixed(float(time), 1) for time in (out.min(), out.mean())) if out.size else (None, None)
+    shares = [_time_of(share, times) for share in (50, 95, 100)] if times.size else [None] * 3
+    return name, times.size, out.size, first, mean, *shares
+
+
+#: Greatest number of places in the table, those congested longest.
+MOST_PLACES = 10
+
+#: Greatest number of queues with a map and a curve, those in which people waited longest in total.
+MOST_QUEUES = 4
+
+TITLE = "Bottlenecks and congestion"
+
+#: The maps that a report has unless others are asked for.
+MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
+
+
+@dataclass(frozen=True)
+class Places:
+    """What is shown of the places of a run."""
+
+    density: float = DENSITY  # above which a place is congested [1/m2], see `evac.analysis.congestion.find_congestion`
+    least_time: float | None = None  # for how long it has to be exceeded [s]; None: a tenth of the evacuation time
+    maps: Sequence[str] = MAPS  # names of `evac.analysis.maps.QUANTITIES`, in order
+    service: str = ""  # levels of service as colours of densities, see `evac.pictures.scales.SERVICES`
+
+
+USUAL = Places()
+
+
+def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
+    """Return the sections on bottlenecks and on maps."""
+    trajectory = run.trajectory
+    if trajectory is None or not len(trajectory):
+        return (section("congestion", TITLE, found=None, is_missing=True),)
+    least_time = places.least_time
+    if least_time is None:
+        least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
+    watched = Exceedance(trajectory, places.density)
+    maps = level_maps(trajectory, watch=watched.add)
+    found = watched.congestion(least_time)
+    queues = run.queues
+    pictures = figures.map_pictures(trajectory, places.maps, maps, run.flows, places.service)
+    return (
+        section(
+            "congestion",
+            TITLE,
+            found=found,
+            others=len(found.places) - MOST_PLACES,
+            radius=KERNEL_RADIUS,
+            trajectory=trajectory,
+            queues=[
+                figures.bottleneck(trajectory, queue, maps, number)
+                for number, queue in enumerate(queues[:MOST_QUEUES], 1)
+            ],
+            other_queues=len(queues) - MOST_QUEUES,
+            places=[
+                (
+                    str(number),
+                    place.level,
+                    place.near,
+                    f"({place.x:.1f},\u00a0{place.y:.1f})",
+                    fixed(place.area, 1),
+                    fixed(place.density, 1),
+                    f"{place.start:.1f}\u00a0to\u00a0{place.end:.1f}",
+                    fixed(place.duration, 1),
+                    fixed(place.longest_spell, 1),
+                )
+                for number, place in enumerate(found.places[:MOST_PLACES], 1)
+            ],
+        ),
+        *([section("maps", f"{APPENDIX}maps", pictures=pictures)] if pictures else []),
+    )
+
+
+def fire_section(run: Results) -> Section:
+    """Return the section on the conditions of the air of a run."""
+    conditions = run.conditions
+    assert conditions is not None
+    return section(
+        "fire",
+        "Smoke, gases and heat",
+        conditions=conditions,
+        dose=conditions["dose"],
+        curve=figures.doses(conditions["doses"])
+        if conditions["dose"] and len(conditions["doses"]["time"]) > 1
+        else None,
+        people=run.number_of_people,
+    )
+
+
+def margins_section(run: Results) -> Section | None:
+    """Return the section with available times, given or from smoke, beside required ones; None if there are none."""
+    given, settings = run.record.table.report.aset, run.settings
+    smoky: Mapping[str, Any] = {} if run.conditions is None else run.conditions["levels"]
+    if not given and not smoky:
+        return None
+    # Of a run without a trajectory, the storeys are not known.
+    groups = [(name, [name]) for name in run.levels]
+    if run.building_or_none is not None:
+        groups = [(name, [level.name for level in levels]) for name, levels in storeys(run.building)]
+    return section(
+        "margins",
+        "Available and required safe egress times",
+        rows=[_storey(name, levels, given, smoky, run) for name, levels in groups],
+        tenable=TENABLE,
+        smoke=settings["smoke"] if smoky else None,
+    )
+
+
+def _storey(
+    name: str, levels: Sequence[str], given: Mapping[str, float], smoky: Mapping[str, Any], run: Results
+) -> tuple[object, ...]:
+    """Return the row of a storey with its stairs: when it is untenable, when it was left, and the time between both."""
+    stated = _extreme(min, [given.get(level) for level in levels])
+    smoke = [_extreme(min, [smoky[level][key] for level in levels if smoky]) for key in ("untenable", "turns_back")]
+    available = _extreme(min, [stated, smoke[0]])
+    used = [use for use in map(run.levels.__getitem__, levels) if use["people"]]
+    is_cleared = all(use["last_left"] is not None for use in used)
+    left = _extreme(max, [use["last_left"] for use in used]) if is_cleared else None
+    margin = None if available is None or left is None else available - left
+    words = "none" if available is not None and not is_cleared else fixed(margin, 1)
+    shown = Cell(words, "bad") if words == "none" or (margin is not None and margin < 0.0) else words
+    cleared = fixed(left, 1) if is_cleared else "not cleared"
+    return name, fixed(stated, 1), *(fixed(time, 1) for time in smoke), cleared, shown
+
+
+def _extreme(of: Callable[[list[float]], float], times: Sequence[float | None]) -> float | None:
+    """Return the least or greatest of the times that are known."""
+    known = [time for time in times if time is not None]
+    return of(known) if known else None
+
+
+#: Greatest number of lines of a case that is printed, on two or three pages.
+MOST_LINES = 450
+
+#: What keys of [simulation] and [directions] are.
+WORDS = {
+    "step": "time step [s]",
+    "tick": "time between decisions of behaviours [s]",
+    "duration": "longest simulated time [s]",
+    "driving": "update of the driving force",
+    "no_progress": "time without progress after which the run ends [s]",
+    "spacing": "spacing of grid nodes [m]",
+    "clearance": "distance kept from walls [m]",
+    "stairs_up": "ratio of the reference speeds up stairs and on the flat",
+    "stairs_down": "ratio of the reference speeds down stairs and on the flat",
+    "comfort": "weight of stairs on comfortable routes",
+    "order": "order of fast marching",
+}
+
+
+def model_section(
+    case: CaseTable, versions: Mapping[str, str], plugins: Sequence[str], seed: str, command: str
+) -> Section:
+    """Return the section on the model."""
+    return section(
+        "model",
+        f"{APPENDIX}model, parameters and versions",
+        case=case,
+        seed=seed,
+        parameters={key: told(value) for key, value in case.model_parameters.items()},
+        forces={name: told(values) for name, values in case.forces.items() if values is not False},
+        simulation={_named(key): told(value) for key, value in case.simulation.items() if key != "seed"},
+        directions={_named(key): told(value) for key, value in case.directions.items()},
+        versions=versions,
+        plugins=plugins,
+        command=command,
+    )
+
+
+def _named(key: str) -> str:
+    """Return a key of the case with what it is."""
+    return f"{WORDS[key]} ({key})" if key in WORDS else key
+
+
+def case_section(case: Mapping[str, Any]) -> Section:
+    """Return the appendix with the whole case, which is attached to the page, and printed if it is short."""
+    text = case_text(case)
+    data = text.encode("utf-8")
+    return section(
+        "case",
+        f"{APPENDIX}the case",
+        text=text,
+        lines=text.count("\n"),
+        is_printed=text.count("\n") <= MOST_LINES,
+        file=base64.b64encode(data).decode(),
+        digest=hashlib.sha256(data).hexdigest(),
+    )
+
+
+#: Greatest number of rows of the hydraulic calculation; those with the longest times.
+MOST_ROWS = 25
+
+
+def design_section(run: Results) -> Section:
+    """Return the section on design flows."""
+    if run.building_or_none is None:
+        return section("design", f"{APPENDIX}hydraulic calculation", "design_missing", is_missing=True)
+    found = design_flows(run.building, run.flows, run.crowd.exit_time)
+    decisive = hydraulic_time(found)
+    shown = sorted(found, key=lambda one: -one.hydraulic_time)[:MOST_ROWS]
+    rows, answer = [_design_row(one) for one in shown], _hydraulic_answer(run, decisive)
+    return section("design", f"{APPENDIX}hydraulic calculation", rows=rows, answer=answer, laboratory=LABORATORY)
+
+
+def _hydraulic_answer(run: Results, decisive: DesignFlow | None) -> str:
+    if decisive is None:
+        return "Nobody passed an exit, a door or a stair."
+    own = "not everybody left" if run.last_out is None or not run.is_complete else f"{run.last_out:.1f} s"
+    return (
+        f"The hydraulic evacuation time of the building is {decisive.hydraulic_time:.1f} s, determined by "
+        f"{decisive.kind} {decisive.name!r}; that of the run is {own}."
+    )
+
+
+def _design_row(one: DesignFlow) -> tuple[object, ...]:
+    ratio = None if one.flow is None or not one.hydraulic_flow else one.flow / one.hydraulic_flow
+    people = Cell(str(one.people), "bad") if one.people > one.capacity else str(one.people)
+    flows = [fixed(number, 2) for number in (one.flow, one.hydraulic_flow, ratio, one.laboratory_flow)]
+    last = str(one.capacity), fixed(one.hydraulic_time, 1)
+    return one.kind, one.name, fixed(one.width, 2), people, *flows, *last
