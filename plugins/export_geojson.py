@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
-from evac.building.plan.redrawing import slopes_of
+from evac.building.plan.plantable import slopes_of
 from evac.export.exporter import Exporter
 from evac.trajectory.trajectory import Trajectory
 

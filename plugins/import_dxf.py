@@ -16,13 +16,21 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError, text_of
 from evac.base.parameters import Parameter
-from evac.building.geometry.overlays import place_of
-from evac.building.geometry.segments import lines_of, segment_lengths
+from evac.building.geometry import lines_of, place_of, segment_lengths
 from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
-from evac.building.recover.drawings import APART, doors_of, plans_of, swing_of, unit_of, use_of, walls_by_spacing
+from evac.building.recover.drawings import (
+    APART,
+    doors_of,
+    flights_of,
+    plans_of,
+    stairs_of,
+    swing_of,
+    unit_of,
+    use_of,
+    walls_by_spacing,
+)
 from evac.building.recover.linework import THICKEST_WALL, faces_of, reaching, rooms_of
-from evac.building.recover.treadlines import flights_of, stairs_of
 from evac.building.surface.resolution import LARGEST, SMALLEST, helpful_factor
 
 #: Optional prefix of layer names.

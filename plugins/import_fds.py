@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
-from evac.building.geometry.overlays import flat_parts, place_of
+from evac.building.geometry import flat_parts, place_of
 from evac.building.importer import Importer
 from evac.building.plan.plan import Plan
 

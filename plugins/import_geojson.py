@@ -15,11 +15,10 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.building.geometry.overlays import flat_parts, place_of
+from evac.building.geometry import flat_parts, place_of
 from evac.building.importer import Importer
-from evac.building.plan.outlines import distinct, with_walls
+from evac.building.plan.outlines import distinct, geometries, with_walls
 from evac.building.plan.plan import Plan
-from evac.building.plan.shapes import geometries
 from evac.building.recover.indoormaps import PROFILES, Steps, Storey, at_outline, door_at, profile_of, read_map
 from evac.building.recover.linework import LEAST_ROOM, door_sides, leads_out
 

@@ -6,8 +6,8 @@ import shapely
 
 from evac.base.parameters import Parameter
 from evac.building.importer import Importer
+from evac.building.plan.outlines import from_wkt
 from evac.building.plan.plan import Plan
-from evac.building.plan.shapes import from_wkt
 
 
 class WktImporter(Importer):

@@ -6,7 +6,7 @@ from typing import Any
 
 from evac.base.keys import Fault, Key
 from evac.base.parameters import did_you_mean
-from evac.building.model.names import repaired
+from evac.building.model.findings import repaired
 from evac.case.content import content_faults, parse
 
 

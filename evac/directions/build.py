@@ -12,7 +12,7 @@ from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.defaults import COMFORT, ORDER, SPACING
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.building.geometry.components import connected_components
+from evac.building.geometry import connected_components
 from evac.building.model.building import Area, Building, Exit
 from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls

@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from evac.building.model.findings import KINDS
-from evac.building.model.names import repaired
+from evac.building.model.findings import KINDS, repaired
 from evac.building.plan.plantable import SECTIONS
 from evac.case.toml import toml_lines, toml_value
 

@@ -17,8 +17,7 @@ from evac.building.model.building import Building
 from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
-from evac.building.plan.plantable import table_of
-from evac.building.plan.redrawing import plan_of_building
+from evac.building.plan.plantable import plan_of_building, table_of
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh

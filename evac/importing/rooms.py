@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
-from evac.building.geometry.segments import segment_lengths
+from evac.building.geometry import segment_lengths
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding

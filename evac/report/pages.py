@@ -120,10 +120,9 @@ def _fonts(page: str) -> str:
 def templates() -> Environment:
     """Return the templates beside this module; every value that they show is escaped, or is markup of another one."""
     _, *parts = re.split(r"\{# section (\w+) #\}\n", read("sections.html"))
+    sections = DictLoader(dict(zip(parts[::2], parts[1::2], strict=True)))
     made = Environment(
-        loader=ChoiceLoader(
-            [DictLoader(dict(zip(parts[::2], parts[1::2], strict=True))), PackageLoader("evac.report", "")]
-        ),
+        loader=ChoiceLoader([sections, PackageLoader("evac.report", "")]),
         autoescape=True,
         undefined=StrictUndefined,
         finalize=shown,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from evac.building.geometry.components import connected_components
+from evac.building.geometry import connected_components
 
 
 @pytest.mark.parametrize(("count", "links"), [(1, 0), (7, 0), (50, 20), (50, 60), (2000, 1500), (2000, 20000)])

@@ -7,7 +7,7 @@ import pytest
 from shapely import box
 
 from evac import BuildingError, Plan
-from evac.building.geometry.overlays import united
+from evac.building.geometry import united
 from evac.trajectory.header import HeaderError, building_from_json, building_to_json
 
 

@@ -7,7 +7,7 @@ import shapely
 
 from evac.base.errors import BuildingError
 from evac.building.plan.plan import Plan
-from evac.building.surface.hanging import split_at_vertices
+from evac.building.surface.welding import split_at_vertices
 from evac.simulation.assembly import read_building
 
 

@@ -4,7 +4,7 @@ import pytest
 
 import evac
 from evac.base.errors import BuildingError
-from evac.building.model.names import repaired
+from evac.building.model.findings import repaired
 
 KEPT = ['Saal "Blau"', 'A101 12"', "back\\", '\\"', "it's", "'", "#1", "東", "a:b", "$5 to $10", "  two  blanks "]
 REPAIRED = {"a\nb": "a b", "a\r\n\tb": "a b", "\x01": "unnamed", "\u2028": "unnamed", "\ud800x": "x", "a\0b": "a b"}

@@ -1,7 +1,7 @@
 import pytest
 import shapely
 
-from evac.building.geometry.polygons import union
+from evac.building.geometry import union
 from tests.building.random_meshes import random_mesh
 
 

@@ -6,8 +6,7 @@ import pytest
 import shapely
 
 from evac import BuildingError, Plan, read_building
-from evac.building.plan.plantable import plan_of
-from evac.building.plan.redrawing import plan_of_building, slopes_of
+from evac.building.plan.plantable import plan_of, plan_of_building, slopes_of
 
 
 def winding():

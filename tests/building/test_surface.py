@@ -3,7 +3,7 @@ import pytest
 import shapely
 
 from evac.base.errors import BuildingError
-from evac.building.geometry.polygons import triangulate
+from evac.building.geometry import triangulate
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.recover.treadlines import flights_of, stairs_of
+from evac.building.recover.drawings import flights_of, stairs_of
 
 
 def treads(number=9, going=0.28, width=1.2, at=(0.0, 0.0), turn=0.0):

@@ -9,7 +9,7 @@ import shapely
 from evac.base.change import Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
-from evac.building.geometry.components import connected_components
+from evac.building.geometry import connected_components
 from evac.building.model.building import Area, Building, Door, Exit, Portal
 from evac.building.model.findings import Finding
 

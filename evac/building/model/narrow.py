@@ -10,8 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import counted
-from evac.building.geometry.components import connected_components
-from evac.building.geometry.segments import segment_lengths
+from evac.building.geometry import connected_components, segment_lengths
 from evac.building.model.building import Building, Level
 from evac.building.model.findings import Finding
 

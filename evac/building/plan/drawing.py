@@ -14,16 +14,17 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
 from evac.base.parameters import did_you_mean
-from evac.building.geometry.overlays import LEAST_AREA, common, cut, place_of, united
-from evac.building.geometry.segments import between_floors, segment_lengths
+from evac.building.geometry import LEAST_AREA, between_floors, common, cut, place_of, segment_lengths, united
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
 from evac.building.plan.outlines import (
+    SNAP,
     Strip,
     along,
     between_rooms,
     covered,
     distinct,
+    naming_part,
     nearest,
     normal,
     placed,
@@ -31,8 +32,7 @@ from evac.building.plan.outlines import (
     with_walls,
     written,
 )
-from evac.building.plan.plan import SNAP, Item, Stair, Storey
-from evac.building.plan.shapes import naming_part
+from evac.building.plan.plan import Item, Stair, Storey
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:

@@ -12,14 +12,11 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding
-from evac.building.plan.shapes import Shape, inclined_of, is_point, naming_part, polygons_of, segment_of
+from evac.building.plan.outlines import Shape, inclined_of, is_point, naming_part, polygons_of, segment_of
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building
     from evac.building.surface.surfacemesh import SurfaceMesh
-
-#: Largest distance of an exit or a stair end from the outline of its floor [m].
-SNAP = 0.15
 #: Options for a door with a room on one side only.
 OUTSIDE = ("refuse", "exit", "opening")
 

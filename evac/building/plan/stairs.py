@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
-from evac.building.geometry.overlays import LEAST_AREA, below
+from evac.building.geometry import LEAST_AREA, below
 from evac.building.surface.surfacemesh import Height
 
 #: Largest angle between the edges at both ends of a flight [degrees].

@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry.segments import lines_of
+from evac.building.geometry import lines_of
 
 #: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap.
 CLOSED = frozenset(("opentobelow", "structure", "column", "elevator", "shaft", "vegetation", "wall", "void", "parking"))

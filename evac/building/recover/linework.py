@@ -12,8 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
-from evac.building.geometry.overlays import GRID, flat_parts
-from evac.building.geometry.segments import segment_lengths
+from evac.building.geometry import GRID, flat_parts, segment_lengths
 from evac.building.plan.outlines import normal, placed, strip
 from evac.building.surface.welding import weld_points
 

@@ -11,18 +11,23 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
-from evac.building.geometry.polygons import union
+from evac.building.geometry import union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, numbered
 from evac.building.model.links import close_links, isolated_parts
-from evac.building.model.names import numbered
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.surface.checks import check_depth, check_exits, check_overlap, check_stairs, missed_seams
-from evac.building.surface.edges import COLLINEAR, edge_table
 from evac.building.surface.foreign import turned
-from evac.building.surface.levels import LevelSet, find_levels
-from evac.building.surface.links import find_doors, find_exits_and_walls, find_portals
+from evac.building.surface.levels import (
+    COLLINEAR,
+    LevelSet,
+    edge_table,
+    find_doors,
+    find_exits_and_walls,
+    find_levels,
+    find_portals,
+)
 from evac.building.surface.places import HEIGHT_REACH, add_area, add_exit, add_obstacles, obstacle_place
 from evac.building.surface.surface import Surface, clean_surface
 from evac.building.surface.surfacemesh import SurfaceMesh, checked

@@ -9,7 +9,7 @@ import shapely
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
-from evac.building.geometry.segments import segment_lengths, side_of
+from evac.building.geometry import segment_lengths, side_of
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import elevation, level_elevation
 from evac.building.model.findings import Finding

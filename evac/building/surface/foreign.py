@@ -9,8 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import BuildingError
-from evac.building.geometry.overlays import GRID, flat_parts, place_of
-from evac.building.geometry.polygons import least_height
+from evac.building.geometry import GRID, flat_parts, least_height, place_of
 from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
 from evac.building.surface.patches import Patch, bodies, closed_bodies, patches_of

@@ -7,8 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.geometry.components import connected_components
-from evac.building.geometry.overlays import GRID, LEAST_AREA, below, flat_parts
+from evac.building.geometry import GRID, LEAST_AREA, below, connected_components, flat_parts
 
 #: Tolerances for coplanar cells: of their slopes, and of their heights at the origin of the patch [m].
 SAME_RISE, SAME_HEIGHT = 1e-3, 2e-3

@@ -11,15 +11,12 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
-from evac.building.geometry.overlays import flat_parts
-from evac.building.geometry.polygons import union
-from evac.building.geometry.segments import between_floors, gaps_along, pieces_along, segment_lengths, sides
+from evac.building.geometry import between_floors, flat_parts, gaps_along, pieces_along, segment_lengths, sides, union
 from evac.building.model.building import Area, Building, Exit, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
 from evac.building.options import ExitLine, Outline, Placed
-from evac.building.surface.edges import COLLINEAR
-from evac.building.surface.links import nearest_wall, sorted_walls
+from evac.building.surface.levels import COLLINEAR, nearest_wall, sorted_walls
 
 #: Largest distance of an exit from the free edge that it is snapped to [m].
 EXIT_REACH = 0.05

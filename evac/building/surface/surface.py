@@ -10,14 +10,13 @@ import numpy as np
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.errors import BuildingError
-from evac.building.geometry.polygons import least_height, plan_area
+from evac.building.geometry import least_height, plan_area
 from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
 from evac.building.surface.foreign import walked_surface
-from evac.building.surface.hanging import split_at_vertices
 from evac.building.surface.resolution import check_extent, check_resolution, doubted_axis
 from evac.building.surface.surfacemesh import TriangleMesh
-from evac.building.surface.welding import weld_points
+from evac.building.surface.welding import split_at_vertices, weld_points
 
 #: Largest share by which welding may change the area of the ground.
 MOST_CHANGE = 5e-4

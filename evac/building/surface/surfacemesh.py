@@ -13,10 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.errors import BuildingError, PluginError
-from evac.building.geometry.polygons import triangulate
-from evac.building.geometry.segments import points_on
-from evac.building.model.findings import Finding, as_findings
-from evac.building.model.names import repaired, with_repaired_names
+from evac.building.geometry import points_on, triangulate
+from evac.building.model.findings import Finding, as_findings, repaired, with_repaired_names
 
 #: Kinds of tag on surfaces and on edges.
 SURFACE_TAGS = ("floor", "stair", "area", "obstacle")

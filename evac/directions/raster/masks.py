@@ -6,7 +6,7 @@ The results agree with `scipy.ndimage`, whose import takes longer than computing
 import numpy as np
 
 from evac.base.arrays import BoolArray, IndexArray
-from evac.building.geometry.components import connected_components
+from evac.building.geometry import connected_components
 
 
 def parts_of(nodes: BoolArray) -> IndexArray:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
-from evac.building.geometry.segments import side_of
+from evac.building.geometry import side_of
 from evac.directions.raster.lattice import SLACK, Window
 
 #: Minimum number of rows of a strip that can contain the contour at which marching starts.

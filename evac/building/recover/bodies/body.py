@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.geometry.overlays import GRID, flat_parts
+from evac.building.geometry import GRID, flat_parts
 
 #: A face is level if the vertical component of its unit normal exceeds this: slopes below 3 degrees.
 LEVEL = float(np.cos(np.radians(3.0)))

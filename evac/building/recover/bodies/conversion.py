@@ -8,9 +8,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.errors import BuildingError
-from evac.building.geometry.overlays import common, cut, place_of, united
-from evac.building.model.findings import Finding
-from evac.building.model.names import numbered
+from evac.building.geometry import common, cut, place_of, united
+from evac.building.model.findings import Finding, numbered
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, snapped
 from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, passages_of

@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry.overlays import common, united
+from evac.building.geometry import common, united
 from evac.building.model.findings import Finding
 from evac.building.plan.outlines import normal, strip
 from evac.building.recover.bodies.body import Body, closed

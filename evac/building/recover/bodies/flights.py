@@ -11,8 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError
-from evac.building.geometry.components import connected_components
-from evac.building.geometry.overlays import common, cut, place_of, united
+from evac.building.geometry import common, connected_components, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
 from evac.building.plan.outlines import normal, strip

@@ -8,9 +8,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import HEADROOM
-from evac.building.geometry.overlays import common, cut, place_of, united
-from evac.building.model.findings import Finding
-from evac.building.model.names import numbered
+from evac.building.geometry import common, cut, place_of, united
+from evac.building.model.findings import Finding, numbered
 from evac.building.recover.bodies.body import SAME_HEIGHT, Body, closed, snapped, without_slivers
 
 #: Largest difference in height between a floor and the top of its slab, due to floor finishes [m].

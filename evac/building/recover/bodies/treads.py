@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry.overlays import cut, united
+from evac.building.geometry import cut, united
 from evac.building.plan.outlines import normal
 from evac.building.recover.bodies.body import LEVEL, Body, closed, in_plan
 

@@ -1,0 +1,287 @@
+"""Plane geometry: connected components, overlays, polygons and segments."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.defaults import LEAST_LENGTH
+
+
+def connected_components(count: int, pairs: IndexArray) -> IndexArray:
+    """Return the component of each node of a graph.
+
+    Parameters
+    ----------
+    count : int
+        Number of nodes.
+    pairs : (p, 2) int64
+        Nodes that are connected.
+
+    Returns
+    -------
+    (count,) int64
+        Component of each node; components are numbered in the order of their first nodes.
+    """
+    # Every node points to a node of its component that is not greater, and finally to the smallest one.
+    least = np.arange(count)
+    while True:
+        low = least[pairs].min(axis=1)
+        if (least[pairs] == low[:, None]).all():
+            return np.unique(least, return_inverse=True)[1]
+        for end in (0, 1):
+            np.minimum.at(least, least[pairs[:, end]], low)
+        while ((further := least[least]) != least).any():
+            least = further
+
+
+#: Grid to which coordinates of plans are rounded, on which overlays are exact [m].
+GRID = 1e-6
+#: Minimum area of polygons, and of changes by repairs that are reported [m2].
+LEAST_AREA = 1e-6
+
+
+def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
+    """Return the polygons of a geometry; points and lines left by overlay operations are dropped."""
+    parts = [part for part in shapely.get_parts(geometry, return_index=False) if part.geom_type == "Polygon"]
+    kept = [part for part in parts if part.area > LEAST_AREA]
+    return kept[0] if len(kept) == 1 else shapely.MultiPolygon(kept)
+
+
+def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
+    """Return the union of polygons on the grid of plans."""
+    return flat_parts(shapely.union_all(polygons, grid_size=GRID))
+
+
+def cut(geometry: BaseGeometry, away: BaseGeometry) -> BaseGeometry:
+    """Return the difference of two polygons, on the grid of plans."""
+    return flat_parts(shapely.difference(geometry, away, grid_size=GRID))
+
+
+def common(geometry: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
+    """Return the intersection of two polygons, on the grid of plans."""
+    return flat_parts(shapely.intersection(geometry, other, grid_size=GRID))
+
+
+def place_of(geometry: BaseGeometry) -> tuple[float, float]:
+    """Return a point (x, y) on a geometry, for a message or a finding."""
+    x, y = shapely.get_coordinates(geometry.representative_point())[0].tolist()
+    return x, y
+
+
+def below(plan: BaseGeometry, height: Callable[[float, float], float], z: float) -> BaseGeometry:
+    """Return the part of a polygon where a plane is lower than `z` [m]."""
+    x, y = plan.centroid.coords[0]
+    here = height(x, y)
+    uphill = np.array([height(x + 1.0, y) - here, height(x, y + 1.0) - here])
+    way = uphill / np.hypot(*uphill)
+    border = np.array([x, y]) + (z - here) / np.hypot(*uphill) * way
+    reach = 2.0 * float(np.hypot(*np.ptp(np.reshape(plan.bounds, (2, 2)), axis=0))) + abs(z - here) / np.hypot(*uphill)
+    across = reach * np.array([way[1], -way[0]])
+    half = [border - across, border + across, border + across - 2 * reach * way, border - across - 2 * reach * way]
+    return plan.intersection(shapely.Polygon(half))
+
+
+#: Polygons whose unit normal has a smaller vertical component are upright (walls); their plan outline is not checked.
+UPRIGHT = 0.2
+#: Grid on which polygons are united that do not share their sides [m].
+SNAP = 1e-8
+
+
+def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Triangulate polygons with k corners each.
+
+    Polygons that are convex in plan become fans around their first corner in the order of (x, y, z);
+    others are divided by a constrained Delaunay triangulation.
+
+    Parameters
+    ----------
+    points : (v, 3) float64
+    polygons : (n, k) int64
+
+    Returns
+    -------
+    triangles : (t, 3) int64
+    owner : (t,) int64
+        Row of `polygons` of each triangle.
+    """
+    n, k = polygons.shape
+    if k == 3:
+        return polygons, np.arange(n)
+    polygons = _start_at_least(points, polygons)
+    plan = points[polygons][:, :, :2]
+    step = np.roll(plan, -1, axis=1) - plan
+    following = np.roll(step, -1, axis=1)
+    turn = step[..., 0] * following[..., 1] - step[..., 1] * following[..., 0]
+    rounding = 1e-9 * np.square(step).sum(axis=2).max(axis=1, keepdims=True)
+    is_convex = (turn >= -rounding).all(axis=1) | (turn <= rounding).all(axis=1)
+
+    fans = np.stack([polygons[:, [0, i, i + 1]] for i in range(1, k - 1)], axis=1)[is_convex]
+    triangles = [fans.reshape(-1, 3)]
+    owner = [np.repeat(np.flatnonzero(is_convex), k - 2)]
+    for row in np.flatnonzero(~is_convex):
+        pieces = _delaunay(points, polygons[row])
+        triangles.append(pieces)
+        owner.append(np.full(len(pieces), row))
+    return np.concatenate(triangles), np.concatenate(owner)
+
+
+def least_height(corners: FloatArray) -> FloatArray:
+    """Return the smallest heights (t,) of triangles (t, 3, 3), zero where corners coincide [m]."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    height: FloatArray = np.divide(twice_area, longest, out=np.zeros(len(corners)), where=longest > 0)
+    return height
+
+
+def plan_area(corners: FloatArray) -> FloatArray:
+    """Return the unsigned areas in plan (t,) of triangles (t, 3, 3) [m2]."""
+    one, other = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+    area: FloatArray = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    return area
+
+
+def union(polygons: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometry:
+    """Return the union of polygons: exact if they share their sides, as cells do, else on a grid.
+
+    Without a grid, GEOS may omit a polygon if vertices of its neighbour are a rounding error away from its side.
+    """
+    if shapely.coverage_is_valid(polygons):
+        return shapely.coverage_union_all(polygons)
+    return shapely.union_all(polygons, grid_size=SNAP)
+
+
+def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
+    """Rotate and flip the corners so that the smallest one comes first and its smaller neighbour second."""
+    k = polygons.shape[1]
+    rank = np.empty(len(points), dtype=np.int64)
+    rank[np.lexsort(points.T[::-1])] = np.arange(len(points))
+    first = rank[polygons].argmin(axis=1)
+    turned = np.take_along_axis(polygons, (first[:, None] + np.arange(k)) % k, axis=1)
+    flip = rank[turned[:, 1]] > rank[turned[:, -1]]
+    turned[flip, 1:] = turned[flip, :0:-1]
+    return turned
+
+
+def _delaunay(points: FloatArray, polygon: IndexArray) -> IndexArray:
+    """Triangulate a non-convex polygon."""
+    plan = points[polygon, :2]
+    outline = shapely.Polygon(plan)
+    if not outline.is_valid:
+        corners = points[polygon] - points[polygon[0]]
+        normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)  # Newell's method
+        if abs(normal[2]) < UPRIGHT * float(np.linalg.norm(normal)):
+            return np.array([polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)])
+        x, y, z = points[polygon[0]]
+        raise ValueError(f"the outline of the polygon at ({x:z.2f}, {y:z.2f}, {z:z.2f}) crosses itself in plan")
+    corner_at = {(x, y): corner for (x, y), corner in zip(plan.tolist(), polygon.tolist(), strict=True)}
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(outline))
+    return np.array([[corner_at[xy] for xy in piece.exterior.coords[:3]] for piece in pieces], dtype=np.int64)
+
+
+#: Segments lie along each other if their directions differ by less than this (25 degrees).
+ALONG = 0.9
+#: Rounding errors of distances in plan [m].
+ROUNDING = 1e-5
+#: Share of a segment at each end in which points are at the end.
+END = 1e-6
+#: Places along a piece of an outline at which the floor beyond a wall is looked for.
+SAMPLES = 8
+
+
+def segment_lengths(segments: FloatArray) -> FloatArray:
+    """Return the lengths (s,) of segments (s, 4) [m]."""
+    length: FloatArray = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
+    return length
+
+
+def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return twice the signed area of a segment (4,) and each point [m2], positive for points on its left."""
+    x1, y1, x2, y2 = segment
+    return np.asarray((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
+
+
+def sides(polygon: BaseGeometry) -> FloatArray:
+    """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left [m]."""
+    rings = []
+    for part in shapely.get_parts(polygon):
+        oriented = shapely.orient_polygons(part)
+        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    if not rings:
+        return np.empty((0, 4))
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def lines_of(line: BaseGeometry) -> list[BaseGeometry]:
+    """Return the sides of a line, as lines of two points."""
+    corners = shapely.get_coordinates(line)
+    return [*shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))]
+
+
+def points_on(
+    points: FloatArray, tree: shapely.STRtree, ends: FloatArray, distance: float
+) -> tuple[IndexArray, IndexArray]:
+    """Return rows of segments (s, 2, 3) with rows of points (v, 3) between their ends, at most `distance` off them [m].
+
+    The tree has the points in plan. Both are sorted by the segments, and along each of them.
+    """
+    rows, found = tree.query(shapely.linestrings(ends[:, :, :2]), predicate="dwithin", distance=distance + ROUNDING)
+    along, reach = ends[rows, 1] - ends[rows, 0], points[found] - ends[rows, 0]
+    square = (along * along).sum(axis=1)
+    share = np.divide((along * reach).sum(axis=1), square, out=np.zeros(len(rows)), where=square > 0.0)
+    off = np.linalg.norm(reach - share[:, None] * along, axis=1)
+    on = np.flatnonzero((share > END) & (share < 1.0 - END) & (off <= distance))
+    on = on[np.lexsort((share[on], rows[on]))]
+    return rows[on], found[on]
+
+
+def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:
+    """Return the pieces (p, 4) of segments (s, 4) along a line (2, 2), at most `reach` from it [m], and their rows.
+
+    Pieces shorter than 1 mm are left out, and those that end less than 1 mm before an end of their segment end there.
+    """
+    length = segment_lengths(segments)
+    start, step = segments[:, :2], (segments[:, 2:] - segments[:, :2]) / length[:, None]
+    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    share = np.stack([((point - start) * step).sum(axis=1) for point in ends], axis=1)
+    low, high = np.maximum(share.min(axis=1), 0.0), np.minimum(share.max(axis=1), length)
+    low, high = np.where(low < LEAST_LENGTH, 0.0, low), np.where(length - high < LEAST_LENGTH, length, high)
+    pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)
+    off = shapely.distance(shapely.points(pieces.reshape(-1, 2, 2)), shapely.LineString(ends)).max(axis=1, initial=0.0)
+    rows = np.flatnonzero((high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG) & (off <= reach))
+    return pieces[rows], rows
+
+
+def gaps_along(pieces: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the lengths (p + 1,) that pieces (p, 4) leave free of a line (2, 2) before, between and after them [m]."""
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    spans = np.sort(((pieces.reshape(-1, 2, 2) - ends[0]) @ (ends[1] - ends[0]) / length).clip(0.0, length), axis=1)
+    spans = spans[np.argsort(spans[:, 0])]
+    reached = np.maximum.accumulate(np.append(0.0, spans[:, 1]))
+    gaps: FloatArray = np.maximum(np.append(spans[:, 0], length) - reached, 0.0)
+    return gaps
+
+
+def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:
+    """Return which pieces (p, 4) of an outline have floor beyond the wall behind most of their length.
+
+    Parameters
+    ----------
+    polygon : shapely polygon or multipolygon
+        The floor.
+    pieces : (p, 4) float64 [m]
+        With the floor on their left.
+    reach : float [m]
+        Greatest thickness of the wall.
+    """
+    start, step = pieces[:, None, :2], (pieces[:, 2:] - pieces[:, :2])[:, None]
+    outward = np.stack([step[..., 1], -step[..., 0]], axis=-1) / segment_lengths(pieces)[:, None, None]
+    places = start + np.linspace(0.0, 1.0, 2 * SAMPLES + 1)[1::2, None] * step
+    rays = shapely.linestrings(np.stack([places + LEAST_LENGTH * outward, places + reach * outward], axis=-2))
+    shapely.prepare(polygon)
+    is_between: BoolArray = shapely.intersects(polygon, rays).mean(axis=1) > 0.5
+    return is_between
