@@ -4,6 +4,7 @@ Both are written by FDS; docs/fire_data.md describes what is read. Nothing in th
 values are read for the two times around that of the run only.
 """
 
+import errno
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -142,7 +143,7 @@ def read_slices(
         Added to the coordinates of the files.
     """
     try:
-        if path.stat().st_size > MOST_BYTES:
+        if _size_of(path) > MOST_BYTES:
             raise ScenarioError(f"{path}: larger than {MOST_BYTES / 1e6:g} MB; it is not a Smokeview file")
         lines = path.read_text(encoding="latin-1").splitlines()
     except OSError as error:
@@ -219,10 +220,17 @@ def _block_of(
     return Block(path, quantity, (axes[0], axes[1], axes[2]), ends, times, shape, is_centred)
 
 
+def _size_of(path: Path) -> int:
+    """Return the size of a file [bytes]; reading a pipe might not end."""
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "not a file")
+    return path.stat().st_size
+
+
 def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
     """Return the times of a slice file; a last one that is not complete is left out."""
     try:
-        bytes_ = path.stat().st_size
+        bytes_ = _size_of(path)
         head = np.fromfile(path, HEADER, 1)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the folder of the results") from error

@@ -4,13 +4,11 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from evac.base.errors import fault, plugin_code
 from evac.base.parameters import Configurable
-from evac.folder.files import EXPORT_FOLDER, move_into, replacing, writing
-from evac.folder.manifest import TEMPORARY
+from evac.folder.files import EXPORT_FOLDER, draft_in, replacing, writing
 
 if TYPE_CHECKING:
     from evac.trajectory.trajectory import Trajectory
@@ -70,9 +68,8 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
                 new.unlink()  # so that it is noticed if the exporter writes no file
                 written = _write(exporter, trajectory, new)
             return [place if path == new else path for path in written]
-        with writing(told, place), TemporaryDirectory(dir=place, prefix=TEMPORARY) as made:
-            written = _write(exporter, trajectory, Path(made))
-            move_into(Path(made), place)
+        with writing(told, place), draft_in(place) as made:
+            written = _write(exporter, trajectory, made)
         return [place / path.relative_to(made) if path.is_relative_to(made) else path for path in written]
 
 

@@ -1,5 +1,6 @@
 """Digests of files and data, by which runs, studies and imports are told from others; what differs between two."""
 
+import errno
 import hashlib
 import json
 import os
@@ -17,6 +18,8 @@ CHUNK = 1 << 20
 def digest_of_file(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal text."""
     try:
+        if not path.is_file() and path.exists():
+            raise OSError(errno.EINVAL, "not a file")
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:

@@ -1,15 +1,17 @@
 """The files of a result folder: their names, and the error if one cannot be written."""
 
 import errno
+import hashlib
 import os
+import secrets
+import shutil
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from evac.base.errors import ResultError
-from evac.folder.manifest import TEMPORARY, note_written
+from evac.folder.manifest import TEMPORARY, check_replaceable, note_written
 
 TRAJECTORY_NAME = "trajectory.evac"
 
@@ -86,40 +88,49 @@ def sync_folder(folder: Path) -> None:
 def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
     """Give a temporary path to write to; the file then replaces `path` as a whole, when it is on the disk.
 
-    A link at `path` is replaced, not followed. If the code within fails, the file at `path` stays as it was.
+    A link at `path` is replaced, not followed. If the code within fails, the file at `path` stays as it was. In a
+    result folder, only files of evac are replaced, and the manifest gets the digest of those that are synchronised.
     """
     with writing(what, path):
         if path.is_dir() and not path.is_symlink():
             raise IsADirectoryError(errno.EISDIR, "is a folder")
-        note_written([path])
-        handle, name = tempfile.mkstemp(path.suffix, TEMPORARY, path.parent)
-        os.close(handle)
-        new = Path(name)
+        check_replaceable(path)
+        new = path.with_name(f"{TEMPORARY}{secrets.token_hex(4)}{path.suffix}")
+        note_written([path, new])
         try:
+            new.touch(exist_ok=False)
             yield new
             if is_synced:
                 sync_file(new)
-            mask = os.umask(0o022)
-            os.umask(mask)
-            new.chmod(0o666 & ~mask)
+                digest = hashlib.sha256(new.read_bytes()).hexdigest()
             os.replace(new, path)
         finally:
             new.unlink(missing_ok=True)
         if is_synced:
             sync_folder(path.parent)
+            note_written([path], sha256=digest)
 
 
-def move_into(source: Path, target: Path) -> None:
-    """Move the files of a folder to another one, in which they replace those of the same names; links are replaced."""
-    for path in sorted(source.rglob("*")):
-        new = target / path.relative_to(source)
-        if path.is_dir():
-            if new.is_symlink():
-                raise NotADirectoryError(errno.ENOTDIR, "is a link", str(new))
-            new.mkdir(exist_ok=True)
-        else:
-            note_written([new])
-            os.replace(path, new)
+@contextmanager
+def draft_in(folder: Path) -> Iterator[Path]:
+    """Give a temporary folder in a folder, whose files then replace those of the same names; links are replaced."""
+    draft = folder / f"{TEMPORARY}{secrets.token_hex(4)}"
+    note_written([draft])
+    draft.mkdir()
+    try:
+        yield draft
+        for path in sorted(draft.rglob("*")):
+            new = folder / path.relative_to(draft)
+            if path.is_dir():
+                if new.is_symlink():
+                    raise NotADirectoryError(errno.ENOTDIR, "is a link", str(new))
+                new.mkdir(exist_ok=True)
+            else:
+                check_replaceable(new)
+                note_written([new])
+                os.replace(path, new)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def _sync(path: Path, mode: int) -> None:

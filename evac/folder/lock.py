@@ -3,6 +3,7 @@
 import json
 import os
 import socket
+import stat
 import sys
 import time
 import warnings
@@ -47,8 +48,10 @@ class FileLock:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 file = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
             try:
-                self._lock(file)
-                if not _is_lock(file):
+                is_file = stat.S_ISREG(os.fstat(file).st_mode)
+                if is_file:
+                    self._lock(file)
+                if not is_file or not _is_lock(file):
                     raise ResultError(f"{self.path}: is not a lock of evac, which needs this name; move it away")
                 if _is_at(file, self.path):  # otherwise the previous holder has removed it meanwhile
                     self._file = file

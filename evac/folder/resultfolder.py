@@ -66,8 +66,6 @@ class ResultFolder:
             self._check_beside()
             self.repair()
             check_folder(self.path)
-            if self.running.exists() and not self.running.is_dir():
-                raise ResultError(f"{self.running}: not a folder, but results are written there; move it away")
         except BaseException:
             self._lock.release()
             raise
@@ -188,16 +186,13 @@ class ResultFolder:
 
     def _check_beside(self) -> None:
         """Refuse folders beside the result whose names are those of a run, but that are results themselves."""
-        running = read_manifest(self.running)
-        if running.state and (running.state, running.result) != (RUNNING, self._place.name):
-            raise ResultError(f"{self.running}: is a result of its own, but the run needs this name; move it away")
-        is_empty = _is_folder(self._replaced) and not any(self._replaced.iterdir())
-        is_earlier = is_empty or read_manifest(self._replaced).state == REPLACED
-        if os.path.lexists(self._replaced) and not is_earlier:
-            raise ResultError(
-                f"{self._replaced}: is not the earlier result of an interrupted replacement, but the run needs this "
-                "name; move it away"
-            )
+        for folder, state in ((self.running, RUNNING), (self._replaced, REPLACED)):
+            found = read_manifest(folder)
+            is_own = is_empty(folder) or (found.state, found.result) == (state, self._place.name)
+            if os.path.lexists(folder) and not is_own:
+                raise ResultError(
+                    f"{folder}: is not a folder that this run may use, but it needs the name; move it away"
+                )
 
     def _check_place(self) -> None:
         """Raise an error for folders that cannot be replaced by renaming."""
@@ -250,7 +245,7 @@ def check_folder(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise ResultError(f"{folder}: not a folder; choose another one for the results (--out)")
-    if not read_manifest(folder).state and any(folder.iterdir()):
+    if not read_manifest(folder).state and not is_empty(folder):
         raise ResultError(
             f"{folder}: contains files, but is not a result folder of evac (it has no {MANIFEST_NAME}); choose a new "
             "or empty folder for the results (--out)"
@@ -258,24 +253,18 @@ def check_folder(folder: Path) -> None:
 
 
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
-    """Remove the files that the manifest of a folder lists; links are neither followed nor removed.
-
-    What a killed process was writing beside them, under a temporary name, is removed too.
-    """
+    """Remove the files that the manifest of a folder lists; links are neither followed nor removed."""
     kept = set(keep)
     listed = [name for name in read_manifest(folder).files if is_within(name) and not is_link(folder, name)]
     for name in listed:
-        if name not in kept and (folder / name).is_file():
-            (folder / name).unlink()
-    parents = {folder / parent for name in listed for parent in PurePath(name).parents}
-    for parent in sorted({folder, *parents}, key=lambda parent: -len(parent.parts)):
-        for path in parent.glob(f"{TEMPORARY}*"):
-            if _is_folder(path):
-                shutil.rmtree(path)
-            elif path.is_file() and not path.is_symlink():
-                path.unlink()
-        if parent != folder:
-            _remove_if_empty(parent)
+        path = folder / name
+        if name not in kept and path.is_file():
+            path.unlink()
+        elif path.name.startswith(TEMPORARY) and path.is_dir():  # the draft of a killed export
+            shutil.rmtree(path)
+    parents = {folder / parent for name in listed for parent in PurePath(name).parents} - {folder}
+    for parent in sorted(parents, key=lambda parent: -len(parent.parts)):
+        _remove_if_empty(parent)
 
 
 def carry_over(source: Path, target: Path) -> None:
@@ -296,6 +285,12 @@ def carry_over(source: Path, target: Path) -> None:
 
 def _is_folder(path: Path) -> bool:
     return path.is_dir() and not path.is_symlink()
+
+
+def is_empty(folder: Path) -> bool:
+    """Return whether a folder has nothing but a manifest into which a killed process has written nothing."""
+    there = list(folder.iterdir()) if folder.is_dir() else []
+    return _is_folder(folder) and all(path.name == MANIFEST_NAME and not path.lstat().st_size for path in there)
 
 
 def _remove_if_empty(folder: Path) -> None:

@@ -1,12 +1,12 @@
 """Import of building files to a folder with a case: plan or surface, preliminary people, picture and report."""
 
+import os
 import re
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +23,9 @@ from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
+from evac.folder.lock import FileLock
+from evac.folder.manifest import RUNNING, mark, read_manifest
+from evac.folder.resultfolder import is_empty
 from evac.importing.documents import MOST_OPENINGS, case_text, plan_text, report_text
 from evac.importing.rooms import Opening, Room, fill, find_openings, find_rooms, with_missing
 from evac.simulation.assembly import read_file, read_storeys, read_surface
@@ -290,11 +293,21 @@ class _Draft:
 
 @contextmanager
 def _drafted(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside a folder, which an error leaves as it was."""
+    """Yield a draft beside a folder, which an error leaves as it was; one that a killed import has left is removed."""
+    place = folder.resolve()
+    draft = place.with_name(f"{place.name}.importing")
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=".evac-import-", dir=folder.parent, ignore_cleanup_errors=True) as draft:
-            yield Path(draft)
+        with FileLock(place.with_name(f"{place.name}.lock"), f"{folder}: is being written", "wait until it has ended"):
+            manifest = read_manifest(draft)
+            if os.path.lexists(draft) and not is_empty(draft) and manifest.result != place.name:
+                raise ScenarioError(f"{draft}: is not the draft of an import, but it needs this name; move it away")
+            shutil.rmtree(draft, ignore_errors=True)  # of an import that was killed
+            draft.mkdir()
+            mark(draft, RUNNING, place.name)
+            try:
+                yield draft
+            finally:
+                shutil.rmtree(draft, ignore_errors=True)
     except OSError as error:
         raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
 

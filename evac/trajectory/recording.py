@@ -13,7 +13,7 @@ from evac.base.errors import EvacError, PluginError, ResultError, plugin_code
 from evac.base.saved import part_of, state_of
 from evac.folder.digests import RunningDigest
 from evac.folder.files import sync_file, writing
-from evac.folder.manifest import MANIFEST_NAME, TEMPORARY, note_written, read_manifest
+from evac.folder.manifest import MANIFEST_NAME, note_written, read_manifest
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class Recording:
             return set()
         own = {MANIFEST_NAME, *read_manifest(self._folder).files}
         there = (path.relative_to(self._folder).as_posix() for path in self._folder.rglob("*") if not path.is_dir())
-        return {name for name in there if name not in own and TEMPORARY not in name}
+        return {name for name in there if name not in own}
 
     def sync(self) -> dict[str, dict[str, Any]]:
         """Flush the files to disk and return the length [bytes] and the SHA-256 of each."""

@@ -14,7 +14,7 @@ from evac.base.change import Change
 from evac.base.errors import SimulationError
 from evac.building.model.cells import LevelField
 from evac.folder.files import writing
-from evac.folder.manifest import note_written
+from evac.folder.manifest import check_replaceable, note_written
 from evac.folder.records import sealed
 from evac.physics.state import Crowd
 from evac.trajectory.header import fields_to_json
@@ -77,6 +77,7 @@ class TrajectoryWriter:
         self._set_up(path, origin, schema, 0, 0, 0)
         with writing("the trajectory", path):
             path.parent.mkdir(parents=True, exist_ok=True)
+            check_replaceable(path)
             note_written([path])
             path.unlink(missing_ok=True)  # a link is not followed
             self._file = path.open("xb", buffering=0)

@@ -10,6 +10,7 @@ from evac.cli.main import main
 from evac.contract.registry import Registry, built_in
 from evac.export.exporter import export
 from evac.folder.files import FRAMES, frame_name, replacing, writing
+from evac.folder.manifest import note_written
 
 
 def test_frames_are_found_by_their_pattern():
@@ -74,6 +75,7 @@ def test_links_in_a_result_are_replaced_and_not_followed(result, tmp_path, name,
     thesis.write_text("precious")
     place.parent.mkdir(parents=True, exist_ok=True)
     place.unlink(missing_ok=True)
+    note_written([place])
     place.symlink_to(thesis)
     assert main([*(word.format(place) for word in command.split()), str(result)]) == 0
     assert thesis.read_text() == "precious"

@@ -98,3 +98,10 @@ def test_a_link_in_the_place_of_a_lock_is_not_followed(tmp_path):
     with pytest.raises(ResultError, match=r"r\.lock"), FileLock(tmp_path / "r.lock", "r", "wait"):
         pass
     assert (tmp_path / "thesis.txt").read_text() == "precious"
+
+
+def test_a_pipe_in_the_place_of_a_lock_is_left_alone(tmp_path):
+    os.mkfifo(tmp_path / "r.lock")
+    with pytest.raises(ResultError, match=r"r\.lock"), locked(tmp_path / "r.lock"):
+        pass
+    assert (tmp_path / "r.lock").is_fifo()

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from evac.base.errors import ResultError
+from evac.folder.files import replacing
 from evac.folder.manifest import COMPLETE, MANIFEST_NAME, RUNNING, mark, note_written
 from evac.folder.resultfolder import ResultFolder, find_result
 
@@ -110,15 +111,18 @@ def test_what_a_killed_process_was_writing_goes_in_every_folder(tmp_path):
     folder.mkdir()
     mark(folder, COMPLETE, "r")
     write_noted(folder, summary_json=SUMMARY, frames__1_vtp="old", export__parts__1_vtp="old")
-    cut = (".evac-x.json", "frames/.evac-y.vtp", "export/parts/.evac-z.vtp", ".evac-export/frames/1.vtp")
+    cut = (".evac-x.json", "frames/.evac-y.vtp", "export/parts/.evac-z.vtp", ".evac-draft/frames/1.vtp")
     for name in cut:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text("cut")
+    note_written(folder / name.removesuffix("/frames/1.vtp") for name in cut)
+    write(folder, **{".evac-notes__thesis_txt": "precious"})
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / ".evac-thesis.txt").write_text("precious")
     (folder / "frames" / ".evac-link").symlink_to(tmp_path / "other", target_is_directory=True)
     run_into(folder)
     assert not set(cut) & contents(folder).keys()
+    assert (folder / ".evac-notes" / "thesis.txt").read_text() == "precious"
     assert (tmp_path / "other" / ".evac-thesis.txt").read_text() == "precious"
 
 
@@ -137,20 +141,46 @@ def test_the_home_folder_is_to_be_written_in_full(tmp_path, monkeypatch):
     assert contents(tmp_path) == {}
 
 
-def test_a_file_where_results_are_to_be_written_is_refused(tmp_path):
-    write(tmp_path, r_running="mine")
-    with pytest.raises(ResultError, match=r"r\.running: not a folder"), ResultFolder(tmp_path / "r"):
+NAMES = ("r.running", "r.running/notes.md", "r.running/manifest.jsonl", "r/manifest.jsonl", "r.replaced/notes.md")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "content", ["mine", '{"file": "song.wav"}', '{"is": "running", "of": "r"}\n{"file": "song.wav"}']
+)
+def test_a_folder_is_known_by_its_mark_and_not_by_its_name(tmp_path, name, content):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(content)
+    if path.parent != tmp_path:
+        (path.parent / "song.wav").write_text("precious")
+    before = contents(tmp_path), path.read_text()
+    with pytest.raises(ResultError, match=re.escape(name.split("/")[0])), ResultFolder(tmp_path / "r"):
         pass
-    assert contents(tmp_path) == {"r.running": "mine"}
+    assert (contents(tmp_path), path.read_text()) == before
 
 
-def test_a_run_that_has_not_begun_leaves_nothing_but_files_of_others(tmp_path):
-    write(tmp_path / "r.running", mine_txt="mine")
+def test_a_manifest_of_others_gets_no_lines(tmp_path):
+    (tmp_path / MANIFEST_NAME).write_text('{"audio": "a.wav"}')
+    run_into(tmp_path / "deep" / "r")
+    with replacing(tmp_path / "deep" / "page.html", "the page") as new:
+        new.write_text("page")
+    assert (tmp_path / MANIFEST_NAME).read_text() == '{"audio": "a.wav"}'
+
+
+def test_a_folder_that_a_killed_process_has_just_made_is_used(tmp_path):
+    (tmp_path / "r.running").mkdir()
+    (tmp_path / "r.running" / MANIFEST_NAME).touch()
+    run_into(tmp_path / "r")
+    assert contents(tmp_path / "r")["people.csv"] == "new"
+
+
+def test_a_run_that_has_not_begun_leaves_nothing(tmp_path):
     with ResultFolder(tmp_path / "r") as place:
         place.start()
         write_noted(place.running, inside_csv="of a plugin", trajectory_evac="EVACTRJ2")
         place.discard()
-    assert contents(tmp_path) == {"r.running/mine.txt": "mine"}
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["../thesis.txt", "/thesis.txt", "linked/thesis.txt", "link.txt"])
