@@ -1,6 +1,8 @@
-"""Checks of plugins in a running case: reproducibility, recorders, behaviours, and sources of conditions."""
+"""Checks of plugins in a running case: reproducibility, recorders, behaviours, conditions, importers and exporters."""
 
+import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -8,16 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.errors import PluginError, ResultError, counted, plugin_code
+from evac.base.errors import BuildingError, PluginError, ResultError, RunWarning, counted, plugin_code
 from evac.base.parameters import Configurable
+from evac.building.importer import Importer
+from evac.building.surface.surfacemesh import checked
 from evac.case.case import Case
 from evac.conditions.source import ConditionSource
 from evac.conformance.failures import CheckError, examining, require, scene, with_remedy
+from evac.export.exporter import Exporter, export
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written
+from evac.simulation.assembly import make_building, make_importers, read_surface
 from evac.simulation.checkpoints import without_state
+from evac.simulation.running import run
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder
 from evac.trajectory.recording import reading
+from evac.trajectory.trajectory import read_trajectory
 
 State = dict[str, NDArray[Any]]
 
@@ -25,6 +33,9 @@ State = dict[str, NDArray[Any]]
 CRUSH = 5000.0
 
 RESUMED = "resumed in the middle"
+
+#: Contents of files that no importer can read.
+GARBAGE = (b"\n", b"\x00\xff\xfe\x80" * 16, b"0 1 2\nthis is no building\n")
 
 
 def check_same_bits(plugin: Configurable, case: Case, ticks: int) -> None:
@@ -41,9 +52,7 @@ def check_same_bits(plugin: Configurable, case: Case, ticks: int) -> None:
         resumed = Simulation(case)
         resumed.restore(middle)
         told = "a resumed run differs in {}; state() must return all private arrays"
-        while resumed.step < simulation.step:
-            resumed.advance_tick()
-        _require_same(whole, resumed.state(), told)
+        _require_same(whole, _advance(resumed, ticks - half), told)
         for line in without_state(resumed):
             raise PluginError(line)
     with scene(f"{title}, with all optional parts"):
@@ -90,13 +99,10 @@ def check_recorder(recorder: Recorder, case: Case, ticks: int) -> None:
                     with reading(simulation, "finish()", recorder):
                         made.finish(simulation, simulation.results())
                 except ResultError as error:
-                    remedy = (
-                        "files() must return existing files of the folder, with the numbers of bytes written so far"
-                    )
-                    raise with_remedy(error, remedy) from error
-                files[what] = {
-                    str(path.relative_to(place)): path.read_bytes() for path in Path(place).rglob("*") if path.is_file()
-                }
+                    remedy = "files() must return existing files of the folder, with the numbers of bytes written"
+                    raise with_remedy(error, f"{remedy} so far") from error
+                paths = (path for path in Path(place).rglob("*") if path.is_file())
+                files[what] = {str(path.relative_to(place)): path.read_bytes() for path in paths}
                 remedy = "state() must return all that it keeps, and files() the lengths of files that it appends to"
                 for name, content in files["with a result folder"].items() if what == RESUMED else ():
                     told = f"{name} differs in a run resumed from a checkpoint; {remedy}"
@@ -215,3 +221,69 @@ def _require_same(first: State, second: State, told: str) -> None:
     for key, value in first.items():
         is_same = key in second and np.array_equal(value, second[key], equal_nan=value.dtype.kind == "f")
         require(is_same, told.format(key))
+
+
+def check_damaged_files(importer: Importer) -> None:
+    """Check that damaged files are refused with ValueError."""
+    with TemporaryDirectory() as place:
+        for path, content in [(Path(place, f"damaged{end}"), text) for end in importer.suffixes for text in GARBAGE]:
+            path.write_bytes(content)
+            with scene(f"a damaged file {path.name} with the content {content!r}"):
+                try:
+                    mesh = checked(path, read_surface(importer, path))
+                except BuildingError:
+                    continue
+                wrong = f"it is read as a surface of {counted(len(mesh.triangles), 'triangle')}"
+                raise CheckError(f"{wrong}; raise ValueError for files that are not of this format")
+
+
+def check_surface(importer: Importer, case: Case, ticks: int) -> None:
+    """Check that the file of a case is read twice to the same surface, from which a building can be made."""
+    with scene(case.title):
+        used, path = make_importers(case), case.mesh
+        if path is None or used[0].name != importer.name:
+            what = f"read by {used[0].name!r}" if used else "not read from a file"
+            raise CheckError(f"the building of the case is {what}; give a case that uses {importer.name!r}")
+    with scene(f"{case.title}, the file {path.name}"):
+        one, other = (checked(path, read_surface(make_importers(case)[0], path)) for _ in range(2))
+        pairs = {"points": (one.points, other.points), "cells": (one.triangles, other.triangles)}
+        for what in ("cell_tags", "edge_tags"):
+            first, second = getattr(one, what), getattr(other, what)
+            pairs |= {f"{what} {tag!r}": (first.get(tag, ()), second.get(tag, ())) for tag in first | second}
+        for what, (first, second) in pairs.items():
+            told = f"two readings of the file differ in {what}; keep no state between them"
+            require(np.array_equal(first, second), told)
+        make_building(case)
+
+
+def check_exports(exporter: Exporter, case: Case, ticks: int) -> None:
+    """Check that an exporter writes only to its path, returns the files, can overwrite them, and is reproducible.
+
+    It exports a run of some ticks with at least three frames, twice, and then a run without frames, which it may refuse
+    with `ResultError`.
+    """
+    with TemporaryDirectory() as made, TemporaryDirectory() as place:
+        with scene(case.title), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RunWarning)  # of a case, not of the exporter
+            tick = case.simulation.tick
+            lengths = {"simulation.duration": ticks * tick, "output.every": max(1, ticks // 4) * tick}
+            run(case.change(lengths | {"output.animation": False, "output.picture": False}), Path(made, "result"))
+            trajectory = read_trajectory(Path(made, "result"))
+        before, found, path = trajectory.path.read_bytes(), [], Path(place, f"export{exporter.suffix}")
+        for again in ("", ", exported again to the same place"):
+            with scene(f"a run of some ticks{again}"):
+                export(trajectory, exporter, path)
+                files = sorted(file for file in Path(place).rglob("*") if file.is_file())
+                strays = [file.name for file in files if file != path and path not in file.parents]
+                require(not strays, f"writes {', '.join(strays)} outside `path`; write to `path` only")
+                found.append([(file, file.read_bytes()) for file in files])
+                told = "the two exports differ; do not write the current time or random numbers"
+                require(found[0] == found[-1], told)
+                require(trajectory.path.read_bytes() == before, "the trajectory file has changed; only read it")
+        with scene("a run without frames"):
+            try:
+                export(replace(trajectory, time=trajectory.time[:0], rows=()), exporter, path)
+            except ResultError:
+                return
+            except PluginError as error:
+                raise with_remedy(error, "write a file without rows, or raise ResultError") from error.__cause__

@@ -1,31 +1,38 @@
-"""Checks of contact models on a flat level, with or without walls, at a pace that suits their stiffness."""
+"""Checks of contact models and solvers on a flat level, with or without walls, at a pace that suits their stiffness."""
 
+import copy
 import math
 from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import box
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import EvacError
+from evac.base.errors import EvacError, counted
+from evac.building.model.building import Building, Level
 from evac.conformance.failures import CheckError, examining, require, require_close, scene
-from evac.conformance.scenes import Scene, one_direction, room
-from evac.physics.contact.model import ContactModel, border_scene
+from evac.contract.registry import Registry
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
+from evac.directions.routes import Route
+from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
 from evac.physics.contact.packing import packed_row
 from evac.physics.contact.pair_contact import PairContact
+from evac.physics.contact.rows import BEFORE, SPRING, call_solver, renew_velocity, row_residual
+from evac.physics.contact.solver import Solver
 from evac.physics.engine import CompiledEngine
-from evac.physics.state import Crowd, copy_of, make_crowd
+from evac.physics.state import Crowd, Problem, copy_of, make_crowd
+from evac.physics.world import make_world
 
-#: Step [s], of which a tick has ten; half the side of the square room, and the ends of the level around it [m].
-STEP, ROOM, LEVEL = 0.01, 2.5, (-20.0, -20.0, 20.0, 20.0)
-
-EAST, NORTH, NOWHERE = np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.zeros((0, 4))
+#: Step [s], of which a tick has ten; half the sides of the square room and of the level around it [m].
+STEP, ROOM, LEVEL = 0.01, 2.5, 20.0
 
 #: Walls of the closed square room.
-WALLS = ROOM * np.array(
-    [(-1.0, -1.0, 1.0, -1.0), (1.0, -1.0, 1.0, 1.0), (1.0, 1.0, -1.0, 1.0), (-1.0, 1.0, -1.0, -1.0)]
-)
+WALLS = ROOM * np.array([(-1, -1, 1, -1), (1, -1, 1, 1), (1, 1, -1, 1), (-1, 1, -1, -1)])
+EAST, NORTH, NOWHERE = np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.zeros((0, 4))
 
 #: Tolerance of positions after rotating or shifting a scene [m]; the iteration counts of solvers may differ.
 TURN_TOLERANCE = 1e-4
@@ -43,12 +50,18 @@ NINE_PEOPLE = make_crowd(
     tau=0.3,
 )
 
+#: Tolerance of the residual [m/s] and limit of iterations of solvers; tolerances of rounding, relative and in [m/s].
+TOLERANCE, LIMIT, ROUNDING, LEAST = 1e-8, 200_000, 1e-6, 1e-12
+
+#: Arrays with intermediate results, and attributes of the problem that a solver must not change.
+WORK = [name for name in Problem.kinds if name.startswith(("work", "image", "face", "branch"))]
+GIVEN = ("size", "bodies", "rigid", "body", "other", "data", "elastic", "scale", "inverse_root", "free")
+
 
 class Pace(NamedTuple):
-    """Time scale and step of a scene, so that checks do not depend on the stiffness of a model.
+    """Motion slowed down `slow` times, in steps that are divided into `parts`, for contacts of any stiffness.
 
-    Motion is slowed down `slow` times: contacts that are softer by its square have the same overlaps. Each step has a
-    number of `parts`.
+    Contacts that are softer by the square of `slow` have the same overlaps.
     """
 
     slow: int = 1
@@ -67,6 +80,40 @@ class Pace(NamedTuple):
 PLAIN = Pace()
 
 
+@cache
+def registered() -> Registry:
+    """Return the registered plugins."""
+    return Registry()
+
+
+def solved_model() -> type[ContactModel]:
+    """Return a registered contact model that solves contact problems."""
+    return next(model for model in registered().contact_models.values() if issubclass(model, SolvedContactModel))
+
+
+def _engine(walls: FloatArray, ahead: FloatArray, people: int) -> CompiledEngine:
+    """Return the engine of a level with walls (w, 4) on which everybody wants to walk in one direction."""
+    corners = LEVEL * np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])
+    shape = box(-LEVEL, -LEVEL, LEVEL, LEVEL)
+    level = Level(0, "floor", "floor", None, np.zeros((0, 3), np.int32), shape, np.zeros(2), 0.0, 0.0, 0.0)
+    walls = np.concatenate([LEVEL / ROOM * WALLS, walls])
+    places = np.column_stack([corners, np.zeros(4)])
+    of_walls = np.zeros(len(walls), np.int32)
+    building = Building(Path("by hand"), places, (level,), (), (), (), walls, of_walls, {})
+    packed = PackedFields(
+        origin=corners[:1],
+        shape=np.array([[2, 2]], np.int32),
+        spacing=2.0 * LEVEL,
+        width=np.zeros(0),
+        field_of=np.zeros((1, 1), np.int32),
+        offset=np.zeros(1, np.int64),
+        direction=np.repeat([ahead], 4, axis=0),
+        travel_time=4.0 * LEVEL - (corners - corners[0]) @ ahead,
+        walls=NO_CELL_WALLS,
+    )
+    return CompiledEngine(make_world(building, Fields((Route(),), packed)), people, [], solvers=registered().solvers)
+
+
 def walk(
     model: ContactModel,
     pace: Pace,
@@ -82,8 +129,7 @@ def walk(
     The engine goes on from the snapshot of another one, if it is given.
     """
     slowed = {"velocity": crowd.velocity / pace.slow, "speed": crowd.speed / pace.slow, "tau": crowd.tau * pace.slow}
-    given = Scene(LEVEL, room(LEVEL, walls), one_direction(LEVEL, ahead), crowd.replace(**slowed))
-    engine, crowd = given.start()
+    engine, crowd = _engine(walls, ahead, len(crowd.level)), copy_of(crowd.replace(**slowed))
     model.check_scene(border_scene(crowd, pace.step, True))
     if saved is not None:
         engine.load(model)
@@ -119,11 +165,10 @@ def check_pace(model: ContactModel) -> Pace:
     for pace in [PLAIN, *(pace for k in (8, 64, 512) for pace in (Pace(k, k), Pace(1, k)))]:
         try:
             check_room(model, pace)
+            return pace
         except CheckError as error:
             if not isinstance(error.__cause__, EvacError | ArithmeticError | None):
                 raise
-        else:
-            return pace
     return PLAIN
 
 
@@ -195,7 +240,7 @@ def check_crowd(model: ContactModel, pace: Pace) -> None:
         remedy = "let the step loop of evac.physics.driver make the steps"
         wrong = "reports {:.0f} steps, {:.0f} sub-steps and {:.0f} contacts".format(*counts)
         require(counts[0] == steps <= counts[1] and counts[2] > 0, f"{wrong} after {steps} steps; {remedy}")
-        told, seen = report["greatest_overlap"], max(_deepest_overlap(one) for one in crowds[:-1])
+        told, seen = report["greatest_overlap"], max(map(_greatest_overlap, crowds[:-1]))
         wrong = f"reports a largest overlap of {told:.2g} m, but one of {seen:.2g} m occurred"
         require(told >= seen - 1e-9, f"{wrong}; {remedy}")
     half, whole, shift = crowds[5], crowds[11].position, 3.25  # after 60 and 120 steps
@@ -222,12 +267,12 @@ def check_crowd(model: ContactModel, pace: Pace) -> None:
             require_close(place, expected, tolerance, f"the motion differs by {{:.3g}} m; {remedy}")
 
 
-def _deepest_overlap(crowd: Crowd) -> float:
+def _greatest_overlap(crowd: Crowd) -> float:
     """Return the greatest overlap [m] of people in the square room with each other and with its walls."""
     first, second = np.triu_indices(len(crowd.position), 1)
     apart = np.hypot(*(crowd.position[first] - crowd.position[second]).T)
-    overlaps = crowd.radius[first] + crowd.radius[second] - apart
-    return float(max(0.0, overlaps.max(), (np.abs(crowd.position).max(axis=1) + crowd.radius - ROOM).max()))
+    at_walls = np.abs(crowd.position).max(axis=1) + crowd.radius - ROOM
+    return float(max(0.0, (crowd.radius[first] + crowd.radius[second] - apart).max(), at_walls.max()))
 
 
 def _turned(places: FloatArray) -> FloatArray:
@@ -237,6 +282,76 @@ def _turned(places: FloatArray) -> FloatArray:
 
 def _turned_people(crowd: Crowd) -> Crowd:
     return crowd.replace(position=_turned(crowd.position), velocity=_turned(crowd.velocity))
+
+
+def check_solver(solver: Solver) -> None:
+    """Check that the problem of a queue is solved, rigid and elastic, whatever work arrays contain, within limits.
+
+    A solve that starts from the solution keeps it. A solve stops at its limit and reports the remaining residual.
+    """
+    with examining("its kernel solve"):
+        call_solver.check(getattr(solver, "solve", None), "solve", type(solver))
+    for what in ("rigid", "elastic"):
+        with scene(f"a queue at a wall, {what} contacts"):
+            problem = _problem(what == "elastic")
+            for tolerance in (TOLERANCE, 10.0 * TOLERANCE):
+                _solve(solver, problem, tolerance, LIMIT)
+                wrong = f"does not solve it: the residual is {problem.residual:.3g} m/s after {LIMIT} iterations"
+                remedy = "iterate until problem.residual is below the tolerance"
+                require(problem.residual <= tolerance, f"{wrong}; {remedy}")
+    for limit in (1, 2, 7):
+        with scene(f"a queue at a wall, at most {counted(limit, 'iteration')}"):
+            made = _solve(solver, _problem(), 1e-14, limit)
+            told = f"makes {made} iterations, but its limit is {limit}; stop at the limit, and return their number"
+            require(0 < made <= limit, told)
+    with scene("a queue at a wall, work arrays with numbers and with NaN"):
+        filled, cleared = _problem(), _problem()
+        filled.residual = math.nan
+        for array in (getattr(filled, name) for name in WORK):
+            array[...] = math.nan if array.dtype == np.float64 else 1
+        for problem in (filled, cleared):
+            _solve(solver, problem, TOLERANCE, LIMIT)
+        same = (filled.percussion == cleared.percussion).all() and (filled.velocity == cleared.velocity).all()
+        require(same, "the result depends on previous values of work arrays; initialise them")
+
+
+def _problem(elastic: bool = False) -> Problem:
+    """Return the problem of a step, without percussions, also with an elastic term; work arrays are zero."""
+    places = [(2.3, -0.41), *((2.3 - 0.4 * k, 0.02 * (k % 2)) for k in range(12))]  # the first one stands beside
+    _, engine = walk(solved_model()(), PLAIN, make_crowd(places, speed=1.5, mass=np.linspace(60, 100, 13)), 10, WALLS)
+    problem: Problem = copy.deepcopy(engine.state.problem)
+    rows = slice(0, problem.size)
+    problem.percussion[:], problem.velocity[:], problem.rigid = 0.0, problem.free, int(not elastic)
+    for name in WORK:
+        getattr(problem, name)[...] = 0
+    if elastic:
+        bodies = np.hstack([problem.free[problem.body[rows]], problem.free[problem.other[rows]]])
+        problem.elastic[rows, BEFORE] = (problem.data[rows, :4] * bodies).sum(axis=1)
+        problem.elastic[rows, SPRING] = 0.5
+    return problem
+
+
+def _solve(solver: Solver, problem: Problem, tolerance: float, limit: int) -> int:
+    """Solve a problem, check percussions, velocities and residual, and return the number of iterations."""
+    exact, n, rows = copy.deepcopy(problem), problem.bodies, "of evac.physics.contact.rows"
+    made = int(solver.solve(problem, tolerance, limit))
+    changed = [name for name in GIVEN if not np.array_equal(getattr(exact, name), getattr(problem, name))]
+    told = f"changes problem.{', '.join(changed)}, which solvers must not change; use a work array"
+    require(not changed, told)
+    percussion = problem.percussion[: exact.size] / exact.scale[: exact.size]
+    told = f"a percussion is {percussion.min():.3g} N s; people can only push, so all must be finite and not negative"
+    require(np.isfinite(percussion).all() and percussion.min() >= 0.0, told)
+    exact.percussion[:] = problem.percussion
+    renew_velocity(exact)
+    unit = np.append(exact.inverse_root[:n], 1.0)[:, None]  # from scaled velocities to those of people
+    found, velocity = problem.velocity[: n + 1] * unit, exact.velocity[: n + 1] * unit
+    told = f"velocities are inconsistent with percussions by {{:.3g}} m/s; change both with push_row {rows}"
+    require_close(found, velocity, LEAST + ROUNDING * float(np.abs(velocity).max()), told)
+    residual = row_residual(exact)
+    wrong = f"reports a residual of {problem.residual:.3g} m/s, which is {residual:.3g}"
+    told = f"{wrong}; set problem.residual = row_residual(problem) {rows}"
+    require_close(problem.residual, residual, LEAST + ROUNDING * residual, told)
+    return made
 
 
 CHECKS = (check_free_walk, check_collision, check_room, check_crowd)

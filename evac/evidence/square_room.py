@@ -16,8 +16,7 @@ from evac.base.arrays import FloatArray
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.case.loading import load_case
-from evac.conformance.scenes import make_engine
-from evac.evidence.scenes import MODELS, make_model
+from evac.evidence.scenes import MODELS, make_engine, make_model
 from evac.people.population import Population, build_population
 from evac.physics.contact.model import border_scene
 from evac.physics.state import Crowd, World, copy_of

@@ -5,7 +5,6 @@ import csv
 import numpy as np
 import pytest
 
-from evac.conformance.scenes import plugins
 from evac.evidence.accuracy import targets
 from evac.evidence.accuracy.fields import _fields, plain_directions
 from evac.evidence.accuracy.orders import EXACT, order_of, order_rows, orders_off
@@ -17,6 +16,7 @@ from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, ve
 from evac.evidence.accuracy.solvers import TOLERANCES, factor_rows, measure, race_rows, time_to, win_rows
 from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
 from evac.evidence.evidence import Evidence
+from evac.evidence.scenes import plugins
 from evac.evidence.verdicts import MET
 
 SOLVERS = tuple(plugins().solvers)

@@ -5,9 +5,9 @@ import csv
 import numpy as np
 import pytest
 
-from evac.conformance.scenes import Scene, one_direction, room
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence
+from evac.evidence.scenes import Scene, one_direction, room
 from evac.evidence.stability.crowds import restitution
 from evac.evidence.stability.dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
 from evac.evidence.stability.maps import Curve, _dense, _places

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.conformance.scenes import Scene, one_direction, room
-from evac.evidence.scenes import packed
+from evac.evidence.scenes import Scene, one_direction, packed, room
 from evac.evidence.stability.extremes import ROOM, extremes, try_extreme, try_triangle
 from evac.evidence.stability.trials import (
     BEYOND,

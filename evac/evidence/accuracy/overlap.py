@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evac.base.errors import SimulationError
-from evac.conformance.scenes import plugins
 from evac.evidence.accuracy.orders import colour_of
 from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
 from evac.evidence.evidence import Evidence, Row, new_figure
+from evac.evidence.scenes import plugins
 from evac.evidence.verdicts import reported
 from evac.physics.contact.model import ContactModel
 

@@ -10,8 +10,8 @@ import shapely
 from evac.base.arrays import FloatArray
 from evac.building.model.building import Building
 from evac.building.plan.plan import Plan
-from evac.conformance.scenes import plugins
 from evac.evidence.accuracy.reference import geodesics, refracted
+from evac.evidence.scenes import plugins
 from evac.simulation.assembly import read_building
 from evac.standard.plans import FLOOR, Shape, across, one_storey
 

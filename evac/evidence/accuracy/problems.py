@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.conformance.scenes import plugins
 from evac.evidence.accuracy.reference import PRECISION, ContactLaw, gradient_matrix, solve_contact_qp
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
-from evac.evidence.scenes import COARSE
+from evac.evidence.scenes import COARSE, plugins
 from evac.jit import kernel
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.percussions import solve_once

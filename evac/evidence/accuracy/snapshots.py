@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evac.conformance.scenes import fields_of, make_engine, room
 from evac.directions.fields import Fields
-from evac.evidence.scenes import packed
+from evac.evidence.scenes import fields_of, make_engine, packed, room
 from evac.physics.contact.model import ContactModel
 from evac.physics.engine import CompiledEngine
 from evac.physics.state import Crowd, copy_of, make_crowd

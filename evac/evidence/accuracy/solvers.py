@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.conformance.scenes import plugins
 from evac.evidence.accuracy.problems import (
     KINDS,
     LAWS,
@@ -21,6 +20,7 @@ from evac.evidence.accuracy.problems import (
 )
 from evac.evidence.accuracy.reference import PRECISION
 from evac.evidence.evidence import Evidence, Row, new_figure, reference_time
+from evac.evidence.scenes import plugins
 from evac.evidence.verdicts import all_of, reported
 
 STARTS = ("cold", "warm")

@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from evac.conformance.scenes import plugins
 from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, snapshots
 from evac.evidence.accuracy.snapshots import door_crowd
 from evac.evidence.accuracy.solvers import affordable, median_solve
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.scenes import COARSE
+from evac.evidence.scenes import COARSE, plugins
 from evac.evidence.verdicts import MET, all_of, at_least, at_most
 
 #: Numbers of people; the one of a quick run, of people in rows.

@@ -9,9 +9,9 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
-from evac.conformance.scenes import Scene, one_direction, plugins, room
 from evac.evidence.accuracy.orders import CLOSE, DRIVES, drives_compared, order_rows, orders_off
 from evac.evidence.evidence import Evidence, Row
+from evac.evidence.scenes import Scene, one_direction, plugins, room
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact.model import ContactModel
 from evac.physics.state import make_crowd

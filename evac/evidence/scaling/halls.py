@@ -8,11 +8,11 @@ import numpy as np
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.distributions import generator_for
 from evac.building.model.building import Building
-from evac.conformance.scenes import room
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.evidence.evidence import Row
+from evac.evidence.scenes import room
 from evac.physics.state import Crowd, make_crowd
 
 #: Bodies fit a hexagonal lattice of 5 per m2, 0.48 m apart [m].

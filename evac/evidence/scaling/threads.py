@@ -5,10 +5,10 @@ import time
 
 import numpy as np
 
-from evac.conformance.scenes import plugins
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scaling.halls import make_hall
 from evac.evidence.scaling.walks import Variant, Walk, make_variant
+from evac.evidence.scenes import plugins
 from evac.evidence.verdicts import at_least, reported
 from evac.physics.engine import CompiledEngine
 from evac.physics.world import make_world

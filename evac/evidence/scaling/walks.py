@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evac.conformance.scenes import make_engine
 from evac.directions.fields import PackedFields
 from evac.evidence.scaling.halls import Hall
 from evac.evidence.scaling.minimal import Minimal, make_minimal, walk_minimal
-from evac.evidence.scenes import COARSE, make_model
+from evac.evidence.scenes import COARSE, make_engine, make_model
 from evac.jit import Struct
 from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd, copy_of

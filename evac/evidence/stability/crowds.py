@@ -8,9 +8,9 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
-from evac.conformance.scenes import Scene, plugins
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row, new_figure
+from evac.evidence.scenes import Scene, plugins
 from evac.evidence.stability import trials
 from evac.evidence.stability.maps import Cell, cell_rows
 from evac.evidence.verdicts import all_of, at_most, reported

@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from evac.conformance.scenes import Scene, room
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
+from evac.evidence.scenes import Scene, room
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, step_limit, uncut_speed
 from evac.evidence.stability.trials import Trial, Verdict, attempt, judge, make_model

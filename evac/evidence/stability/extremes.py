@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evac.base.errors import EvacError
-from evac.conformance.scenes import Scene, room
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
+from evac.evidence.scenes import Scene, room
 from evac.evidence.stability import trials
 from evac.physics.state import make_crowd
 

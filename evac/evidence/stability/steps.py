@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from evac.conformance.scenes import Scene
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
+from evac.evidence.scenes import Scene
 from evac.evidence.stability import trials
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import lag_limit, step_limit, walk_lag

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from evac.base.arrays import FloatArray
-from evac.conformance.scenes import Scene
+from evac.evidence.scenes import Scene
 
 #: Bodies this far apart still count as touching [m].
 TOUCHING = 1e-9

@@ -8,8 +8,8 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError
-from evac.conformance.scenes import Scene
 from evac.evidence import scenes
+from evac.evidence.scenes import Scene
 from evac.evidence.stability.theory import allowed_overlap, touching_pairs, wall_gaps
 from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.conformance.scenes import make_engine, one_direction, room
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
-from evac.evidence.scenes import make_model
+from evac.evidence.scenes import make_engine, make_model, one_direction, room
 from evac.evidence.verdicts import reported
 from evac.physics.contact.model import ContactModel
 from evac.physics.state import Crowd, World, make_crowd

@@ -9,10 +9,10 @@ import shapely
 from matplotlib.lines import Line2D
 
 from evac.base.arrays import FloatArray
-from evac.conformance.scenes import plugins
 from evac.evidence.scaling.halls import DOOR, SPEED, Hall, doors_along, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.walks import TICK, Walk, cpu_time
+from evac.evidence.scenes import plugins
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.contact.model import ContactModel
