@@ -1,4 +1,4 @@
-"""Streams that never fail; whole commands with such streams are in tests/attacks."""
+"""Streams that never fail."""
 
 import errno
 import io
