@@ -15,10 +15,10 @@ import evac
 from evac.base.errors import EvacError, SimulationError
 from evac.building.plan.plantable import table_of
 from evac.contract.registry import Registry, built_in
-from evac.importing.edits import plan_text
+from evac.importing.documents import plan_text
 from evac.replay.writer import replay_trajectory
-from evac.report.congestion import Places
 from evac.report.of_run import run_report
+from evac.report.sections import Places
 from evac.simulation.simulation import Simulation
 from tests.attacks.seeded import CASE, seeded, write_case
 from tests.building.test_indoormaps import osm
