@@ -232,6 +232,7 @@ def make_results(building):
         warnings=("a narrow place",),
         report={
             "model": "dem",
+            "parameters": {},
             "greatest_overlap": np.float64(1e-4),
             "greatest_overlap_at": {"time": 3.21, "person": 2, "level": "floor 1", "x": 9.5, "y": 3.0},
             "promised_overlap": 0.1,

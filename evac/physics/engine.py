@@ -135,8 +135,8 @@ class Engine(Protocol):
     def contact_report(self, model: ContactModel) -> dict[str, Any]:
         """Return the counts and sums of the run until now for summary.json, with the names in docs/summary.md.
 
-        Quality warnings need ``model``, ``steps``, ``greatest_overlap``, ``unconverged_steps``, ``failed_solves``,
-        ``failed_position_corrections`` and ``energy``.
+        Quality warnings need ``model``, ``parameters``, ``steps``, ``greatest_overlap``, ``unconverged_steps``,
+        ``failed_solves``, ``failed_position_corrections`` and ``energy``.
         """
 
     def close(self) -> None:

@@ -278,7 +278,7 @@ def test_headway_is_timed_beside_the_same_walk_without_it(monkeypatch):
     assert (costs["without / minimal"], costs["with / minimal"]) == pytest.approx((2.0, 8.0))
 
 
-def test_laws_are_timed_in_turns_and_the_linear_spring_walks_as_dem_without_hardening(monkeypatch):
+def test_laws_are_timed_in_turns_and_the_linear_spring_walks_as_dem(monkeypatch):
     """Ticks of the minimal kernel take 0.5 s, those of the laws 2, 3, 3.5 and 4 s."""
     spans = itertools.cycle((0.5, 2.0, 3.0, 3.5, 4.0))
 
