@@ -6,7 +6,7 @@ implies its constraint, since keeping it would push people sideways at joints of
 
 import math
 
-from evac.jit import inner
+from evac.jit import inlined, inner
 from evac.physics.contact.memory import holds, slot_of
 from evac.physics.contact.neighbours import segment_distance, unit_normal
 from evac.physics.extent import extent, greatest_extent
@@ -182,7 +182,7 @@ def _pick_near(bodies, lists, found, i):
     return picked
 
 
-@inner
+@inlined
 def _append(state, c, slot, i, other, key, nx, ny, gap, omega):
     """Set contact c and its warm start percussion; return the slot from which the next one is looked for.
 
