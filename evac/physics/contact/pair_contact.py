@@ -34,10 +34,6 @@ PER_SPAN = 1.0 / SPAN
 COARSEST = 0.71
 
 
-#: Limit of h^2 omega^2 below which no step shorter than tau is unstable.
-LEAST_LIMIT = 2.0
-
-
 class PairLaw(Struct):
     """Parameters of the law of a single contact, and scratch for the check of stability."""
 
@@ -83,21 +79,19 @@ def _law_along_normal(pair: Entry) -> Callable[[State, PairLaw, float], int]:
                     bodies.failed = contacts.body[c]
                     return TOO_STIFF
             keep_only_meeting(state.world, bodies, contacts, 0.0, 0.0)
+        use_free_velocity(state)
         for i in range(bodies.inside):
             own.square[i] = 0.0
         for c in range(contacts.number):
             gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
-            contacts.percussion[c] = h * max(pair(gap, closing, mass, given), 0.0)
+            percussion = h * max(pair(gap, closing, mass, given), 0.0)
+            contacts.percussion[c] = percussion
+            push(bodies.solved, bodies.inverse_mass, contacts, c, percussion)
             deepest = gap - h * max(closing, 0.0)  # equal to the gap if it opens; a branch costs more than a call
             force = pair(deepest, closing, mass, given)
             beyond = pair(deepest - SPAN, closing + 2.0 * SPAN / h, mass, given)
             _add_stiffness(bodies, contacts, own, c, PER_SPAN * max(beyond - force, 0.0))
-        if _is_unstable(state, own, h):
-            return TOO_STIFF
-        use_free_velocity(state)
-        for c in range(contacts.number):
-            push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
-        return OK
+        return TOO_STIFF if _is_unstable(state, own, h) else OK
 
     return law
 
@@ -127,6 +121,7 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
                     bodies.failed = contacts.body[c]
                     return TOO_STIFF
             keep_only_meeting(state.world, bodies, contacts, 0.0, 0.0)
+        use_free_velocity(state)
         for i in range(bodies.inside):
             own.square[i] = 0.0
         for c in range(contacts.number):
@@ -148,13 +143,9 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
             contacts.friction[c] = h * friction
             contacts.slide_before[c] = slide
             contacts.sticky[c] = 1
-        if _is_unstable(state, own, h):
-            return TOO_STIFF
-        use_free_velocity(state)
-        for c in range(contacts.number):
             push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
             rub(bodies.solved, bodies.inverse_mass, contacts, c, contacts.friction[c])
-        return OK
+        return TOO_STIFF if _is_unstable(state, own, h) else OK
 
     return law
 
@@ -198,12 +189,13 @@ def _add_stiffness(bodies, contacts, own, c, stiffness):
 def _is_unstable(state, own, h):
     """Return whether the contacts make a sub-step unstable; note the body as failed.
 
-    The limit of h^2 omega^2 is that of a spring with the damping of the drive.
+    The limit of h^2 omega^2 is that of a spring with the damping of the drive, at least 2 if that is not explicit.
     """
-    bodies = state.bodies
+    bodies, explicit = state.bodies, state.clock.explicit
+    least = 0.0 if explicit else 2.0
     for i in range(bodies.inside):
-        if h * h * own.square[i] > LEAST_LIMIT or h >= bodies.tau[i]:
-            kept = 1.0 - h / bodies.tau[i] if state.clock.explicit else math.exp(-h / bodies.tau[i])
+        if h * h * own.square[i] > least:
+            kept = 1.0 - h / bodies.tau[i] if explicit else math.exp(-h / bodies.tau[i])
             if h * h * own.square[i] > 2.0 * (1.0 + kept):
                 bodies.failed = i
                 return True
