@@ -14,17 +14,8 @@ from evac.base.defaults import LEAST_LENGTH
 def connected_components(count: int, pairs: IndexArray) -> IndexArray:
     """Return the component of each node of a graph.
 
-    Parameters
-    ----------
-    count : int
-        Number of nodes.
-    pairs : (p, 2) int64
-        Nodes that are connected.
-
-    Returns
-    -------
-    (count,) int64
-        Component of each node; components are numbered in the order of their first nodes.
+    `count`: number of nodes; `pairs` (p, 2): nodes that are connected. Returns (count,): component of each node;
+    components are numbered in the order of their first nodes.
     """
     # Every node points to a node of its component that is not greater, and finally to the smallest one.
     least = np.arange(count)
@@ -97,16 +88,7 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
     Polygons that are convex in plan become fans around their first corner in the order of (x, y, z);
     others are divided by a constrained Delaunay triangulation.
 
-    Parameters
-    ----------
-    points : (v, 3) float64
-    polygons : (n, k) int64
-
-    Returns
-    -------
-    triangles : (t, 3) int64
-    owner : (t,) int64
-        Row of `polygons` of each triangle.
+    `points` (v, 3); `polygons` (n, k). Returns `triangles` (t, 3); `owner` (t,): row of `polygons` of each triangle.
     """
     n, k = polygons.shape
     if k == 3:
@@ -269,14 +251,8 @@ def gaps_along(pieces: FloatArray, ends: FloatArray) -> FloatArray:
 def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:
     """Return which pieces (p, 4) of an outline have floor beyond the wall behind most of their length.
 
-    Parameters
-    ----------
-    polygon : shapely polygon or multipolygon
-        The floor.
-    pieces : (p, 4) float64 [m]
-        With the floor on their left.
-    reach : float [m]
-        Greatest thickness of the wall.
+    `polygon`: the floor; `pieces` (p, 4) [m]: with the floor on their left; `reach` [m]: greatest thickness of the
+    wall.
     """
     start, step = pieces[:, None, :2], (pieces[:, 2:] - pieces[:, :2])[:, None]
     outward = np.stack([step[..., 1], -step[..., 0]], axis=-1) / segment_lengths(pieces)[:, None, None]

@@ -52,11 +52,7 @@ class Opening:
 def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) -> list[Opening]:
     """Return the openings of a building, the widest first.
 
-    Parameters
-    ----------
-    building : Building
-    given : sequence of (level, (4,) array [m])
-        Openings in the file; if there are none, the outer edges of all floors are used.
+    `given` (4,) [m]: openings in the file; if there are none, the outer edges of all floors are used.
     """
     found: list[tuple[int, FloatArray]] = []
     for name, ends in given:
@@ -130,14 +126,7 @@ def find_rooms(building: Building) -> list[Room]:
 def fill(building: Building, rooms: list[Room], people: int | None, density: float) -> tuple[list[Room], list[Finding]]:
     """Return the rooms with their numbers of people, 0 where no exit can be reached, and what was assumed.
 
-    Parameters
-    ----------
-    building : Building
-    rooms : list of Room
-    people : int, optional
-        Total number, divided among the rooms by area.
-    density : float [1/m2]
-        Used if `people` is not given.
+    `people`: total number, divided among the rooms by area; `density` [1/m2]: used if `people` is not given.
     """
     open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
     used = [room for room in rooms if room.level in open_levels]

@@ -24,18 +24,11 @@ MOST_FACTOR = 100.0  # of stretch and zoom
 class Camera:
     """Parallel projection of a building; parameters that are None are chosen for the building.
 
-    Parameters
-    ----------
-    azimuth : float, optional
-        Direction from the building to the camera in plan, counterclockwise from x [degrees]: -90 views from the side of
-        low y. By default the one of eight oblique directions in which most of the stairs and exits are visible.
-    elevation : float, optional
-        Angle of the view above the horizontal, between 0 and 90 [degrees]; by default 36 for several storeys, 58 for
-        one.
-    stretch : float, optional
-        Factor for heights that separates storeys; by default large enough to show the floor of each.
-    zoom : float
-        Factor relative to the size at which the building fills the picture.
+    `azimuth`: direction from the building to the camera in plan, counterclockwise from x [degrees]: -90 views from the
+    side of low y. By default the one of eight oblique directions in which most of the stairs and exits are visible;
+    `elevation`: angle of the view above the horizontal, between 0 and 90 [degrees]; by default 36 for several storeys,
+    58 for one; `stretch`: factor for heights that separates storeys; by default large enough to show the floor of each;
+    `zoom`: factor relative to the size at which the building fills the picture.
     """
 
     azimuth: float | None = None

@@ -56,26 +56,12 @@ def draw_plans(
 ) -> Plans:
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
-    Parameters
-    ----------
-    building : Building
-    title : str or None
-        The first line is bold. With None, no space is left for a title.
-    levels : sequence of str or int, optional
-        Levels by name or index, each in its own plan; by default all levels, grouped by storey
-        (`evac.building.model.storeys.storeys`).
-    dpi : int
-    is_filled : bool
-        Whether floors are filled with the colours of their kinds; maps fill them themselves.
-    side : float
-        Width of the space at the right for a legend or a colour bar [inches].
-    has_scale_bar : bool
-    has_widths : bool
-        Whether the widths of portals and exits are written beside them.
-    greatest : tuple of float
-        Greatest width and height of all plans together [inches].
-    part : slice
-        Which of the plans, counted from the lowest storey.
+    `title`: the first line is bold. With None, no space is left for a title; `levels`: levels by name or index, each in
+    its own plan; by default all levels, grouped by storey (`evac.building.model.storeys.storeys`); `is_filled`: whether
+    floors are filled with the colours of their kinds; maps fill them themselves; `side`: width of the space at the
+    right for a legend or a colour bar [inches]; `has_widths`: whether the widths of portals and exits are written
+    beside them; `greatest`: greatest width and height of all plans together [inches]; `part`: which of the plans,
+    counted from the lowest storey.
     """
     if levels is None:
         panels = [(name, tuple(shown)) for name, shown in storeys(building)]

@@ -80,17 +80,9 @@ def draw_maps(
 ) -> Iterator[Figure]:
     """Draw the maps of several quantities on the same plans, one after the other.
 
-    Parameters
-    ----------
-    trajectory, maps, levels, dpi, service
-        As for `draw_map`.
-    quantities : iterable of str
-    flows : iterable of LineFlow, optional
-        Passages through lines, for the map of the flow; by default those of the results beside the trajectory.
-    greatest : tuple of float
-        Greatest width and height of all plans together [inches].
-    has_title : bool
-        Without a title, what it says has to be said beside the picture.
+    `trajectory`, `maps`, `levels`, `dpi`, `service`: as for `draw_map`; `flows`: passages through lines, for the map of
+    the flow; by default those of the results beside the trajectory; `greatest`: greatest width and height of all plans
+    together [inches]; `has_title`: without a title, what it says has to be said beside the picture.
     """
     if maps is None:
         maps = level_maps(trajectory, levels)
@@ -137,17 +129,9 @@ def draw_cut(
 ) -> None:
     """Draw the map of one quantity around a place, on the plan of its storey.
 
-    Parameters
-    ----------
-    figure : Figure
-    box : tuple of float
-        Left, bottom, width and height of the square plan with its colour bar, as fractions of the figure.
-    trajectory, quantity, maps
-        As for `draw_map`; colours are the same for all places of the run.
-    level : str
-    middle : tuple of float [m]
-    reach : float [m]
-        Distance from the middle to the edges.
+    `box`: left, bottom, width and height of the square plan with its colour bar, as fractions of the figure;
+    `trajectory`, `quantity`, `maps`: as for `draw_map`; colours are the same for all places of the run; `middle` [m];
+    `reach` [m]: distance from the middle to the edges.
     """
     left, bottom, width, height = box
     axes = figure.add_axes((left, bottom, 0.8 * width, height))
@@ -170,14 +154,8 @@ def draw_difference(
 
     Levels are those with the same name; cells on the floor of only one of the two have no colour.
 
-    Parameters
-    ----------
-    first, other : Trajectory
-    quantity : str
-        One of `evac.analysis.maps.QUANTITIES`.
-    dpi : int
-    greatest : tuple of float
-        Greatest width and height of all plans together [inches].
+    `quantity`: one of `evac.analysis.maps.QUANTITIES`; `greatest`: greatest width and height of all plans together
+    [inches].
     """
     maps, others = level_maps(first), level_maps(other)
     grids = {

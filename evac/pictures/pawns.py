@@ -50,19 +50,10 @@ def draw_people(
 ) -> None:
     """Draw people into a picture, from the farthest to the nearest.
 
-    Parameters
-    ----------
-    image : (h, w, 3) uint8
-        Modified in place.
-    places : (p, 3) float64
-        Column, row and nearness of each person's centre on the ground [pixels].
-    radius, height : (p,) float64 [pixels]
-    colours : (p, 3, 3) uint8
-        Of the body, the head and the belt of each person.
-    elevation : float
-        Angle of the view above the horizontal [rad].
-    nearness : (h, w) float64, optional
-        Nearness of the objects in the picture; people behind them are drawn translucent.
+    `image` (h, w, 3): modified in place; `places` (p, 3): column, row and nearness of each person's centre on the
+    ground [pixels]; `radius`, `height` (p,) [pixels]; `colours` (p, 3, 3): of the body, the head and the belt of each
+    person; `elevation`: angle of the view above the horizontal [rad]; `nearness` (h, w): nearness of the objects in the
+    picture; people behind them are drawn translucent.
     """
     rows_of_image, width = image.shape[:2]
     tall = HEIGHT_STEP * np.maximum(np.rint(height / (HEIGHT_STEP * radius)), LEAST_STEPS)

@@ -31,12 +31,7 @@ def egress_figure(results: Results, size: tuple[float, float] = SIZE, has_title:
 
     Groups of one person have no curve, which the legend says, and there are none if there are too many.
 
-    Parameters
-    ----------
-    results : Results
-    size : tuple of float
-        Width and height [inches].
-    has_title : bool
+    `size`: width and height [inches].
     """
     people = len(results.leaving)
     note = f"{results.evacuated} of {people} out"
@@ -78,12 +73,7 @@ def egress_figure(results: Results, size: tuple[float, float] = SIZE, has_title:
 def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> Figure:
     """Return mean, median and range of percentiles over runs of the number of people out, over time.
 
-    Parameters
-    ----------
-    title : str
-    people : int
-    columns : mapping of str to (k,) float64
-        ``time`` [s], ``mean_over_runs``, and three ``percentile_P_over_runs`` in ascending order.
+    `columns` (k,): ``time`` [s], ``mean_over_runs``, and three ``percentile_P_over_runs`` in ascending order.
     """
     figure, axes = new_axes(title, people)
     time, (low, median, high) = columns["time"], [name for name in columns if name.startswith("percentile_")]
@@ -100,13 +90,7 @@ def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> F
 def designs_figure(title: str, people: int, time: FloatArray, curves: Mapping[str, FloatArray]) -> Figure:
     """Return the numbers of people out over time of several designs.
 
-    Parameters
-    ----------
-    title : str
-    people : int
-    time : (k,) float64 [s]
-    curves : mapping of str to (k,) float64
-        Number of people out at these times, by the name of the design.
+    `time` (k,) [s]; `curves` (k,): number of people out at these times, by the name of the design.
     """
     figure, axes = new_axes(title, people)
     for (name, number), colour in zip(curves.items(), group_colours(len(curves)), strict=False):
@@ -122,17 +106,8 @@ def points_figure(
 ) -> Figure:
     """Return a figure of a statistic with its interval, and of a high percentile, over the last numeric parameter.
 
-    Parameters
-    ----------
-    title : str
-    parameters : sequence of mapping
-        Values of the parameters at each point, by key.
-    middle : (points, 3) float64 [s]
-        Value of the statistic and bounds of its interval.
-    greatest : (points,) float64 [s]
-        The percentile.
-    note : str
-        What is drawn.
+    `parameters`: values of the parameters at each point, by key; `middle` (points, 3) [s]: value of the statistic and
+    bounds of its interval; `greatest` (points,) [s]: the percentile; `note`: what is drawn.
     """
     keys = list(dict.fromkeys(key for of_point in parameters for key in of_point))
     values = {key: [of_point.get(key) for of_point in parameters] for key in keys}

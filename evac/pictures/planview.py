@@ -33,15 +33,8 @@ class _InPlan:
 def plan_view(building: Building, size: tuple[int, int], levels: Sequence[str | int] | None, side: float) -> View:
     """Draw the plans of all storeys or of given levels.
 
-    Parameters
-    ----------
-    building : Building
-    size : tuple of int
-        Width and height into which the picture is fitted [pixels].
-    levels : sequence of str or int, optional
-        By default all, grouped by storey.
-    side : float
-        Width of the space at the right for a legend [inches], for a picture 10 inches wide.
+    `size`: width and height into which the picture is fitted [pixels]; `levels`: by default all, grouped by storey;
+    `side`: width of the space at the right for a legend [inches], for a picture 10 inches wide.
     """
     plans = draw_plans(building, "", levels, side=side, has_scale_bar=False)
     inches = plans.figure.get_size_inches()

@@ -36,16 +36,8 @@ def view_of(
 ) -> View:
     """Draw levels of a building.
 
-    Parameters
-    ----------
-    building : Building
-    size : tuple of int
-        Width and height of the picture [pixels].
-    camera : Camera
-    levels : sequence of Level
-        Levels that are drawn.
-    margin : mapping of str to float
-        Space for text at each side, as `MARGIN`.
+    `size`: width and height of the picture [pixels]; `levels`: levels that are drawn; `margin`: space for text at each
+    side, as `MARGIN`.
     """
     scene = _Scene(building, size, camera, levels, margin)
     try:

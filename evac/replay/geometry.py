@@ -29,20 +29,11 @@ THIN = 0.06
 def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str, Any], NDArray[np.uint8]]:
     """Return levels, walls, portals, exits, stairs and places as lists of numbers and strings, and the floors.
 
-    Parameters
-    ----------
-    building : Building
-    origin : (2,) float64 [m]
-        Origin of positions in plan.
-
-    Returns
-    -------
-    page : dict
-        ``vertices`` [x, y, z, ...] and all other lengths in centimetres; ``triangles`` of a level are vertex indices.
-        Planes z = c + a x + b y are in metres. ``segments`` are [x1, y1, z1, x2, y2, z2, ...]. ``cell`` is the side
-        of the cells of maps, of which ``grid`` of a level has the lower left corner [m] and the numbers along x and y.
-    floors : (b,) uint8
-        Bits: whether the centre of each cell is on the floor, of all levels.
+    `origin` (2,) [m]: origin of positions in plan. Returns `page`: ``vertices`` [x, y, z, ...] and all other lengths in
+    centimetres; ``triangles`` of a level are vertex indices. Planes z = c + a x + b y are in metres. ``segments`` are
+    [x1, y1, z1, x2, y2, z2, ...]. ``cell`` is the side of the cells of maps, of which ``grid`` of a level has the lower
+    left corner [m] and the numbers along x and y; `floors` (b,): bits: whether the centre of each cell is on the floor,
+    of all levels.
     """
     spacing = _spacing(building)
     grids = [Cells(level, spacing) for level in building.levels]

@@ -128,24 +128,10 @@ class MotionPacker:
     ) -> None:
         """Add a frame with all people who are inside at one time.
 
-        Parameters
-        ----------
-        time : float [s]
-            Later than that of the previous frame.
-        person : (c,) int32
-            Ascending indices.
-        level : (c,) int32
-        position : (c, 2) float64 [m]
-        velocity : (c, 3) float64 [m/s]
-            In space.
-        started : (c,) bool
-        contact_force : (c,) float64 [N]
-        is_shown : bool
-            Otherwise, people are only measured.
-        dose : (c,) float64, optional
-            Greater ones of the doses of gases and heat, in every frame or in none.
-        smoke : (m,) float64, optional
-            Values of the field of smoke [1/m].
+        `time` [s]: later than that of the previous frame; `person` (c,): ascending indices; `level` (c,); `position`
+        (c, 2) [m]; `velocity` (c, 3) [m/s]: in space; `started` (c,); `contact_force` (c,) [N]; `is_shown`: otherwise,
+        people are only measured; `dose` (c,): greater ones of the doses of gases and heat, in every frame or in none;
+        `smoke` (m,): values of the field of smoke [1/m].
         """
         speed = np.linalg.norm(velocity, axis=1)
         found = self._measuring.add(time, person, speed, started, contact_force)

@@ -46,12 +46,7 @@ def texts(account: Account) -> dict[str, str]:
 def poster(motion: MotionPacker, group: IntArray) -> str:
     """Return a picture of all storeys in plan side by side, with the people of the first state, as SVG.
 
-    Parameters
-    ----------
-    motion : MotionPacker
-        With at least one state.
-    group : (n,) int32
-        Group of each person, -1 for none.
+    `motion`: with at least one state; `group` (n,): group of each person, -1 for none.
     """
     building = motion.building
     of = storeys(building)

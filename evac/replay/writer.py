@@ -85,14 +85,8 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
 def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = None) -> int:
     """Write the replay of a recorded run.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Further data of the run are read from the files in the same folder.
-    path : Path
-        The page.
-    every : float, optional
-        Least time between two states [s]; by default all recorded states are used.
+    `trajectory`: further data of the run are read from the files in the same folder; `path`: the page; `every`: least
+    time between two states [s]; by default all recorded states are used.
     """
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")

@@ -135,11 +135,8 @@ def building_at(building: Building, changes: Iterable[Change], time: float) -> B
 def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[float, bool]]]:
     """Return when each link is open.
 
-    Returns
-    -------
-    list of list of (float, bool)
-        For each link, portals first: whether it is open at the start, with time 0, and each time [s] at which that
-        changes.
+    Returns a list of (float, bool) for each link, portals first: whether it is open at the start, with time 0, and
+    each time [s] at which that changes.
     """
     states = [[(0.0, link not in building.closed)] for link in range(building.n_closable)]
     for change in changes:

@@ -34,11 +34,7 @@ def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
     Inside a level, these are the gaps between walls that some bodies fit through and others do not, and those at which
     the ground falls apart for the widest body.
 
-    Parameters
-    ----------
-    building : Building
-    widths : (n,) or float [m]
-        Diameters of the bodies.
+    `widths` (n,) [m]: diameters of the bodies.
     """
     bodies = np.atleast_1d(np.asarray(widths, dtype=np.float64))
     widest = float(bodies.max())
@@ -104,11 +100,7 @@ def gaps_between_walls(building: Building, level: Level, width: float) -> FloatA
     its wall makes the segment longer. Closed portals and exits are walls. The mouth of a niche does not count: of
     ground with a short outline that contains neither a portal nor an exit.
 
-    Parameters
-    ----------
-    building : Building
-    level : Level
-    width : float [m]
+    `width` [m].
     """
     pairs = _pairs(level.polygon, width)
     if not len(pairs.ends):
@@ -149,10 +141,7 @@ class _Pairs:
     def arcs(self, amount: FloatArray) -> FloatArray:
         """Return what lies along both ways (m, 2) from the corner to the nearest point; inf on different rings.
 
-        Parameters
-        ----------
-        amount : (s,) float64
-            The amount on each side, spread over its length.
+        `amount` (s,): the amount on each side, spread over its length.
         """
         before = np.cumsum(amount) - amount
         start = shapely.get_coordinates(shapely.get_point(self.lines[self.side], 0))

@@ -51,11 +51,8 @@ def naming_part(source: Path, part: str) -> Iterator[None]:
 def geometries(given: Shape) -> Iterator[BaseGeometry]:
     """Yield the simple geometries that a shape is made of; collections, nested or not, are flattened.
 
-    Parameters
-    ----------
-    given : shapely geometry, str, mapping or sequence
-        WKT if it is text, GeoJSON (geometry, feature or collection) if it is a mapping; a sequence of points (x, y) is
-        the outline of a polygon, any other sequence is a sequence of shapes.
+    `given`: WKT if it is text, GeoJSON (geometry, feature or collection) if it is a mapping; a sequence of points (x,
+    y) is the outline of a polygon, any other sequence is a sequence of shapes.
     """
     if isinstance(given, BaseGeometry):
         yield from _simple(given)
@@ -239,14 +236,7 @@ def covered(pieces: FloatArray, ends: FloatArray) -> float:
 def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float) -> Strip | None:
     """Return the strip of ground between a segment and a floor in a given direction.
 
-    Parameters
-    ----------
-    polygon : shapely polygon or multipolygon
-        The floor.
-    ends : (2, 2) float64 [m]
-    way : (2,) float64
-        Unit vector across the segment.
-    reach : float [m]
+    `polygon`: the floor; `ends` (2, 2) [m]; `way` (2,): unit vector across the segment; `reach` [m].
     """
     far = ends + (reach + LEAST_LENGTH) * way
     corridor = shapely.set_precision(shapely.Polygon([*ends, *far[::-1]]), GRID)
@@ -350,13 +340,7 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
     turned along it; its clear width is then its length along the wall. A segment across an opening that the floor
     already has is not changed.
 
-    Parameters
-    ----------
-    floor : shapely polygon or multipolygon
-        The rooms of the storey.
-    ends : (2, 2) float64 [m]
-    reach : float [m]
-        Largest distance between the door and its rooms.
+    `floor`: the rooms of the storey; `ends` (2, 2) [m]; `reach` [m]: largest distance between the door and its rooms.
     """
     parts = shapely.get_parts(shapely.difference(shapely.LineString(ends), floor))
     parts = parts[shapely.length(parts) > LEAST_LENGTH]

@@ -35,17 +35,9 @@ def read_table(path: Path) -> dict[str, Any]:
 def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = "") -> Plan:
     """Return the plan that a table describes.
 
-    Parameters
-    ----------
-    table : mapping
-        ``headroom`` [m], and lists of tables under the keys of `SECTIONS`, with the arguments of that method of
-        `evac.building.plan.plan.Plan`.
-    source : Path
-        Name of the plan in messages.
-    folder : Path
-        Folder that paths of storey files are relative to.
-    prefix : str
-        Prefix of keys in messages.
+    `table`: ``headroom`` [m], and lists of tables under the keys of `SECTIONS`, with the arguments of that method of
+    `evac.building.plan.plan.Plan`; `source`: name of the plan in messages; `folder`: folder that paths of storey files
+    are relative to; `prefix`: prefix of keys in messages.
     """
     for key in table:
         if key != "headroom" and key not in SECTIONS:

@@ -113,16 +113,9 @@ def switchback(
 ) -> list[Piece]:
     """Return a flight away from the lower edge, a half landing, and a flight back beside it to the upper edge.
 
-    Parameters
-    ----------
-    lower, upper : (2, 2) float64 [m]
-        Parallel edges side by side.
-    way : (2,) float64
-        Unit vector in the direction of the first flight.
-    run : float [m]
-        Length of the first flight in plan; the second one begins at the same landing.
-    depth : float [m]
-        Depth of the landing.
+    `lower`, `upper` (2, 2) [m]: parallel edges side by side; `way` (2,): unit vector in the direction of the first
+    flight; `run` [m]: length of the first flight in plan; the second one begins at the same landing; `depth` [m]: depth
+    of the landing.
     """
     upper = _like(lower, upper)
     across = np.array([way[1], -way[0]])

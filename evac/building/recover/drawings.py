@@ -49,9 +49,7 @@ class DrawnFlight:
 def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
     """Return the flights in a drawing: rows of parallel lines of equal length at the spacing of treads.
 
-    Parameters
-    ----------
-    lines : sequence of LineString of two points [m]
+    `lines` [m].
     """
     ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
     ends = np.unique(np.round(np.sort(ends.view("f8,f8"), axis=1).view(np.float64), 2), axis=0)
@@ -90,11 +88,7 @@ def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
 def stairs_of(flights: Sequence[DrawnFlight], walls: Sequence[BaseGeometry]) -> list[dict[str, Any]]:
     """Return drawn stairs as arguments of `evac.building.plan.plan.Plan.stair`: two flights side by side are one.
 
-    Parameters
-    ----------
-    flights : sequence of DrawnFlight
-    walls : sequence of LineString [m]
-        Its half landing is at the end of two flights that is nearer to a wall, unless an arrow says where.
+    `walls` [m]: its half landing is at the end of two flights that is nearer to a wall, unless an arrow says where.
     """
     left, found = [*flights], list[dict[str, Any]]()
     tree = shapely.STRtree([*walls])
@@ -220,9 +214,7 @@ def use_of(name: str) -> str:
 def paired(lines: Sequence[BaseGeometry]) -> NDArray[np.bool_]:
     """Return which of some lines of two points have another one beside them as the two sides of a wall.
 
-    Parameters
-    ----------
-    lines : sequence of LineString of two points [m]
+    `lines` [m].
     """
     ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
     step, middle = ends[:, 2:] - ends[:, :2], (ends[:, :2] + ends[:, 2:]) / 2
@@ -240,9 +232,7 @@ def paired(lines: Sequence[BaseGeometry]) -> NDArray[np.bool_]:
 def walls_by_spacing(layers: Mapping[str, Sequence[BaseGeometry]]) -> dict[str, str]:
     """Return the layers that have walls, and why: those of which most lines are the two sides of walls.
 
-    Parameters
-    ----------
-    layers : mapping of name to sequence of LineString of two points [m]
+    `layers` [m].
     """
     total = {name: sum(line.length for line in lines) for name, lines in layers.items()}
     double = {name: float(shapely.length([*lines])[paired(lines)].sum()) for name, lines in layers.items()}
@@ -299,12 +289,7 @@ def doors_of(
     The strike is that end of the arc to which no leaf leads, or else which is nearer to a wall or to the strike of
     another leaf. Two leaves that meet are one door.
 
-    Parameters
-    ----------
-    swings : sequence of Swing [m]
-    walls : sequence of LineString [m]
-    leaves : sequence of LineString [m]
-        Lines that may be leaves.
+    `swings` [m]; `walls` [m]; `leaves` [m]: lines that may be leaves.
     """
     drawn = shapely.STRtree([*leaves])
     ground = shapely.union_all([*walls])
@@ -353,11 +338,7 @@ def _joined(doors: FloatArray) -> FloatArray:
 def plans_of(walls: Sequence[BaseGeometry], apart: float = APART) -> list[BaseGeometry]:
     """Return the ground of each plan in a drawing, from left to right and from the top down.
 
-    Parameters
-    ----------
-    walls : sequence of LineString [m]
-    apart : float [m]
-        Plans are farther apart than this.
+    `walls` [m]; `apart` [m]: plans are farther apart than this.
     """
     near = shapely.union_all(shapely.buffer([*walls], apart / 2, quad_segs=2))
     filled = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(near)])

@@ -69,11 +69,7 @@ def read_map(
 ) -> tuple[list[Storey], list[Steps], list[tuple[str, BaseGeometry]]]:
     """Return the storeys of an indoor map, the lowest first, its stairs, and what is on no storey: text and shape.
 
-    Parameters
-    ----------
-    profile : str
-        One of `PROFILES`.
-    features : sequence of (properties with the id of the feature, shape [m])
+    `profile`: one of `PROFILES`; `features` [m].
     """
     levels: dict[str, Storey] = {}
     steps: list[Steps] = []
@@ -183,12 +179,7 @@ def _axis(shape: BaseGeometry) -> BaseGeometry:
 def door_at(place: BaseGeometry, width: float, walls: BaseGeometry) -> FloatArray | None:
     """Return the segment (2, 2) of a door along the wall at which it is; None if there is no wall near it.
 
-    Parameters
-    ----------
-    place : LineString or Point [m]
-    width : float [m]
-        Of a door that is a point.
-    walls : lines [m]
+    `place` [m]; `width` [m]: of a door that is a point; `walls` [m].
     """
     if place.geom_type == "LineString":
         ends = shapely.get_coordinates(place)[[0, -1]]

@@ -76,10 +76,7 @@ class Rooms:
 def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
     """Return the faces enclosed by lines after their ends are joined to the nearest lines within a gap [m].
 
-    Parameters
-    ----------
-    lines : sequence of LineString [m]
-    gap : float [m]
+    `lines` [m]; `gap` [m].
     """
     pieces = _without_overshoots(_noded(_welded(lines, WELDED * gap)), gap)
     closed = _closings(pieces, gap)
@@ -107,22 +104,11 @@ def rooms_of(
     of a wall are doors, unless two panes cross them as in a window. The enclosed faces are then rooms, the interior of
     walls drawn with both sides, or columns.
 
-    Parameters
-    ----------
-    lines : sequence of LineString [m]
-        Walls, closed or not.
-    gap : float [m]
-        Ends at most this far from another line are joined to it.
-    door : float [m]
-        Width of the widest door that is searched for; 0 for none.
-    wall : float [m]
-        Thickness of walls that are drawn as one line between two rooms.
-    doors : (k, 4) array [m]
-        Doors that are known, each between two walls.
-    panes : sequence of LineString of two points [m]
-        Lines between walls that are not known to be walls, such as panes and sills: they close what has no door.
-    solids : sequence of polygon [m]
-        Outlines of walls and columns.
+    `lines` [m]: walls, closed or not; `gap` [m]: ends at most this far from another line are joined to it; `door` [m]:
+    width of the widest door that is searched for; 0 for none; `wall` [m]: thickness of walls that are drawn as one line
+    between two rooms; `doors` (k, 4) [m]: doors that are known, each between two walls; `panes` [m]: lines between
+    walls that are not known to be walls, such as panes and sills: they close what has no door; `solids` [m]: outlines
+    of walls and columns.
     """
     body = shapely.union_all([*solids], grid_size=GRID)
     drawn = faces_of(lines, gap)

@@ -45,15 +45,8 @@ class Products:
 def read_products(content: bytes, classes: Collection[str], library: str, each: float, total: float) -> Products:
     """Read a file.
 
-    Parameters
-    ----------
-    content : bytes
-    classes : collection of str
-        Classes whose shapes are read.
-    library : str
-        One of `LIBRARIES`.
-    each, total : float
-        Time limits for one product and for all of them [s].
+    `classes`: classes whose shapes are read; `library`: one of `LIBRARIES`; `each`, `total`: time limits for one
+    product and for all of them [s].
     """
     end = time.monotonic() + total
     reader = _Reader(content, library)

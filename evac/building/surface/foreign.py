@@ -56,20 +56,8 @@ def walked_surface(
 
     A mesh without solid bodies and treads is returned unchanged.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    points : (v, 3) float64 [m]
-        Its points.
-    is_steep : (t,) bool
-        Cells too steep to walk on.
-    options : SurfaceOptions
-
-    Returns
-    -------
-    mesh : TriangleMesh
-    points : (w, 3) float64 [m]
-        Its points.
+    `points` (v, 3) [m]: its points; `is_steep` (t,): cells too steep to walk on. Returns `points` (w, 3) [m]: its
+    points.
     """
     weld, headroom, treads = options.weld, options.headroom, options.treads
     heights = points[mesh.triangles][:, :, 2]

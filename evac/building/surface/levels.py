@@ -185,12 +185,7 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
 def _parts_that_turn(surface: Surface, label: IndexArray, one: IndexArray, other: IndexArray) -> IndexArray:
     """Return the part of its flight to which each cell belongs: 0, unless the flight turns too far for one level.
 
-    Parameters
-    ----------
-    label : (t,) int64
-        Flight or floor of each cell.
-    one, other : (e,) int64
-        Cells that share an edge.
+    `label` (t,): flight or floor of each cell; `one`, `other` (e,): cells that share an edge.
     """
     part = np.zeros(len(label), dtype=np.int64)
     heading = np.arctan2(surface.gradient[:, 1], surface.gradient[:, 0])

@@ -65,13 +65,7 @@ class Patch:
 def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags: dict[str, np.ndarray]) -> list[Patch]:
     """Join cells, none of them upright, to patches, sorted by place.
 
-    Parameters
-    ----------
-    points : (v, 3) float64 [m]
-    triangles : (t, 3) int64
-    body : (t,) int64
-        Body of each cell.
-    tags : dict of str to (t,) bool
+    `points` (v, 3) [m]; `triangles` (t, 3); `body` (t,): body of each cell; `tags` (t,).
     """
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -94,12 +94,7 @@ def check_resolution(source: Path, points: FloatArray, scale: float, weld: float
     A coarse grid alone is accepted, since a room may be drawn in whole metres. The grid step must result from the
     number format, see `rounding_step`.
 
-    Parameters
-    ----------
-    points : (v, 3) float64 [units of the file]
-    scale : float
-        Metres per unit of the file.
-    weld : float [m]
+    `points` (v, 3) [units of the file]; `scale`: metres per unit of the file; `weld` [m].
     """
     plan = points[:, :2]
     step = rounding_step(plan) * scale
@@ -122,9 +117,7 @@ def rounding_step(plan: FloatArray) -> float:
     some use the last bit: the step is the largest spacing of float32. Or the two axes have different magnitudes but the
     same number of significant digits, so that the larger one has fewer decimals: the step is its last decimal.
 
-    Parameters
-    ----------
-    plan : (v, 2) float64 [units of the file]
+    `plan` (v, 2) [units of the file].
     """
     return max(_float32_step(plan), _decimal_step(plan))
 

@@ -130,11 +130,7 @@ def slope_angle(corners: FloatArray) -> FloatArray:
 def _check_stairs(source: Path, corners: FloatArray, steep: dict[str, BoolArray], walkable_angle: float) -> None:
     """Refuse flights of tagged stairs that are too steep; risers and the sides of stairs are no flights.
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) float64 [m]
-    steep : dict of str to (t,) bool
-        Cells that are too steep to walk on, by tag.
+    `corners` (t, 3, 3) [m]; `steep` (t,): cells that are too steep to walk on, by tag.
     """
     rise, angle = np.ptp(corners[:, :, 2], axis=1), slope_angle(corners)
     is_flight = (rise > MOST_RISER) & (np.rad2deg(angle) < UPRIGHT)

@@ -24,18 +24,9 @@ ROUNDING = 1e-14
 def weld_points(points: FloatArray, distance: float) -> tuple[FloatArray, IndexArray]:
     """Merge points that are close to each other.
 
-    Parameters
-    ----------
-    points : (n, 3) float64 [m]
-    distance : float [m]
-        Points at most this far apart are merged; a point is moved by at most `LARGEST_CLUSTER` times this.
-
-    Returns
-    -------
-    vertices : (v, 3) float64 [m]
-        The first point of each cluster in the order of (x, y, z).
-    index : (n,) int64
-        Row in `vertices` of each point.
+    `points` (n, 3) [m]; `distance` [m]: points at most this far apart are merged; a point is moved by at most
+    `LARGEST_CLUSTER` times this. Returns `vertices` (v, 3) [m]: the first point of each cluster in the order of (x, y,
+    z); `index` (n,): row in `vertices` of each point.
     """
     distinct, row = np.unique(points + 0.0, axis=0, return_inverse=True)  # + 0.0 turns -0.0 into 0.0
     pairs = close_pairs(distinct, distance)
@@ -82,22 +73,9 @@ def split_at_vertices(
     Parts of a cell whose smallest height is at most `distance` are dropped, since the neighbour is then split at their
     vertices and takes their place; where that does not end, they are kept.
 
-    Parameters
-    ----------
-    vertices : (v, 3) float64 [m]
-        Farther apart than `distance`.
-    triangles : (t, 3) int64
-    edges : dict of str to (e, 2) int64
-        Tagged edges.
-    distance : float [m]
-        Largest distance of a vertex from an edge that it splits.
-
-    Returns
-    -------
-    triangles : (s, 3) int64
-    owner : (s,) int64
-        Row of the original triangle of each triangle.
-    edges : dict of str to (e, 2) int64
+    `vertices` (v, 3) [m]: farther apart than `distance`; `triangles` (t, 3); `edges` (e, 2): tagged edges; `distance`
+    [m]: largest distance of a vertex from an edge that it splits. Returns `triangles` (s, 3); `owner` (s,): row of the
+    original triangle of each triangle; `edges` (e, 2).
     """
     owner = np.arange(len(triangles))
     for turn in range(MOST_ROUNDS):

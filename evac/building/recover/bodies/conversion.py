@@ -29,17 +29,8 @@ def plan_of_bodies(
 ) -> Plan:
     """Return the plan of a building.
 
-    Parameters
-    ----------
-    source : Path
-        For messages.
-    bodies : sequence of Body
-        Of the kinds `KINDS`.
-    storeys : sequence of (str, float [m])
-        Names and heights. The floors themselves are found from the bodies.
-    rules : Rules
-    findings : list of Finding
-        Findings so far; they become the first findings of the plan.
+    `source`: for messages; `bodies`: of the kinds `KINDS`; `storeys` [m]: names and heights. The floors themselves are
+    found from the bodies; `findings`: findings so far; they become the first findings of the plan.
     """
     passages, openings = passages_of(bodies)
     solid = [body for body in bodies if body.kind not in ("opening", "door", "window")]

@@ -77,15 +77,7 @@ def floors_of(
 ) -> list[Floor]:
     """Return the floors of a building, from bottom to top; findings are added to the list.
 
-    Parameters
-    ----------
-    bodies : sequence of Body
-    passages : sequence of Body
-        Doors and openings that people pass through.
-    storeys : sequence of (str, float [m])
-        Names and heights, for the names of floors.
-    rules : Rules
-    findings : list of Finding
+    `passages`: doors and openings that people pass through; `storeys` [m]: names and heights, for the names of floors.
     """
     low = _low_spaces(bodies, findings)
     heights = _heights([body for body in bodies if body not in low], rules)
