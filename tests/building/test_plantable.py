@@ -1,13 +1,15 @@
-"""Plans as tables: the same plan there and back, and keys that are wrong are named."""
+"""Plans as tables, and plans of existing buildings."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from shapely import box
 
-from evac import BuildingError, Plan
-from evac.building.plan.plantable import plan_of, table_of
+from evac import BuildingError, Plan, read_building
+from evac.building.plan.plantable import plan_of, plan_of_building, slopes_of, table_of
 
 
 def everything():
@@ -56,3 +58,86 @@ def test_a_table_makes_the_same_plan():
 def test_wrong_keys_are_named(change, message):
     with pytest.raises(BuildingError, match=message):
         plan_of(change, Path("case.toml"), Path("."), "building.plan.")
+
+
+def winding():
+    """Return a building whose stair turns by 90 degrees between two floors."""
+    plan = Plan()
+    plan.storey("low", shapely.box(0, 0, 4, 2))
+    plan.storey("high", shapely.box(6, 4, 8, 8), z=1.5)
+    angles = np.deg2rad(np.arange(-90, 1, 15))
+    edges = [[(4 + r * np.cos(a), 4 + r * np.sin(a)) for r in (2, 4)] for a in angles]
+    for k in range(6):
+        plan.flight("up", edges[k], 0.25 * k, edges[k + 1], 0.25 * (k + 1))
+    plan.exit("door", "low", [[(0, 0.5), (0, 1)], [(0, 1.5), (0, 2)]])
+    plan.area("office", "high", shapely.box(6, 6, 8, 8))
+    return plan.building()
+
+
+def test_a_building_is_made_again_from_its_plan():
+    one = winding()
+    other = plan_of_building(one).building()
+    assert [(level.name, level.kind) for level in other.levels] == [(level.name, level.kind) for level in one.levels]
+    assert [level.polygon.area for level in other.levels] == pytest.approx([level.polygon.area for level in one.levels])
+    assert [level.slope for level in other.levels] == pytest.approx([level.slope for level in one.levels])
+    assert (other.exits[0].width, other.areas[0].polygon.area) == (pytest.approx(1.0), pytest.approx(4.0))
+
+
+def test_the_planes_of_a_flight_have_heights():
+    building = winding()
+    (flight,) = [level for level in building.levels if level.kind == "flight"]
+    slopes = slopes_of(building, flight)
+    assert len(slopes) == 12  # two triangles for each pair of edges
+    heights = shapely.get_coordinates(slopes, include_z=True)[:, 2]
+    assert (heights.min(), heights.max()) == (pytest.approx(0.0), pytest.approx(1.5))
+
+
+def test_an_exit_on_a_stair_has_no_plan():
+    plan = Plan()
+    plan.storey("low", shapely.box(0, 0, 4, 2))
+    plan.flight("up", [(4, 0), (4, 2)], 0.0, [(8, 0), (8, 2)], 2.0)
+    building = plan.building(need_exit=False, exits=[{"name": "top", "segment": ((8, 0), (8, 2)), "z": 2.0}])
+    with pytest.raises(ValueError, match="'top'"):
+        plan_of_building(building)
+
+
+@pytest.mark.parametrize("segment", [[], [[]], [[[0, 0], [0, 1]], []], [[0, 0]]])
+def test_an_exit_needs_segments(segment):
+    plan = Plan()
+    plan.storey("low", shapely.box(0, 0, 4, 2))
+    with pytest.raises(BuildingError, match="exit 'door': segment: a segment must be"):
+        plan.exit("door", "low", segment)
+
+
+@pytest.mark.parametrize(
+    ("polygon", "edge", "match"),
+    [
+        ("POLYGON ((4 0, 8 0, 8 2, 4 2, 4 0))", None, "corners with heights"),
+        ("POLYGON Z ((4 0 0, 8 0 2, 8 2 3, 4 2 0, 4 0 0))", None, "off the plane"),
+        ("POLYGON Z ((4 0 0, 8 0 2, 8 2 2, 4 2 0, 4 0 0))", [(4, 0), (4, 2)], "not both"),
+        (None, [(4, 0), (4, 2)], "upper_edge is missing"),
+    ],
+)
+def test_a_flight_is_between_edges_or_in_one_plane(polygon, edge, match):
+    flight = {"stair": "up", "polygon": polygon, "lower_edge": edge}
+    table = {"storeys": [{"name": "low", "polygons": [[0, 0], [4, 0], [4, 2], [0, 2]]}], "flights": [flight]}
+    with pytest.raises(BuildingError, match=match):
+        plan_of(table, Path("a.plan.toml"), Path()).building(need_exit=False)
+
+
+@pytest.mark.parametrize(
+    ("properties", "match"),
+    [
+        ({"kind": "flight", "name": "f", "levels": ["f"]}, "stair"),
+        ({"kind": "flour", "name": "f", "levels": ["f"]}, "unknown kind 'flour'"),
+        ({"kind": "flight", "name": "f", "levels": ["f"], "stair": "s"}, "heights"),
+    ],
+)
+def test_a_changed_export_is_refused_by_its_feature(tmp_path, properties, match):
+    box = {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]}
+    floor = {"kind": "floor", "name": "low", "levels": ["low"], "z_min": 0.0}
+    features = [{"type": "Feature", "properties": one, "geometry": box} for one in (floor, properties)]
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    with pytest.raises(BuildingError, match=match):
+        read_building(path)

@@ -1,27 +1,200 @@
-"""Convert the bodies of a building model to a plan: storeys, doors, exits, stairs and obstacles."""
+"""Plans of building models: passages between rooms, and the storeys, stairs, doors and exits of all bodies."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError
 from evac.building.geometry import common, cut, place_of, united
 from evac.building.model.findings import Finding, numbered
+from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
-from evac.building.recover.bodies.body import Body, snapped
-from evac.building.recover.bodies.doorways import HALF_STOREY, Doorway, doorways_of, passages_of
+from evac.building.recover.bodies.body import Body, closed, snapped
 from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
 from evac.building.recover.bodies.floors import Floor, Rules, floors_of
+
+#: Largest difference in height between the foot of a door and the floor that it stands on [m].
+SILL = 0.3
+#: Minimum height of an opening without a door that people can pass [m].
+LEAST_HEIGHT = 1.8
+#: A door or window fills an opening if its box, grown across walls, covers at least this fraction of the opening's.
+FILLED = 0.5
+#: An opening reaches the foot of its wall if it ends at most this high above it [m].
+FOOT = 0.1
+#: Largest gap between the face of a wall and the room beside it [m].
+BEHIND = 0.15
+#: Lengths tried in turn by which each end of a door is shortened, until rooms lie along all of it [m].
+SHORTENED = (0.0, 0.02, 0.05, 0.1, 0.15)
+#: Greatest height of the foot of a door above the floors beside it, if it stands on no other floor [m].
+STEP = 0.8
+#: Floors whose heights differ by at most this are of one storey [m].
+HALF_STOREY = 1.5
+#: How far beyond a door the outside of the storey begins; recesses that are narrower than twice this are inside [m].
+BEYOND = 0.3
+#: Narrowest door [m].
+NARROWEST = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Doorway:
+    """A door: its segment (2, 2) in the middle of a wall, its reach to rooms [m], and how many sides have rooms."""
+
+    name: str
+    floor: Floor
+    segment: FloatArray
+    reach: float
+    sides: int
+    leads_out: bool  # whether one side is outside of the storey
+    is_filled: bool  # whether there is a door, not only an opening
+
+    @property
+    def ground(self) -> BaseGeometry:
+        """The ground between the door and the rooms beside it."""
+        ways = (normal(self.segment), -normal(self.segment))
+        sides = [strip(self.floor.ground, self.segment, way, self.reach) for way in ways]
+        return united([side.polygon for side in sides if side is not None and not side.polygon.is_empty])
+
+
+def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
+    """Return the bodies that people pass through, and the openings that must be filled in the walls.
+
+    A passage is the opening that a door fills, the door itself if it fills no opening, or an empty opening that reaches
+    down to the floor. Openings are holes in walls. They are filled again, since rooms end at their walls and are joined
+    by doors only.
+    """
+    openings = [body for body in bodies if body.kind == "opening"]
+    boxes = _boxes(openings)
+    walls = _boxes([body for body in bodies if body.kind == "wall"])
+    passages, taken, filled = [], set(), []
+    for body in bodies:
+        if body.kind in ("door", "window"):
+            row = _filled(body, openings, boxes)
+            taken.add(row)
+            shape = body if row is None else openings[row]
+            filled.append(replace(shape, kind="opening", name=body.name, fills=body.number))
+            if body.kind == "door":
+                passages.append(filled[-1])
+    middles = boxes[sorted(row for row in taken if row is not None)].mean(axis=1)
+    for row, opening in enumerate(openings):
+        has_door = ((opening.box[0] <= middles) & (middles <= opening.box[1])).all(axis=1).any()
+        is_high = opening.z_max - opening.z_min >= LEAST_HEIGHT
+        if row not in taken and is_high and not has_door and _is_in_wall(opening, walls):
+            passages.append(opening)
+    return passages, [*filled, *(opening for opening in passages if opening not in filled)]
+
+
+def _boxes(bodies: Sequence[Body]) -> FloatArray:
+    return np.array([body.box for body in bodies]).reshape(-1, 2, 3)
+
+
+def _is_in_wall(opening: Body, walls: FloatArray) -> bool:
+    """Return whether an opening is in one of the walls, given by boxes (w, 2, 3), and reaches down to its foot."""
+    low, high = opening.box
+    meets = ((walls[:, 0] - 0.01 < high) & (walls[:, 1] + 0.01 > low)).all(axis=1)
+    return bool((meets & (opening.z_min - walls[:, 0, 2] < FOOT)).any())
+
+
+def _filled(door: Body, openings: Sequence[Body], boxes: FloatArray) -> int | None:
+    """Return the row of the opening that a door or window fills by the file, or by their boxes; None if there is none.
+
+    A leaf is thinner than its opening, and may stand beside its wall: what counts is the share of the shorter sides.
+    """
+    for row, opening in enumerate(openings):
+        if opening.number == door.fills != -1:
+            return row
+    low, high = door.box + np.array([[-BEHIND], [BEHIND]]) * (1.0, 1.0, 0.0)
+    both = np.maximum(np.minimum(high, boxes[:, 1]) - np.maximum(low, boxes[:, 0]), 0.0)
+    size = np.maximum(boxes[:, 1] - boxes[:, 0], 1e-3)
+    share = np.prod(both / size, axis=1)
+    return int(share.argmax()) if len(share) and share.max() > FILLED else None
+
+
+def doorways_of(
+    passages: Sequence[Body], floors: Sequence[Floor], walls: Sequence[Body], findings: list[Finding]
+) -> list[Doorway]:
+    """Return the doors of each floor that join rooms or lead outside; doors without a room are added to `findings`."""
+    doorways = []
+    hulls = {floor.name: _hull(floor, floors, walls) for floor in floors}
+    for body in passages:
+        near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
+        below = [floor for floor in floors if SILL < body.z_min - floor.z <= STEP and body.fills != -1]
+        near.sort(key=lambda floor: abs(floor.z - body.z_min))
+        ways = [_fit(body, floor, hulls[floor.name]) for floor in near[:1]]
+        ways += [way for floor in below if (way := _fit(body, floor, hulls[floor.name])) and way.sides == 2]
+        way = next((way for way in ways if way is not None), None)
+        if way is not None:
+            doorways.append(way)
+            if way.floor in below:
+                text = f"{body.name!r} begins {body.z_min - way.floor.z:.2f} m above the floors on both of its sides"
+                findings.append(Finding("assumed", f"{text}; it is a door between them", way.floor.name, body.place))
+        elif near:
+            findings.append(Finding("left out", f"{body.name!r} has no room on either side", near[0].name, body.place))
+        elif not body.name.startswith("opening"):
+            text = f"{body.name!r} is not on a floor (z = {body.z_min:z.2f} m)"
+            findings.append(Finding("left out", text, None, body.place))
+    return doorways
+
+
+def _hull(floor: Floor, floors: Sequence[Floor], walls: Sequence[Body]) -> BaseGeometry:
+    """Return the ground and the walls of a storey without holes, as which shafts and voids belong to it."""
+    near = [other.ground for other in floors if abs(other.z - floor.z) <= HALF_STOREY]
+    beside = [wall.shadow() for wall in walls if wall.z_min - SILL <= floor.z + 1.0 <= wall.z_max + SILL]
+    plan = closed(united([*near, *(part for part in beside if not part.is_empty)]), 2.0 * BEYOND)
+    return united([shapely.Polygon(part.exterior) for part in shapely.get_parts(plan)])
+
+
+def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
+    """Return the widest door with the largest number of rooms beside it; None if there is no room."""
+    corners = body.rectangle()
+    if corners is None:
+        return None
+    best: Doorway | None = None
+    for side in (0, 1):
+        a, b, c, d = np.roll(corners, -side, axis=0)
+        ends = np.array([(a + d) / 2, (b + c) / 2])
+        width, depth = float(np.hypot(*(ends[1] - ends[0]))), float(np.hypot(*(d - a)))
+        along = (ends[1] - ends[0]) / max(width, 1e-9)
+        reach = depth / 2 + BEHIND
+        parts = {(0.0, width), *_beside(floor.ground, ends, reach)}
+        for start, end, less in ((*part, less) for less in SHORTENED for part in sorted(parts)):
+            if end - start - 2 * less < NARROWEST:
+                continue
+            segment = np.round(np.array([ends[0] + (start + less) * along, ends[0] + (end - less) * along]), 3)
+            ways = (normal(segment), -normal(segment))
+            rooms = [strip(floor.ground, segment, way, reach) is not None for way in ways]
+            if any(rooms) and (best is None or sum(rooms) > best.sides):
+                behind = [
+                    shapely.Point(segment.mean(axis=0) + (reach + BEYOND) * way)
+                    for way, has_room in zip(ways, rooms, strict=True)
+                    if not has_room
+                ]
+                leads_out = any(not hull.contains(point) for point in behind)
+                best = Doorway(body.name, floor, segment, reach, sum(rooms), leads_out, body.fills != -1)
+    return best
+
+
+def _beside(ground: BaseGeometry, ends: FloatArray, reach: float) -> list[tuple[float, float]]:
+    """Return the parts of a segment, from its first end [m], that have ground on both sides."""
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    spans = []
+    for way in (normal(ends), -normal(ends)):
+        band = shapely.Polygon([ends[0], ends[1], ends[1] + reach * way, ends[0] + reach * way])
+        near = [(shapely.get_coordinates(part) - ends[0]) @ along for part in shapely.get_parts(common(ground, band))]
+        spans.append([(float(own.min()), float(own.max())) for own in near])
+    return [(max(a, c), min(b, d)) for a, b in spans[0] for c, d in spans[1]]
+
 
 #: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
 KINDS = ("space", "slab", "roof", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
 #: Minimum area of the remaining part of a room in which people can start [m2].
 LEAST_ROOM = 0.5
 #: Distance by which areas extend beyond their rooms, less than the thickness of walls [m].
-BEYOND = 0.02
+OVERLAP = 0.02
 
 
 def plan_of_bodies(
@@ -113,7 +286,7 @@ def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]
             name = room if room not in names else f"{room} of {floor.name}"
             names.add(name)
             # Slightly larger than the room, so that the outline of the area follows the outline of the floor at walls.
-            grown = snapped(shapely.buffer(polygon, BEYOND, join_style="mitre"))
+            grown = snapped(shapely.buffer(polygon, OVERLAP, join_style="mitre"))
             area = common(cut(grown, united(taken)), floor.ground)
             taken.append(area)
             plan.area(name, floor.name, area)
