@@ -67,7 +67,7 @@ def compile_into(code: str) -> None:
     """Compile all kernels of the imported evac for the generic processor into the folder of an unpacked wheel."""
     import evac
     from evac.base.display import Display
-    from evac.cli.cache import all_entries
+    from evac.cli.plugins import all_entries
     from evac.contract.registry import Registry
     from evac.jit.digest import digest_of, versions
     from evac.jit.loading import compile_missing

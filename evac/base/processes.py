@@ -13,11 +13,6 @@ from types import ModuleType
 from typing import Any
 
 
-def cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 class Pool(ProcessPoolExecutor):
     """A pool of processes, each of which makes a first call; used as a context, it ends them at once.
 

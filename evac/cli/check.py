@@ -1,8 +1,4 @@
-"""evac check: read a case or a building file and show levels, exits, areas and warnings.
-
-A building file can be given instead of a case. Plugin files named in a case are listed but not executed, so names that
-they provide cannot be checked, unless --plugin FILE executes them.
-"""
+"""Commands that read a case or a building without running it: evac check, evac explain, evac conditions."""
 
 import argparse
 import math
@@ -12,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from evac.base.display import Display
 from evac.base.errors import BuildingError, EvacError, in_order
-from evac.cli.inputs import case_of, declare_case
+from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.contract.hooks import DEFAULT_FIRE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,22 +20,27 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.simulation.simulation import Simulation
 
+
 #: Ending of plan files, which are TOML as cases are.
 PLAN = ".plan.toml"
 #: Kinds of findings in the list of assumptions.
 ASSUMED = ("assumed", "repaired", "left out")
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def declare_check(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac check`."""
     declare_case(parser, "CASE|BUILDING")
     parser.add_argument("--verbose", action="store_true", help="show the portals within stairs as well")
     what = "draw every level with all names and with warnings marked at their places (.png, .svg, .pdf)"
     parser.add_argument("--picture", type=Path, metavar="FILE", help=what)
 
 
-def execute(arguments: argparse.Namespace) -> int:
-    """Show the building, and for a case the people; raise the error if something is not valid."""
+def execute_check(arguments: argparse.Namespace) -> int:
+    """Read a case or a building file and show levels, exits, areas and warnings.
+
+    A building file can be given instead of a case. Plugin files named in a case are listed but not executed, so names
+    that they provide cannot be checked, unless --plugin FILE executes them.
+    """
     path = Path(arguments.case)
     if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
         from evac.base.errors import ScenarioError
@@ -228,3 +230,57 @@ def show_course(case: "Case") -> None:
 
 def _span(low: float, high: float) -> str:
     return f"{low:z.2f}" if high - low < 0.005 else f"{low:z.2f} to {high:z.2f}"
+
+
+def declare_explain(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac explain`."""
+    declare_case(parser)
+
+
+def execute_explain(arguments: argparse.Namespace) -> int:
+    """Show which parts of the program a case needs, and why.
+
+    The other parts are left out, which does not change the trajectories; `evac run --full` includes them. Plugin files
+    of the case are executed, as by `evac run`, because forces and behaviours decide themselves whether they are needed.
+    """
+    case = case_to_run(arguments)
+    note_unused_plugins(case)
+    from evac.cli.outcome import response_times
+    from evac.simulation.simulation import Simulation
+
+    with Display(has_lines=False) as display:
+        simulation = Simulation(case, will_run=False, compiling=display.compiling)
+    rows = [part.as_row() for part in simulation.plan]
+    show_table(case.title or str(case.source), ("part", "in or out", "why"), rows)
+    show_facts({"response times": response_times(simulation.population.crowd)})
+    return 0
+
+
+def declare_conditions(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac conditions`."""
+    parser.add_argument("what", choices=("deck",), help="deck: lines for the input file of the fire simulation")
+    declare_case(parser)
+    what = f"source of conditions that will read the data (default: {DEFAULT_FIRE})"
+    parser.add_argument("--source", default=DEFAULT_FIRE, metavar="NAME", help=what)
+
+
+def execute_conditions(arguments: argparse.Namespace) -> int:
+    """Print the output that a fire simulation must write for a case.
+
+    `evac conditions deck CASE` prints the lines for the input file of FDS: slices at the heads of people on every
+    level, and volumes on stairs, of the quantities that the case needs. The data need not exist yet. If the case has a
+    table [[conditions]], its `shift` is taken into account.
+    """
+    from evac.case.fire import ConditionSettings
+    from evac.conditions.exposure import heads_of, law_of, quantities_needed
+    from evac.conditions.source import SourceScene
+    from evac.simulation.assembly import make_building
+
+    case = case_of(arguments)
+    cls = case.registry.get("condition_source", arguments.source)
+    tables = [one for one in case.conditions if one.source == cls.name] or [ConditionSettings(source=cls.name)]
+    needed = quantities_needed(case, law_of(case))
+    scene = SourceScene(make_building(case), case.folder, tables[0], heads_of(case), needed)
+    lines = cls(**tables[0].parameters).deck(scene)
+    print("\n".join(lines) or f"source {cls.name!r} needs no lines")
+    return 0

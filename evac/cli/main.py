@@ -4,6 +4,7 @@ import argparse
 import atexit
 import gc
 import importlib
+import inspect
 import os
 import signal
 import sys
@@ -32,12 +33,19 @@ from evac.cli.streams import guard_streams, note, warn_lost_output
 BAD_INPUT = 2
 INTERRUPTED_STATUS = 130
 
-#: Commands in the order of the help, and the modules whose names differ from those of their commands.
-COMMANDS = (
-    *("run", "resume", "repeat", "sweep", "list", "check", "import", "new", "explain", "plugins", "cache"),
-    *("conditions", "replay", "export", "render", "map", "report", "compare", "verify", "evidence"),
-)
-MODULES = {"list": "catalogue", "import": "importing"}
+#: Commands in the order of the help, and the modules with the functions that declare and execute them.
+COMMANDS = {
+    **dict.fromkeys(("run", "resume"), "run"),
+    **dict.fromkeys(("repeat", "sweep"), "studies"),
+    "list": "cases",
+    "check": "check",
+    **dict.fromkeys(("import", "new"), "cases"),
+    "explain": "check",
+    **dict.fromkeys(("plugins", "cache"), "plugins"),
+    "conditions": "check",
+    **dict.fromkeys(("replay", "export", "render", "map", "report", "compare"), "results"),
+    **dict.fromkeys(("verify", "evidence"), "verify"),
+}
 
 EPILOG = """\
 Exit status:
@@ -179,10 +187,12 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        module = importlib.import_module(f"evac.cli.{MODULES.get(name, name)}")
-        summary = (module.__doc__ or "").partition(": ")[2].partition(".\n")[0].removesuffix(".")
-        sub = commands.add_parser(name, help=summary, description=module.__doc__, formatter_class=_Help)
-        module.declare(sub)
-        sub.set_defaults(execute=module.execute, parser=sub)
+    for name, file in COMMANDS.items():
+        module = importlib.import_module(f"evac.cli.{file}")
+        execute = getattr(module, f"execute_{name}")
+        text = inspect.getdoc(execute) or ""
+        summary = text.partition("\n\n")[0].removesuffix(".")
+        sub = commands.add_parser(name, help=summary, description=text, formatter_class=_Help)
+        getattr(module, f"declare_{name}")(sub)
+        sub.set_defaults(execute=execute, parser=sub)
     return top

@@ -1,33 +1,42 @@
-"""evac plugins: list all registered plugins, describe one of them, or check a plugin file.
-
-`evac plugins --check FILE` applies the checks of `evac.conformance.check_plugin` to everything in a plugin file, and
-ends with status 2 if one of them fails.
-"""
+"""Commands on plugins and compiled kernels: evac plugins, evac cache."""
 
 import argparse
+import importlib
 import inspect
+import json
+import pkgutil
 import re
+import sys
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from evac.cli.inputs import declare_plugin
-from evac.cli.screen import say, shown
+from evac.cli.screen import say, show_facts, shown
 from evac.cli.streams import note
+
+if TYPE_CHECKING:
+    from evac.jit import Entry
+
 
 #: Ends of lines within a paragraph or an item of a list of a docstring, whose formulas are indented farther.
 JOINED = re.compile(r"(?<=[^\s-])\n {0,2}(?=[^\s-])")
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def declare_plugins(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac plugins`."""
     parser.add_argument("name", metavar="NAME", nargs="?", help="model, behaviour or other plugin to describe")
     parser.add_argument("--check", metavar="FILE", help="check everything in a plugin file")
     parser.add_argument("--verbose", action="store_true", help="show all parameters with their units and defaults")
     declare_plugin(parser)
 
 
-def execute(arguments: argparse.Namespace) -> int:
-    """Print the origin of each plugin and what it provides, or only what has the given name; or check a file."""
+def execute_plugins(arguments: argparse.Namespace) -> int:
+    """List all registered plugins, describe one of them, or check a plugin file.
+
+    `evac plugins --check FILE` applies the checks of `evac.conformance.check_plugin` to everything in a plugin file,
+    and ends with status 2 if one of them fails.
+    """
     if arguments.check is not None:
         return _check(arguments.check, arguments.plugins)
     from evac.base.errors import PluginError
@@ -97,3 +106,106 @@ def _show(item: dict[str, Any], plugin: Any) -> None:
     for name, one in item["parameters"].items():
         allowed = f" ({one['range']})" if one["range"] else ""
         say(f"    {name} = {shown(one['default'])} {one['unit']}".rstrip() + f"{allowed}: {one['doc']}", indent=8)
+
+
+ACTIONS = {
+    "show": "show the folder and its content (the default)",
+    "compile": "compile all kernels of evac and of its plugins that are not in the folder",
+    "clear": "remove all compiled kernels from the folder",
+}
+
+
+def declare_cache(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac cache`."""
+    parser.set_defaults(action="show")
+    actions = parser.add_subparsers(metavar="ACTION")
+    for name, summary in ACTIONS.items():
+        action = actions.add_parser(name, help=summary, description=f"evac cache {name}: {summary}.")
+        action.set_defaults(action=name)
+        if name == "compile":
+            declare_plugin(action)
+
+
+def execute_cache(arguments: argparse.Namespace) -> int:
+    """Show, fill or clear the folder of compiled kernels.
+
+    Kernels are compiled when they are first needed, and kept in the user's cache folder, or in EVAC_CACHE_DIR if it is
+    set.
+    """
+    if arguments.action == "compile":
+        _compile_all(arguments.plugins)
+    elif arguments.action == "clear":
+        from evac.jit.store import user_store
+
+        store = user_store()
+        if store:
+            store.clear()
+    _show_cache()
+    return 0
+
+
+def _compile_all(plugins: list[str]) -> None:
+    from evac.base.display import Display
+    from evac.contract.registry import Registry
+    from evac.jit.loading import addresses_of
+
+    with Display() as display:
+        display.phase("importing all modules")
+        Registry(plugins)
+        addresses_of(all_entries(), display.compiling)
+
+
+def _show_cache() -> None:
+    """Print the folder, the number and size of kernels, and the versions and processor they are compiled for."""
+    from evac.jit.digest import versions
+    from evac.jit.processor import host
+    from evac.jit.store import exposure, user_store
+
+    store = user_store()
+    files = store.entries() if store else []
+    sizes = [path.stat().st_size for path in files if path.exists()]
+    problem = exposure(store.folder) if store and store.folder.is_dir() else ""
+    show_facts(
+        {
+            "folder": store.folder if store else "none: there is no home folder, and EVAC_CACHE_DIR is not set",
+            **({"not used": f"the folder {problem}"} if problem else {}),
+            "compiled kernels": len(files),
+            "size": f"{sum(sizes) / 1e6:.2f} MB",
+            "compiled by": versions().rpartition(",")[0],
+            "compiled for": host().name,
+            "kernels in the wheel": _shipped(),
+        }
+    )
+
+
+def _shipped() -> str:
+    """Return the number of kernels in the wheel, and whether they are used."""
+    from evac.jit.digest import versions
+    from evac.jit.loading import SHIPPED
+    from evac.jit.processor import generic, missing_features
+
+    kernels = len(SHIPPED.entries())
+    if not kernels:
+        return "none"
+    about = json.loads((SHIPPED.folder / "about.json").read_text(encoding="utf-8"))
+    text = f"{kernels} for {about['processor']}"
+    if about["triple"] != generic().triple:
+        return f"{text}, not used: they are for {about['triple']}"
+    if about["versions"] != versions():
+        return f"{text}, not used: they were compiled by {about['versions'].rpartition(',')[0]}"
+    if missing_features():
+        return f"{text}, not used: this processor has no {', '.join(missing_features())}"
+    return f"{text}, used"
+
+
+def all_entries() -> "list[Entry]":
+    """Return the kernels that runs may need: those of evac except its commands, and of the imported plugins."""
+    import evac
+    from evac.jit.kernels import entries_of
+
+    for module in pkgutil.walk_packages(evac.__path__, "evac."):
+        if module.name.split(".")[1] not in ("__main__", "cli", "conformance", "evidence"):
+            importlib.import_module(module.name)
+    modules = [module for module in sys.modules.values() if isinstance(module, ModuleType)]
+    entries = [entry for module in modules for entry in entries_of(module)]
+    return sorted(dict.fromkeys(entries), key=lambda entry: entry.label)

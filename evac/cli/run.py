@@ -1,20 +1,35 @@
-"""evac run: run a case and write its results.
-
-Results are written to ./CASE-result, or to --out: a new or empty folder, or the result folder of an earlier run, which
-is replaced when this run has ended; other files in it are kept. During the run, results are in RESULT.running. A run
-that is stopped by Ctrl-C, SIGTERM or SIGHUP saves its tables and its state: `evac resume RESULT` continues it.
-"""
+"""Commands that run a case into a result folder: evac run, evac resume."""
 
 import argparse
 import math
+import signal
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from evac.base.display import Display
-from evac.cli.inputs import case_to_run, declare_case, default_folder, note_unused_plugins, positive
+from evac.cli.inputs import (
+    announce_plugin_file,
+    case_to_run,
+    declare_case,
+    declare_plugin,
+    default_folder,
+    note_unused_plugins,
+    positive,
+)
+from evac.cli.streams import note, notify, wrapped
+
+if TYPE_CHECKING:
+    from evac.folder.resultfolder import ResultFolder
+    from evac.results.results import Results
+    from evac.simulation.simulation import Simulation
+
+#: Signals that stop a run at the end of its tick; Windows has no SIGHUP, other systems no SIGBREAK.
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def declare_run(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac run`."""
     declare_case(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-result)")
     what = "compute also the parts that the case does not need: slower, with the same trajectories"
@@ -48,15 +63,20 @@ def declare_threads(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def execute(arguments: argparse.Namespace) -> int:
-    """Run the case, write and show the results; return 0 if everybody is out, 3 if not, 128 + signal if stopped."""
+def execute_run(arguments: argparse.Namespace) -> int:
+    """Run a case and write its results.
+
+    Results are written to ./CASE-result, or to --out: a new or empty folder, or the result folder of an earlier run,
+    which is replaced when this run has ended; other files in it are kept. During the run, results are in
+    RESULT.running. A run that is stopped by Ctrl-C, SIGTERM or SIGHUP saves its tables and its state: `evac resume
+    RESULT` continues it.
+    """
     with Display() as display:
         display.phase("reading the case")
         case = case_to_run(arguments)
         if arguments.vtk:
             case = case.change({"output.animation": True})
         note_unused_plugins(case)
-        from evac.cli.running import run_shown, show_run
         from evac.folder.files import CHECKPOINT_NAME
         from evac.folder.resultfolder import ResultFolder
         from evac.simulation.simulation import Simulation
@@ -84,3 +104,101 @@ def _seconds(text: str) -> float:
     if not seconds >= 0.0 or math.isinf(seconds):
         raise argparse.ArgumentTypeError("must be a number of seconds, at least 0")
     return seconds
+
+
+def declare_resume(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac resume`."""
+    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of the interrupted run")
+    case = "case of the run; needed if it names plugin files and is not beside RESULT"
+    parser.add_argument("--case", type=Path, metavar="FILE", help=case)
+    declare_checkpoint(parser, "as the interrupted run")
+    declare_threads(parser)
+    declare_verbose(parser)
+    differences = "continue, with a note, even if versions, kernels, plugins or the file of the building have changed"
+    parser.add_argument("--allow-differences", action="store_true", help=differences)
+    declare_plugin(parser)
+
+
+def execute_resume(arguments: argparse.Namespace) -> int:
+    """Continue a run that was killed or stopped, from its last checkpoint.
+
+    On the same machine, with the same versions, plugins and building, the results are bitwise those of a run without
+    interruption, except wall times.
+    """
+    with Display() as display:
+        display.phase("reading the checkpoint")
+        from evac.folder.resultfolder import ResultFolder
+        from evac.simulation.running import resumed
+
+        with ResultFolder(arguments.result) as place:
+            simulation, every = resumed(
+                place,
+                arguments.plugins,
+                allow_differences=arguments.allow_differences,
+                threads=arguments.threads,
+                case_file=arguments.case,
+                compiling=display.compiling,
+                announce=announce_plugin_file,
+            )
+            display.line(f"evac: resuming at {simulation.time:.2f} s in {place.running}")
+            checkpoint = every if arguments.checkpoint is None else arguments.checkpoint
+            results, status = run_shown(simulation, place, display, checkpoint)
+    show_run(results, arguments.verbose)
+    return status
+
+
+def run_shown(
+    simulation: "Simulation", place: "ResultFolder", display: Display, checkpoint: float | None
+) -> "tuple[Results, int]":
+    """Show the warnings before a run, run it with a display, and write its results; return them with the exit status.
+
+    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
+    """
+    from evac.base.interrupt import Interrupt
+    from evac.results.ending import INTERRUPTED
+    from evac.simulation.running import run_into
+
+    def announce(number: int) -> None:
+        hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""
+        notify(f"\nevac: stopping at the end of this tick{hint}")
+
+    before = simulation.warnings()
+    for warning in before:
+        display.line(wrapped(f"warning: {warning}", sys.stderr))
+    display.phase("first tick")
+    with Interrupt(SIGNALS, announce) as interrupt:
+
+        def writing() -> None:
+            interrupt.release(signal.SIGINT)
+            display.phase("writing the results")
+
+        results = run_into(simulation, place, display, interrupt, checkpoint, writing)
+    for warning in results.warnings:
+        if warning not in before:
+            display.line(wrapped(f"warning: {warning}", sys.stderr))
+    return results, 128 + interrupt.wanted if results.ended == INTERRUPTED else results.exit_status
+
+
+def show_run(results: "Results", verbose: bool) -> None:
+    """Show the answer of a run; if verbose, all tables before it, with quality warnings in full, as in logs."""
+    from evac.cli.outcome import folder_line, show_answer, show_results
+    from evac.cli.screen import height, say, show_warnings
+    from evac.folder.files import CHECKPOINT_NAME
+    from evac.results.ending import INTERRUPTED
+
+    assert results.folder is not None
+    if verbose:
+        show_results(results)
+    if verbose or not sys.stderr.isatty():
+        for line in results.remarks:
+            note(f"evac: {line}")
+        show_warnings(results.quality_warnings)
+    folder_shown = folder_line(results.folder)
+    show_answer(results, height(folder_shown))
+    say(folder_shown)
+    if results.ended == INTERRUPTED:
+        folder = str(results.folder).removesuffix(".running")
+        beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
+        has_state = (results.folder / CHECKPOINT_NAME).is_file()
+        how = f"; continue with: evac resume {folder}" if has_state else "; no state was saved, it cannot be resumed"
+        note(f"evac: interrupted at {results.time:.2f} s{beside}{how}")

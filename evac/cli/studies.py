@@ -1,15 +1,25 @@
-"""Options and tables shared by `evac repeat` and `evac sweep`."""
+"""Commands that run studies: evac repeat, evac sweep."""
 
 import argparse
 import math
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from evac.base.display import Display
 from evac.base.errors import counted, text_of
-from evac.cli.inputs import positive
+from evac.cli.inputs import (
+    case_to_run,
+    declare_case,
+    declare_plugin,
+    declare_set,
+    default_folder,
+    note_unused_plugins,
+    positive,
+    with_plugin_files,
+)
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.cli.streams import note
 
@@ -31,7 +41,70 @@ MOST_SHOWN = 40
 MOST_NOTES = 3
 
 
-def declare_study(parser: argparse.ArgumentParser) -> None:
+def declare_repeat(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac repeat`."""
+    declare_case(parser)
+    _declare_study(parser)
+    step = "make all runs with half the time step as well, and show the difference"
+    parser.add_argument("--check-step", action="store_true", help=step)
+    replay = "repeat the median and the worst run, and write replay-median.html and replay-worst.html"
+    parser.add_argument("--replay", action="store_true", help=replay)
+
+
+def execute_repeat(arguments: argparse.Namespace) -> int:
+    """Run a case with many seeds and compute statistics with confidence intervals.
+
+    Results are written to ./CASE-runs, or to --out. Each run is saved as soon as it has ended, and --resume continues a
+    study that was killed. At the end, runs.parquet and runs.csv contain a row for each run, statistics.csv and
+    summary.json the statistics, and egress.csv and egress.png the mean and percentiles of the egress curves. `evac run
+    CASE --seed N` repeats one of the runs.
+    """
+    from evac.study.points import halved_steps, single
+
+    case = case_to_run(arguments)
+    note_unused_plugins(case)
+    points = halved_steps(case) if arguments.check_step else single(case)
+    return run_study(arguments, points, default_folder(case, "runs"))
+
+
+def declare_sweep(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac sweep`."""
+    case = "a case.toml, a folder that contains one, or a shipped case; not needed if the table names cases"
+    parser.add_argument("case", metavar="CASE", nargs="?", help=case)
+    declare_set(
+        parser, "values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01", "KEY=VALUES"
+    )
+    table = "one point per row: CSV with dotted keys as header, or TOML with [[points]]; `case` names a case"
+    parser.add_argument("--table", type=Path, metavar="FILE", help=table)
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
+    declare_plugin(parser)
+    _declare_study(parser)
+    parser.set_defaults(replay=False)
+
+
+def execute_sweep(arguments: argparse.Namespace) -> int:
+    """Run a case with many seeds for each combination of parameters, or for each row of a table.
+
+    --set KEY=VALUE,VALUE,... varies a key; a single value sets it for all points. All points use the same seeds, so
+    that they differ only in their parameters. The files of `evac repeat`, for each point, and statistics.png are
+    written to ./CASE-sweep, or to --out.
+    """
+    from evac.study.points import from_rows, grid
+
+    parameters, fixed = swept(arguments.set)
+    if arguments.seed is not None:
+        fixed.append(f"simulation.seed={arguments.seed}")
+    case = _case_of_sweep(arguments, fixed)
+    if arguments.table is not None:
+        rows, place = _rows_of_table(arguments, parameters, fixed), arguments.table.parent
+        points = from_rows(case, rows, place, run_files=partial(_with_files_beside, place))
+    else:
+        assert case is not None
+        points = grid(case, parameters)
+    return run_study(arguments, points, default_folder(case or points[0].case, "sweep"))
+
+
+def _declare_study(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a study."""
 
     def number(name: str, what: str) -> None:
@@ -251,3 +324,69 @@ def share(text: str) -> float:
     if not 0.0 < value < 1.0:
         raise argparse.ArgumentTypeError("must be a share such as 2% or 0.02")
     return value
+
+
+def swept(overrides: "Sequence[str]") -> tuple[dict[str, list[Any]], list[str]]:
+    """Return the keys with several values, and the overrides with a single value."""
+    from evac.base.errors import ScenarioError
+    from evac.case.overrides import split_values, value_of
+
+    several: dict[str, list[Any]] = {}
+    fixed = []
+    for text in overrides:
+        key, _, words = (part.strip() for part in text.partition("="))
+        values = split_values(words)
+        if len(values) < 2:
+            fixed.append(text)
+            continue
+        try:
+            several[key] = [value_of(word) for word in values]
+        except (ValueError, IndexError) as error:
+            raise ScenarioError(f"--set {text}: not a list of values: {error or 'a value is empty'}") from error
+    return several, fixed
+
+
+def _case_of_sweep(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
+    """Return the case of the sweep; None if the table names all cases."""
+    from evac.base.errors import ScenarioError
+    from evac.case.loading import load_case
+
+    if arguments.case is None and arguments.table is None:
+        raise ScenarioError("name a case, or a table of cases (--table)")
+    if arguments.table is None and not any("," in text for text in arguments.set):
+        raise ScenarioError("no key has several values: give them (--set KEY=V1,V2), or use evac repeat")
+    if arguments.case is None:
+        return None
+    return with_plugin_files(load_case(arguments.case, fixed, arguments.plugins))
+
+
+def _with_files_beside(folder: Path, case: "Case") -> "Case":
+    """Execute the plugin files of a case that a table in a folder names; both must lie there."""
+    from evac.base.errors import ScenarioError
+    from evac.case.trust import is_inside
+
+    if case.unloaded_files and not is_inside(case.source, folder):
+        raise ScenarioError(
+            f"{case.source}: has plugin files, and is named by a table in another folder; move the table beside the "
+            "folder of the case, or sweep the case itself"
+        )
+    return with_plugin_files(case)
+
+
+def _rows_of_table(
+    arguments: argparse.Namespace, parameters: dict[str, list[Any]], fixed: list[str]
+) -> list[dict[str, Any]]:
+    """Return the rows of the table, each repeated for all combinations of the swept values."""
+    import itertools
+
+    from evac.case.overrides import parsed
+    from evac.study.points import check_number, read_table
+
+    rows = read_table(arguments.table)
+    check_number(len(rows) * math.prod(map(len, parameters.values())))
+    single = {} if arguments.case is not None else dict(parsed(fixed)[0])
+    return [
+        {**single, **row, **dict(zip(parameters, values, strict=True))}
+        for row in rows
+        for values in itertools.product(*parameters.values())
+    ]

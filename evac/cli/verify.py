@@ -1,11 +1,4 @@
-"""evac verify: run the standard tests of RiMEA, IMO, NIST and ISO.
-
-Without names, the tests are listed. Names are those of tests, such as RiMEA-9, IMO-4, NIST-2.1 or ISO-12, of whole
-standards (RiMEA, IMO, NIST, ISO), or `all`. Each run leaves its result folder in DIR/TEST, and DIR/verification.html
-is a page on all tests, with the verdict first.
-
-Exit status: 0 if all tests that were run are passed, 1 if not, or if a test that is named cannot be run.
-"""
+"""evac verify and evac evidence."""
 
 import argparse
 import sys
@@ -14,16 +7,19 @@ from typing import TYPE_CHECKING
 
 from evac.cli.inputs import declare_plugin, declare_set, note_unused_plugins
 from evac.cli.screen import say
+from evac.cli.streams import note
+from evac.evidence import KINDS
 
 if TYPE_CHECKING:
     from evac.standard.tests import Result
+
 
 #: Exit status if a test is failed, or named and not run.
 TEST_FAILED = 1
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def declare_verify(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac verify`."""
     parser.add_argument("tests", metavar="NAME", nargs="*", help="a test, a standard, or all; without: list the tests")
     declare_set(parser, "change keys of all cases, such as simulation.tick=0.05 behaviours.walking.preset=regulation")
     declare_plugin(parser)
@@ -34,8 +30,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("verification"), metavar="DIR", help=what)
 
 
-def execute(arguments: argparse.Namespace) -> int:
-    """Carry out the tests, or list them; return 0 if all are passed, and those that are named were run."""
+def execute_verify(arguments: argparse.Namespace) -> int:
+    """Run the standard tests of RiMEA, IMO, NIST and ISO.
+
+    Without names, the tests are listed. Names are those of tests, such as RiMEA-9, IMO-4, NIST-2.1 or ISO-12, of whole
+    standards (RiMEA, IMO, NIST, ISO), or `all`. Each run leaves its result folder in DIR/TEST, and
+    DIR/verification.html is a page on all tests, with the verdict first.
+
+    Exit status: 0 if all tests that were run are passed, 1 if not, or if a test that is named cannot be run.
+    """
     from evac.standard.tests import FAILED, PASSED, STANDARDS, TESTS, find_tests
     from evac.standard.trial import Trial, probe
 
@@ -72,3 +75,23 @@ def tell(result: "Result") -> None:
     if test.by_design and not all(check.is_passed for check in result.checks):
         say(f"    fails by design: {test.by_design}", indent=6)
     sys.stdout.flush()
+
+
+def declare_evidence(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac evidence`."""
+    parser.add_argument("kind", choices=KINDS, metavar="KIND", help=f"what to compute: {', '.join(KINDS)}")
+    effort = parser.add_mutually_exclusive_group()
+    effort.add_argument("--quick", action="store_true", help="fewer and smaller cases: seconds instead of minutes")
+    effort.add_argument("--page-only", action="store_true", help="only write the page again from the files in DIR/KIND")
+    what = "folder; the page is written to DIR/KIND (default: evidence)"
+    parser.add_argument("--out", type=Path, default=Path("evidence"), metavar="DIR", help=what)
+
+
+def execute_evidence(arguments: argparse.Namespace) -> int:
+    """Recompute tables, plots and pages on accuracy, stability, speed and validation."""
+    from evac.evidence.command import run_evidence
+
+    if not arguments.page_only:
+        note(f"computing {arguments.kind} from scratch")
+    print(run_evidence(arguments.kind, arguments.out, arguments.quick, page_only=arguments.page_only))
+    return 0

@@ -32,9 +32,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from evac.base.arrays import FloatArray
 from evac.base.distributions import generator_for
 from evac.base.errors import ResultError
-from evac.base.processes import Pool, cores
 from evac.evidence.verdicts import Finding, verdict_table
 from evac.folder.files import replacing
+from evac.jit.processor import cores
 from evac.standard.verify import QUIET, commit, in_processes, write_rows
 
 if TYPE_CHECKING:
@@ -249,6 +249,8 @@ def paragraphs(text: str) -> list[str]:
 
 def in_fresh_process(function: Callable[..., Result], *arguments: Any) -> Result:
     """Return what a function returns in a process of its own."""
+    from evac.base.processes import Pool
+
     with Pool(1, *QUIET) as pool:
         return pool.submit(function, *arguments).result()
 

@@ -1,5 +1,6 @@
 """Processors that kernels are compiled for."""
 
+import os
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -11,6 +12,11 @@ GENERIC = "x86-64-v3"
 
 #: Features of processors of that level beyond the baseline, and features that imply them, by their LLVM names.
 _GENERIC_FEATURES = "avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse4.2 xsave"
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from evac.base.errors import PluginError
-from evac.base.processes import Pool, cores
 from evac.jit.digest import digest_of, kernels_in
 from evac.jit.kernels import Entry, entries_of
-from evac.jit.processor import Processor
+from evac.jit.processor import Processor, cores
 from evac.jit.store import Store
 
 #: Called with the number of finished kernels and the total number.
@@ -127,6 +126,8 @@ def _compile_elsewhere(
     shares: list[list[Compilation]], processor: Processor, store: Store | None, tell: Callable[[], None]
 ) -> Generator[tuple[Compilation, bytes], None, None]:
     """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
+    from evac.base.processes import Pool
+
     folder = store.folder if store else None
     with ExitStack() as ending:
         futures: dict[Future[tuple[bytes, str]], Compilation] = {}

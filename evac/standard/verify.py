@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from evac.base.errors import ResultError, RunWarning, SimulationError, usable_path
-from evac.base.processes import Pool, cores
 from evac.folder.files import replacing, writing
 from evac.folder.manifest import COMPLETE, mark, read_manifest
+from evac.jit.processor import cores
 from evac.report.pages import Cell, rendered, write_page
 from evac.standard import tests as standard
 from evac.standard.plans import Row
@@ -156,6 +156,8 @@ def in_processes(
     SimulationError
         A process died.
     """
+    from evac.base.processes import Pool
+
     with Pool(workers, *QUIET) as pool:
         for future in [pool.submit(function, *task) for task in tasks]:
             try:

@@ -9,11 +9,11 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
-from evac.base.processes import cores
 from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
 from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
+from evac.jit.processor import cores
 from evac.simulation.shared import simulation_of
 from evac.study import points
 from evac.study.execute import warn_alone

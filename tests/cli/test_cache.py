@@ -9,7 +9,7 @@ import tempfile
 
 import pytest
 
-from evac.cli import cache, main
+from evac.cli import main, plugins
 from evac.jit import loading, store
 from evac.jit.digest import versions
 from evac.jit.kernels import Entry
@@ -44,8 +44,8 @@ def plugin(monkeypatch, tmp_path):
     """A file with one kernel, the only one that there is to compile."""
     path = tmp_path / "doubling.py"
     path.write_text(PLUGIN.format(offset=float(os.getpid())))
-    every = cache.all_entries
-    monkeypatch.setattr(cache, "all_entries", lambda: [entry for entry in every() if "doubling" in entry.label])
+    every = plugins.all_entries
+    monkeypatch.setattr(plugins, "all_entries", lambda: [entry for entry in every() if "doubling" in entry.label])
     return str(path)
 
 
@@ -89,12 +89,12 @@ def test_a_full_disk_is_a_warning_like_others(capsys, monkeypatch, plugin):
 
 
 def test_all_kernels_are_found():
-    labels = [entry.label for entry in cache.all_entries()]
+    labels = [entry.label for entry in plugins.all_entries()]
     assert len(set(labels)) == len(labels)
     assert {"evac.physics.driver.advance", "evac.people.ways.walk_all", "evac.directions.descent.descend"} <= set(
         labels
     )
-    assert all(isinstance(entry, Entry) for entry in cache.all_entries())
+    assert all(isinstance(entry, Entry) for entry in plugins.all_entries())
 
 
 @pytest.mark.parametrize(

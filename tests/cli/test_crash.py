@@ -45,7 +45,7 @@ def raising(error):
 )
 def test_an_unexpected_error_is_one_line_and_a_file(error, monkeypatch, capsys, crashes):
     monkeypatch.setenv("EVAC_TOKEN", SECRET)
-    monkeypatch.setattr("evac.cli.catalogue.execute", raising(error))
+    monkeypatch.setattr("evac.cli.cases.execute_list", raising(error))
     assert main(["list"]) == INTERNAL_ERROR == 70
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("evac: ")
@@ -60,7 +60,7 @@ def test_an_unexpected_error_is_one_line_and_a_file(error, monkeypatch, capsys, 
 
 
 def test_lack_of_memory_says_what_needs_less(monkeypatch, capsys):
-    monkeypatch.setattr("evac.cli.catalogue.execute", raising(MemoryError("146 TiB")))
+    monkeypatch.setattr("evac.cli.cases.execute_list", raising(MemoryError("146 TiB")))
     assert main(["list"]) == INTERNAL_ERROR
     (line,) = capsys.readouterr().err.splitlines()
     assert "memory" in line
@@ -90,7 +90,7 @@ def test_a_failing_plugin_leaves_its_traceback(capsys, crashes):
 
 
 def test_bad_input_leaves_no_file(monkeypatch, capsys, crashes):
-    monkeypatch.setattr("evac.cli.catalogue.execute", raising(PluginError("not this one")))
+    monkeypatch.setattr("evac.cli.cases.execute_list", raising(PluginError("not this one")))
     assert main(["list"]) == 2
     assert main(["check", "nothing.toml"]) == 2
     assert not crashes.exists()
@@ -149,7 +149,7 @@ def test_warnings_of_libraries_are_kept_for_crash_files(monkeypatch, capsys, cra
         finally:
             raise ZeroDivisionError
 
-    monkeypatch.setattr("evac.cli.catalogue.execute", warn_and_fail)
+    monkeypatch.setattr("evac.cli.cases.execute_list", warn_and_fail)
     assert main(["list"]) == INTERNAL_ERROR
     said = capsys.readouterr().err
     assert "warning: from the cache\n" in said

@@ -64,7 +64,7 @@ def test_status_of_errors(error, status, message, monkeypatch, capsys):
     def fail(arguments):
         raise error
 
-    monkeypatch.setattr("evac.cli.catalogue.execute", fail)
+    monkeypatch.setattr("evac.cli.cases.execute_list", fail)
     assert main(["list"]) == status
     assert capsys.readouterr().err == message
 
@@ -166,6 +166,6 @@ def test_a_lack_of_processes_or_files_is_told_in_one_line(evac, monkeypatch, cap
         def fail(arguments, error=error):
             raise error
 
-        monkeypatch.setattr("evac.cli.catalogue.execute", fail)
+        monkeypatch.setattr("evac.cli.cases.execute_list", fail)
         assert evac("list") == 2
         assert "ulimit" in capsys.readouterr().err

@@ -8,7 +8,7 @@ import pytest
 
 from evac.base.errors import ScenarioError
 from evac.case.loading import load_case
-from evac.cli.sweep import swept
+from evac.cli.studies import swept
 
 FEW = ("--runs", "2", "--jobs", "1")
 

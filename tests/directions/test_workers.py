@@ -116,7 +116,7 @@ def test_marches_that_nobody_waits_for_are_given_up(building, many):
 
 def test_small_buildings_have_no_workers(building, monkeypatch):
     monkeypatch.setattr(workers, "cores", lambda: 8)
-    monkeypatch.setattr(workers, "Pool", None)
+    monkeypatch.setattr("evac.base.processes.Pool", None)
     build_fields(building, ROUTES, threads=None)
     build_fields(building, ROUTES, threads=8)
 

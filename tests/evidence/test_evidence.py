@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from evac.base.errors import ResultError, RunWarning, ScenarioError
-from evac.cli import evidence as command
 from evac.cli import main
+from evac.cli import verify as command
 from evac.evidence import KINDS
 from evac.evidence.command import run_evidence, write_index
 from evac.evidence.evidence import OPTIONAL_PACKAGES, Evidence, commit, machine, markdown_table, new_figure, timed

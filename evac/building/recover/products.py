@@ -11,12 +11,14 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.base.processes import Pool
+
+if TYPE_CHECKING:
+    from evac.base.processes import Pool
 
 #: The libraries, and the extras of evac that install them.
 LIBRARIES = {"ifclite_geom": "ifc", "ifcopenshell": "ifcopenshell"}
@@ -85,6 +87,8 @@ class _Reader:
         """Return the result of a call, or why there is none; add what the library writes to `said`."""
         try:
             if self._pool is None:
+                from evac.base.processes import Pool
+
                 self._pool = Pool(1, _load, self._arguments, is_quiet=True)
                 self._pool.submit(_ready).result(timeout=START)  # is not counted
             result, lines = self._pool.submit(_answer, function, arguments).result(timeout=limit)

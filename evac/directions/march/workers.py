@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.base.processes import Pool, cores
 from evac.building.model.building import Area, Exit
 from evac.directions.march.marching import Metric, march
 from evac.directions.raster.grids import BuildingGrids
+from evac.jit.processor import cores
 
 #: A worker pays from so many nodes on, counted once for each march: it takes a quarter of a second to start.
 NODES_PER_WORKER = 2_500_000
@@ -59,10 +59,12 @@ def march_all(
     """
     futures: deque[Future[FloatArray]] = deque()
     with ExitStack() as stack:
-        with suppress(OSError, BrokenExecutor):
-            pool = stack.enter_context(Pool(workers, _take, (grids, order), is_quiet=True)) if workers > 1 else None
-            for metric, exits, barred in marches:
-                if pool is not None:
+        if workers > 1:
+            from evac.base.processes import Pool
+
+            with suppress(OSError, BrokenExecutor):
+                pool = stack.enter_context(Pool(workers, _take, (grids, order), is_quiet=True))
+                for metric, exits, barred in marches:
                     factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number
                     futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred))
         for metric, exits, barred in marches:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from evac.base.errors import ScenarioError
-from evac.base.processes import cores
 from evac.jit import Entry
 from evac.jit.kernels import INTERPRETED
+from evac.jit.processor import cores
 from evac.physics.allocation import allocate, make_contacts
 from evac.physics.contact.model import ContactModel
 from evac.physics.state import Events, Lists, State, Team

@@ -1,26 +1,68 @@
-"""evac import: create a case from building files.
-
-Writes to --out the surface as a tagged mesh (building.msh), a case.toml with preliminary people, a picture of every
-level (levels.png) and a report on everything found, assumed, repaired or left out (report.md). Several files are the
-storeys of one building, from the lowest up. If the files name no exit, the outer openings are listed and numbered,
-widest first; choose exits among them with --exit. If a storey, a stair or more than 2 % of the ground is missing or
-has no way out, no case is written, and the exit status is 2, unless --partial is given.
-"""
+"""Commands that list and make cases: evac list, evac new, evac import."""
 
 import argparse
 import math
+import shutil
+import tomllib
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.base.errors import ScenarioError, counted
 from evac.cli.inputs import declare_plugin, declare_set, values_of
+from evac.cli.screen import show_facts, show_table
 
 if TYPE_CHECKING:
     from evac.importing import Imported
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def declare_list(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac list`."""
+    declare_plugin(parser)
+
+
+def execute_list(arguments: argparse.Namespace) -> int:
+    """List the cases shipped with evac and with installed plugins."""
+    from evac.contract.registry import Registry, built_in
+
+    cases = Registry(arguments.plugins, builtins=built_in("case")).cases
+    show_table("Cases", ("name", "title"), [(name, _title(path)) for name, path in cases.items()])
+    for number, parent in enumerate(dict.fromkeys(path.parent for path in cases.values())):
+        show_facts({"" if number else "folders in": parent})
+    return 0
+
+
+def _title(folder: Path) -> str:
+    path = folder / "case.toml"
+    try:
+        return str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", ""))
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {error}; correct the file or remove its plugin") from error
+
+
+def declare_new(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac new`."""
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="new folder for case.toml and its plan")
+
+
+def execute_new(arguments: argparse.Namespace) -> int:
+    """Write an example case with comments, a building of two storeys that can be run and changed."""
+    folder: Path = arguments.folder
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ScenarioError(f"{folder}: exists and is not empty; choose a new folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with as_file(files("evac.cli") / "example") as example:
+            for path in example.iterdir():
+                shutil.copyfile(path, folder / path.name)
+    except OSError as error:
+        raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder") from error
+    print(f"{folder / 'case.toml'} and house.plan.toml written; next: evac run {folder}")
+    return 0
+
+
+def declare_import(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac import`."""
     parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help="file of the building, or of each storey")
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="new folder for the case")
     what = "numbers of the openings that become exits (may be repeated)"
@@ -39,8 +81,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_plugin(parser)
 
 
-def execute(arguments: argparse.Namespace) -> int:
-    """Import the files and show the result; return 2 if the building is incomplete, 0 even if there is no exit yet."""
+def execute_import(arguments: argparse.Namespace) -> int:
+    """Create a case from building files.
+
+    Writes to --out the surface as a tagged mesh (building.msh), a case.toml with preliminary people, a picture of every
+    level (levels.png) and a report on everything found, assumed, repaired or left out (report.md). Several files are
+    the storeys of one building, from the lowest up. If the files name no exit, the outer openings are listed and
+    numbered, widest first; choose exits among them with --exit. If a storey, a stair or more than 2 % of the ground is
+    missing or has no way out, no case is written, and the exit status is 2, unless --partial is given.
+    """
     for key, least in (("people", 1), ("density", 0.0), ("spacing", 0.001)):
         value = getattr(arguments, key)
         if value is not None and not value >= least:
