@@ -26,18 +26,6 @@ class Misspelt(Behaviour):
         raise AssertionError("never called")
 
 
-class WritesUndeclared(Slower):
-    """Sets routes it does not declare."""
-
-    writes = ()
-
-
-class ReadsUndeclared(Slower):
-    """Looks at velocities without saying so."""
-
-    reads = ()
-
-
 class ReadsForces(Slower):
     """Looks at contact forces, which are worked out at every tick only for who declares it."""
 
@@ -52,18 +40,6 @@ class SneaksIn(Slower):
         crowd.velocity.base[:] += 1e-9
 
 
-class WritesPositions(Slower):
-    """Wants to move people itself."""
-
-    writes = ("position",)
-
-
-class Invents(Slower):
-    """Declares an array that nobody has."""
-
-    reads = ("mood",)
-
-
 class Remembers(Slower):
     """Has private arrays that it does not hand over."""
 
@@ -73,13 +49,6 @@ class Remembers(Slower):
     def act(self, crowd, time):
         self.calls += 1
         crowd.speed_factor[:] = 1.0 / self.calls
-
-
-class Left(Slower):
-    """Says that it is not needed, and is."""
-
-    def is_needed(self, scene):
-        return False
 
 
 class LateReader(Slower):
@@ -120,13 +89,6 @@ class Keeps(Slower):
         self.scratch = np.zeros(3)
 
 
-class Exhausted(Slower):
-    """Takes from what is empty."""
-
-    def act(self, crowd, time):
-        next(iter(()))
-
-
 class LostFollower(Slower):
     """Takes a person who does not exist when nobody else is left."""
 
@@ -135,12 +97,6 @@ class LostFollower(Slower):
     def act(self, crowd, time):
         if (crowd.level >= 0).sum() == 1:
             crowd.speed_factor[len(crowd.level)] = 1.0
-
-
-class KeepsNoDistance(Slower):
-    """Says that it keeps distances, and looks at nobody who has left."""
-
-    keeps_distance = True
 
 
 class WaitsInside(Slower):
@@ -165,13 +121,6 @@ class MovesOthers(WaitsInside):
 
     def act(self, crowd, time):
         self.outside.position[:] += 0.1
-
-
-class LooksOutside(Slower):
-    """Looks at people who have left without keeping distances."""
-
-    def prepare(self, scene):
-        scene.outside.level.copy()
 
 
 class PreparesTooMuch(Slower):
@@ -213,7 +162,7 @@ EXIT = "scene 'three people at an exit of Twenty people"
 
 BROKEN = [
     Broken(Misspelt, "check_contract", "the class", r"no effect; define act\(self, crowd, time\) or prepare"),
-    Broken(WritesUndeclared, "check_declared_arrays", TICK, "speed_factor is not declared; add"),
+    Broken(odd(Slower, writes=()), "check_declared_arrays", TICK, "speed_factor is not declared; add"),
     Broken(
         LateReader,
         "check_declared_arrays",
@@ -222,7 +171,7 @@ BROKEN = [
     ),
     Broken(CrushReader, "check_declared_arrays", "scene 'a crush", "contact_force is not declared"),
     Broken(LastReader, "check_declared_arrays", "scene '", "tau is not declared"),
-    Broken(ReadsUndeclared, "check_declared_arrays", TICK, "velocity is not declared"),
+    Broken(odd(Slower, reads=()), "check_declared_arrays", TICK, "velocity is not declared"),
     Broken(ReadsForces, "check_declared_arrays", TICK, "contact_force is not declared"),
     Broken(SneaksIn, "check_declared_arrays", TICK, "writes 'velocity'"),
     Broken(PreparesTooMuch, "check_declared_arrays", ROOM, "tau is not declared"),
@@ -230,18 +179,41 @@ BROKEN = [
     Broken(
         odd(Slower, act=lambda self, crowd, time: crowd.mood), "check_declared_arrays", TICK, "mood", AttributeError
     ),
-    Broken(WritesPositions, "check_declared_arrays", ROOM, "'position', .* cannot write; known: .*start_time"),
-    Broken(Invents, "check_declared_arrays", ROOM, "'mood', which behaviours cannot read; known: "),
+    Broken(
+        odd(Slower, writes=("position",)),
+        "check_declared_arrays",
+        ROOM,
+        "'position', .* cannot write; known: .*start_time",
+    ),
+    Broken(
+        odd(Slower, reads=("mood",)), "check_declared_arrays", ROOM, "'mood', which behaviours cannot read; known: "
+    ),
     Broken(odd(Slower, reads="velocity"), "check_declared_arrays", ROOM, "'velocity', not a tuple"),
     Broken(odd(Slower, writes=5), "check_declared_arrays", ROOM, "writes is 5, not a tuple"),
     Broken(Remembers, "check_same_bits", f"{TICKS}.*resumed", r"differs in .*; state\(\) must"),
     Broken(Keeps, "check_same_bits", f"{TICKS}.*resumed", r"'slower' has the attributes scratch .* state\(\)"),
-    Broken(Left, "check_same_bits", f"{TICKS}.*optional parts", r"changes .*; correct is_needed\(\)"),
-    Broken(KeepsNoDistance, "check_distance", EXIT, "a person inside .*; use scene.outside"),
+    Broken(
+        odd(Slower, is_needed=lambda self, scene: False),
+        "check_same_bits",
+        f"{TICKS}.*optional parts",
+        r"changes .*; correct is_needed\(\)",
+    ),
+    Broken(odd(Slower, keeps_distance=True), "check_distance", EXIT, "a person inside .*; use scene.outside"),
     Broken(WaitsInside, "check_distance", EXIT, "who has left behind another one.*; use scene.outside"),
     Broken(MovesOthers, "check_declared_arrays", TICK, "read-only", ValueError),
-    Broken(LooksOutside, "check_declared_arrays", ROOM, "scene.outside exists only .*; set keeps_distance = True"),
-    Broken(Exhausted, "check_declared_arrays", TICK, "StopIteration", StopIteration),
+    Broken(
+        odd(Slower, prepare=lambda self, scene: scene.outside.level.copy()),
+        "check_declared_arrays",
+        ROOM,
+        "scene.outside exists only .*; set keeps_distance = True",
+    ),
+    Broken(
+        odd(Slower, act=lambda self, crowd, time: next(iter(()))),
+        "check_declared_arrays",
+        TICK,
+        "StopIteration",
+        StopIteration,
+    ),
     Broken(LostFollower, "check_declared_arrays", "scene '", "out of bounds", IndexError),
     Broken(odd(Slower, act=raising), "check_declared_arrays", TICK, "partner", KeyError),
     Broken(odd(Slower, act=lambda self: 0), "check_contract", "the class", r"defines act\(self\); define act"),
