@@ -254,22 +254,22 @@ class DxfImporter(Importer):
         """Add one storey from walls and doors."""
         walls = [one for one in drawn if one.use == "walls" and (one.is_solid or not one.is_fill)]
         arcs = [one for one in drawn if one.is_curve and one.use not in ("windows", "stairs")]
-        arcs = [one for one in arcs if one.use == "doors"] or arcs
-        swings = [swing for one in arcs if (swing := swing_of(shapely.get_coordinates(one.line))) is not None]
+        arcs = [arc for arc in arcs if arc.use == "doors"] or arcs
+        swings = [swing for arc in arcs if (swing := swing_of(shapely.get_coordinates(arc.line))) is not None]
         panes = [one for one in drawn if one.use == "windows"]
         leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
         doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if not one.is_curve], leaves)
         swept = shapely.union_all([swing.sector for swing in swings]).buffer(LEAF)
         shapely.prepare(swept)
-        lines = [one.line for one in walls if not swept.covers(one.line)]
-        long = [side for one in panes for side in one.sides if side.length >= LEAST_PANE and not swept.covers(side)]
+        lines = [wall.line for wall in walls if not swept.covers(wall.line)]
+        long = [side for pane in panes for side in pane.sides if side.length >= LEAST_PANE and not swept.covers(side)]
         lines += [*shapely.linestrings(reaching(shapely.get_coordinates(long), lines).reshape(-1, 2, 2))]
         others = [side for one in drawn if one.use == "doors" and not one.is_curve for side in one.sides]
         if self.doors:
             doors = np.concatenate([doors, shapely.get_coordinates(others).reshape(-1, 4)])
             others = []
         others = [side for side in others if not swept.covers(side)]
-        solids = [one.polygon for one in walls if one.is_solid]
+        solids = [wall.polygon for wall in walls if wall.is_solid]
         rooms = rooms_of(lines, self.gap, self.door, self.wall, doors, others, solids)
         self._note_segments(plan, storey, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
         for where, found in (("between rooms", rooms.between), ("to the outside", rooms.openings)):

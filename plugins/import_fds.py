@@ -43,7 +43,7 @@ class FdsImporter(Importer):
         """Read the deck; raise ValueError if it has no mesh."""
         text = path.read_text(encoding="utf-8", errors="replace")
         lines = [*_repeated([*_namelists(text)])]
-        of = {group: [one for one in lines if one.group == group and one.box is not None] for group in GROUPS}
+        of = {group: [line for line in lines if line.group == group and line.box is not None] for group in GROUPS}
         meshes = [one for one in of["MESH"] if "EVAC" not in one.text]
         if not meshes:
             raise ValueError("the deck has no &MESH with XB")
@@ -176,7 +176,7 @@ def _numbers(text: str, key: str) -> list[float]:
 
 def _repeated(lines: list[Line]) -> Iterator[Line]:
     """Yield namelists, of which those with a MULT_ID are replaced by their copies."""
-    copies = {one.name.upper(): one for one in lines if one.group == "MULT"}
+    copies = {line.name.upper(): line for line in lines if line.group == "MULT"}
     for one in lines:
         given = re.search(r"MULT_ID\s*=\s*['\"]([^'\"]*)", one.text)
         if given is None or one.box is None or given[1] not in copies:
@@ -207,8 +207,8 @@ def _moves(mult: Line) -> FloatArray:
 
 def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> Iterator[tuple[float, BaseGeometry]]:
     """Yield the height and the ground of each storey, the lowest first."""
-    domain = np.array([one.box for one in meshes])
-    boxes = np.array([one.box for one in obstructions]).reshape(-1, 6)
+    domain = np.array([mesh.box for mesh in meshes])
+    boxes = np.array([obstruction.box for obstruction in obstructions]).reshape(-1, 6)
     sides = boxes.reshape(-1, 3, 2)[:, :2]
     sides += np.clip(THINNEST - np.ptp(sides, axis=2), 0.0, None)[:, :, None] / 2 * [-1.0, 1.0]
     slabs = boxes[
@@ -226,11 +226,11 @@ def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> 
         floor = shapely.union_all([floor, *shapely.box(*bottoms[:, [0, 2, 1, 3]].T)])
         top = domain[:, 5].max()
         walls = [_solid(boxes[(boxes[:, 4] < z + h) & (boxes[:, 5] > z + h)], holes, z + h) for h in SECTIONS]
-        if z + CLEAR <= top and (z == heights[0] or any(one.intersects(floor) for one in walls[1:])):
+        if z + CLEAR <= top and (z == heights[0] or any(wall.intersects(floor) for wall in walls[1:])):
             yield z, floor.difference(shapely.union_all(walls))
 
 
 def _solid(boxes: FloatArray, holes: list[Line], z: float) -> BaseGeometry:
     """Return the plan of boxes (n, 6) without the holes that reach a height [m]."""
-    away = [one.plan for one in holes if one.box is not None and one.box[4] <= z <= one.box[5]]
+    away = [hole.plan for hole in holes if hole.box is not None and hole.box[4] <= z <= hole.box[5]]
     return shapely.union_all([*shapely.box(*boxes[:, [0, 2, 1, 3]].T)]).difference(shapely.union_all(away))

@@ -234,10 +234,10 @@ def _texts(path: Path) -> list[str]:
             return [path.read_text(encoding="utf-8-sig")]
         with ZipFile(path) as archive:
             names = [one for one in archive.infolist() if one.filename.lower().endswith((".geojson", ".json"))]
-            names = [one for one in names if not one.filename.rpartition("/")[2].startswith(("manifest", "."))]
-            if sum(one.file_size for one in names) > MOST_BYTES:
+            names = [name for name in names if not name.filename.rpartition("/")[2].startswith(("manifest", "."))]
+            if sum(name.file_size for name in names) > MOST_BYTES:
                 raise ValueError(f"the archive contains more than {MOST_BYTES} bytes")
-            return [archive.read(one).decode("utf-8-sig") for one in names]
+            return [archive.read(name).decode("utf-8-sig") for name in names]
     except (BadZipFile, UnicodeDecodeError) as error:
         raise ValueError(f"cannot be read: {error}") from error
 
@@ -294,7 +294,7 @@ def _feature(number: int, given: Any, profile: str) -> Feature:
 def _are_exported(data: Any) -> bool:
     """Return whether a document is a building as evac exports it."""
     features = data.get("features") if isinstance(data, Mapping) else None
-    return isinstance(features, list) and any(_properties(one).get("kind") == "floor" for one in features)
+    return isinstance(features, list) and any(_properties(feature).get("kind") == "floor" for feature in features)
 
 
 def _plan_of_features(features: Sequence[Any], source: Path) -> Plan:

@@ -352,12 +352,12 @@ def _check_bound(given: Distribution, minimum: float | None, above: float | None
     raise ValueError(f"must be {bound}, got {low:g}")
 
 
-def told(value: Any) -> str:
+def as_text(value: Any) -> str:
     """Return a value of a case as words: a distribution as its name and numbers."""
     if isinstance(value, Mapping):
-        return "; ".join(_told_pair(key, item) for key, item in value.items()) or "-"
+        return "; ".join(_pair_as_text(key, item) for key, item in value.items()) or "-"
     if isinstance(value, list | tuple):
-        listed = [told(item) for item in value]
+        listed = [as_text(item) for item in value]
         return ", ".join(listed if len(listed) <= 12 else [*listed[:3], "...", f"{len(listed)} values"]) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -366,7 +366,7 @@ def told(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _told_pair(key: str, value: Any) -> str:
+def _pair_as_text(key: str, value: Any) -> str:
     if key == "uniform" and isinstance(value, list) and len(value) == 2:
-        return f"uniform from {told(value[0])} to {told(value[1])}"
-    return f"{key}: {told(value)}"
+        return f"uniform from {as_text(value[0])} to {as_text(value[1])}"
+    return f"{key}: {as_text(value)}"

@@ -58,7 +58,7 @@ def case_text(
         f"# Written by evac import from {names}, with these options:",
     ]
     lines += [f"#   {key} = {toml_value(value)}" for key, value in made.options.items() if value is not None]
-    assumed = [one for one in made.findings if one.kind == "assumed"]
+    assumed = [finding for finding in made.findings if finding.kind == "assumed"]
     if assumed:
         lines += ["# and with these assumptions:", *(f"#   {_one_line(str(one))}" for one in assumed)]
     lines += ["", "[building]", *toml_lines(building)]
@@ -130,9 +130,9 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
 def _listed(made: "Imported", kinds: Sequence[str]) -> list[str]:
     """Return the sections of some kinds of findings."""
     text = []
-    marked = [one for one in made.findings if one.kind != "found"]
+    marked = [finding for finding in made.findings if finding.kind != "found"]
     for kind in kinds:
-        own = [one for one in made.findings if one.kind == kind]
+        own = [finding for finding in made.findings if finding.kind == kind]
         rows = [(marked.index(one) + 1 if kind != "found" else "", one.text, one.where) for one in own]
         if rows:
             text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), rows)]

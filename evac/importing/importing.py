@@ -148,7 +148,7 @@ def import_building(
         rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
         findings = sorted(with_missing(written, [*findings, *assumed]), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)
-        missing = tuple(str(one) for one in findings if one.kind == "missing")
+        missing = tuple(str(finding) for finding in findings if finding.kind == "missing")
         made = Imported(
             paths,
             place,
@@ -288,7 +288,7 @@ class _Draft:
         surface = clean(mesh, file, SurfaceOptions(**self.kept))
         self.written = building_of(surface, file, BuildingOptions.model_validate(more or {}), need_exit=False)
         self.openings = self.openings or [(name, np.asarray(ends)) for name, ends in mesh.openings]
-        self.findings = [*self._told, *(one for one in self.written.findings if one not in self._told)]
+        self.findings = [*self._told, *(finding for finding in self.written.findings if finding not in self._told)]
 
 
 @contextmanager
@@ -393,4 +393,4 @@ def _draw(made: Imported, folder: Path, *, are_named: bool) -> None:
     marks = [
         Mark(f"{one.number}: {one.width:.2f} m", index[one.level], one.segment) for one in offered if one.level in index
     ]
-    draw_levels(made.building, folder / PICTURE, made.findings, marks, ", ".join(one.name for one in made.files))
+    draw_levels(made.building, folder / PICTURE, made.findings, marks, ", ".join(file.name for file in made.files))

@@ -187,7 +187,7 @@ def with_missing(building: Building, findings: Sequence[Finding]) -> list[Findin
         told += rest
     names_told = {level.name for level in told}
     again = {one for one in isolated_parts(building) if one.level in names_told}
-    return [*(Finding("missing", text) for text in lacks), *(one for one in findings if one not in again)]
+    return [*(Finding("missing", text) for text in lacks), *(finding for finding in findings if finding not in again)]
 
 
 def _names(levels: Sequence[Level]) -> str:

@@ -10,7 +10,7 @@ from evac.analysis.lines import LineFlow, line_flows
 from evac.analysis.occupancy import Moves, recorded_moves
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.distributions import told
+from evac.base.distributions import as_text
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
 from evac.results.reading import check_trajectory, results_beside
@@ -84,13 +84,13 @@ def account_of_folder(trajectory: Trajectory) -> Account:
 def _of_summary(summary: Summary, error: BaseException | None) -> dict[str, Any]:
     """Return the fields of an account from the content of ``summary.json``, and the error of a run that failed."""
     case, last = summary.table, summary.last_out
-    left = summary.people - summary.evacuated - sum(len(one.people) for one in summary.places)
+    left = summary.people - summary.evacuated - sum(len(place.people) for place in summary.places)
     ended = summary.ended if error is None else FAILED
     step = case.simulation.get("step")
     facts = [
         ("Building", case.building.mesh),
         ("People", f"{summary.people}, of whom {summary.evacuated} got out"),
-        *((f"At {one}", str(len(one.people))) for one in summary.places),
+        *((f"At {place}", str(len(place.people))) for place in summary.places),
         *(("Note", note) for note in summary.notes),
         ("Last person out", "nobody" if last is None else f"{last:.2f} s"),
         ("Ended", f"{ended}, after {summary.simulated_time:g} s"),
@@ -130,7 +130,7 @@ def _plugins(tables: Mapping[str, Any]) -> str:
 
 
 def _with_parameters(name: str, values: Mapping[str, Any]) -> str:
-    return f"{name} ({told(values)})" if values else name
+    return f"{name} ({as_text(values)})" if values else name
 
 
 def _versions(versions: Any) -> str:

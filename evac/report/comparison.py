@@ -144,10 +144,10 @@ class Comparison:
         """Return the curves of people out over time, means over the runs of each design, as a figure of matplotlib."""
         from evac.pictures.pictures import designs_figure
 
-        end = max(most_of(times[np.isfinite(times)]) for one in self.designs for times in one.exit_times)
+        end = max(most_of(times[np.isfinite(times)]) for design in self.designs for times in design.exit_times)
         time = np.linspace(0.0, 1.02 * max(end, 1e-9), SAMPLES)
-        people = max(len(times) for one in self.designs for times in one.exit_times)
-        return designs_figure("", people, time, {one.label: one.curve(time) for one in self.designs})
+        people = max(len(times) for design in self.designs for times in design.exit_times)
+        return designs_figure("", people, time, {design.label: design.curve(time) for design in self.designs})
 
     def page(self) -> str:
         """Return the comparison as a page of HTML, which needs no other file."""
@@ -156,7 +156,10 @@ class Comparison:
             "comparison.html",
             title="Designs compared",
             kind=f"Differences from {self.designs[0].label}",
-            designs=[(one.label, len(one.seeds), sum(one.is_complete), _seeds(one.seeds)) for one in self.designs],
+            designs=[
+                (design.label, len(design.seeds), sum(design.is_complete), _seeds(design.seeds))
+                for design in self.designs
+            ],
             head=HEAD,
             differences=self._table(),
             curve=figures.drawing(self.plot(), caption, "egress curves of the designs"),
@@ -186,10 +189,10 @@ class Comparison:
 
     def _maps(self) -> Iterator[figures.Picture]:
         """Yield the maps of differences of designs that are single runs with a trajectory."""
-        runs = [(one.label, one.results.trajectory) for one in self.designs if one.results is not None]
+        runs = [(design.label, design.results.trajectory) for design in self.designs if design.results is not None]
         recorded = [(label, trajectory) for label, trajectory in runs if trajectory is not None]
         for label, trajectory in recorded[1:]:
-            levels = [{one.name for one in of.building.levels} for of in (recorded[0][1], trajectory)]
+            levels = [{level.name for level in of.building.levels} for of in (recorded[0][1], trajectory)]
             for quantity in MAPS if levels[0] & levels[1] else ():
                 yield figures.difference_picture(recorded[0][1], trajectory, quantity, label)
 

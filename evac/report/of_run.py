@@ -74,7 +74,7 @@ def main_results(run: Results) -> dict[str, object]:
         "Exits": "; ".join(answer.exits),
         "Queues": answer.queue or "not recorded",
         "People": str(summary.people),
-        **{f"At {one}": str(len(one.people)) for one in summary.places},
+        **{f"At {place}": str(len(place.people)) for place in summary.places},
         **{f"Note {number}": note for number, note in enumerate(summary.notes, 1)},
         "End of the run": f"{summary.ended}, after {summary.simulated_time:.1f} s of simulated time"
         f" ({summary.steps} steps)",

@@ -16,7 +16,7 @@ import matplotlib
 from jinja2 import ChoiceLoader, DictLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from evac.base.distributions import told
+from evac.base.distributions import as_text
 from evac.base.errors import counted
 from evac.folder.digests import digest_of_file
 from evac.folder.files import replacing, writing
@@ -130,7 +130,7 @@ def templates() -> Environment:
         lstrip_blocks=True,
     )
     made.globals |= {"columns_of": _columns_of, "counted": counted}
-    made.filters |= {"fixed": fixed, "told": told}
+    made.filters |= {"fixed": fixed, "as_text": as_text}
     return made
 
 

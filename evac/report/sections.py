@@ -16,7 +16,7 @@ from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydrau
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.base.arrays import FloatArray
 from evac.base.defaults import TENABLE
-from evac.base.distributions import told
+from evac.base.distributions import as_text
 from evac.base.errors import in_order
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
@@ -150,9 +150,9 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
         groups=_groups(case, run),
         characteristics=_characteristics(case, run),
         is_drawn=run is not None,
-        behaviours=[(name, told(values)) for name, values in enabled.items()],
+        behaviours=[(name, as_text(values)) for name, values in enabled.items()],
         settings=[
-            (group.name, name, told(values))
+            (group.name, name, as_text(values))
             for group in in_order(case.people)
             for name, values in group.behaviours.items()
             if name in enabled
@@ -211,7 +211,7 @@ def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any
                 "names": ", ".join(group.name for group in groups),
                 "people": sum(_size(group, run) for group in groups),
                 "rows": [
-                    (what, unit, told(given.get(name)), *_drawn(run, groups, name, digits))
+                    (what, unit, as_text(given.get(name)), *_drawn(run, groups, name, digits))
                     for name, (what, unit, digits) in QUANTITIES.items()
                 ],
                 "is_limited": given.get("limit_stair_speeds"),
@@ -249,7 +249,7 @@ def times_section(run: Results) -> Section:
     record, exit_time, leaving = run.record, run.crowd.exit_time, run.leaving
     left = leaving[np.isnan(exit_time[leaving])]
     motion = run.trajectory or None  # one without a recorded time shows nothing
-    groups = [_group(one.name, exit_time[np.intersect1d(one.rows, leaving)]) for one in in_order(run.groups)]
+    groups = [_group(group.name, exit_time[np.intersect1d(group.rows, leaving)]) for group in in_order(run.groups)]
     if len(groups) > 1 and run.evacuated:
         groups.append(_group("everybody", exit_time[leaving]))
     exits = []
@@ -273,7 +273,7 @@ def times_section(run: Results) -> Section:
         groups=groups,
         exits=in_order(exits, itemgetter(0)),
         others=record.left_by_other_exits,
-        metrics=[(name, told(values)) for name, values in record.metrics.items()],
+        metrics=[(name, as_text(values)) for name, values in record.metrics.items()],
     )
 
 
@@ -481,10 +481,10 @@ def model_section(
         f"{APPENDIX}model, parameters and versions",
         case=case,
         seed=seed,
-        parameters={key: told(value) for key, value in case.model_parameters.items()},
-        forces={name: told(values) for name, values in case.forces.items() if values is not False},
-        simulation={_named(key): told(value) for key, value in case.simulation.items() if key != "seed"},
-        directions={_named(key): told(value) for key, value in case.directions.items()},
+        parameters={key: as_text(value) for key, value in case.model_parameters.items()},
+        forces={name: as_text(values) for name, values in case.forces.items() if values is not False},
+        simulation={_named(key): as_text(value) for key, value in case.simulation.items() if key != "seed"},
+        directions={_named(key): as_text(value) for key, value in case.directions.items()},
         versions=versions,
         plugins=plugins,
         command=command,

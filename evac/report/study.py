@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from evac.base.arrays import FloatArray
-from evac.base.distributions import told
+from evac.base.distributions import as_text
 from evac.base.errors import ResultError, in_order
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
 from evac.folder.jsonfile import checked, read_json
@@ -226,7 +226,7 @@ def _points(study: Study) -> Iterator[Section]:
     rows = [
         (
             str(point.index),
-            *(told(point.parameters[key]) if key in point.parameters else None for key in keys),
+            *(as_text(point.parameters[key]) if key in point.parameters else None for key in keys),
             estimates.runs,
             estimates.blocked,
             _interval(estimates.mean),
@@ -258,7 +258,7 @@ def _statistics(study: Study) -> Section:
         measures = settled(convergence(curves(study, point.index)))
         points.append(
             {
-                "name": ", ".join(f"{key} = {told(value)}" for key, value in point.parameters.items()),
+                "name": ", ".join(f"{key} = {as_text(value)}" for key, value in point.parameters.items()),
                 "rows": _statistics_rows(estimates),
                 "picture": _egress_picture(study, egress, point.index) if estimates.runs else None,
                 "settled": list(measures.items()),

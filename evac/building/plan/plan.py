@@ -388,7 +388,9 @@ class Plan:
                         f"{self.source}: two {kind} are named {item.name!r}, one of them in {other.source}; rename one"
                     )
                 items.append(replace(item, storey=name))
-        self.findings += [replace(one, level=name if one.level == taken.name else one.level) for one in other.findings]
+        self.findings += [
+            replace(finding, level=name if finding.level == taken.name else finding.level) for finding in other.findings
+        ]
 
     def note(self, kind: str, text: str, storey: str | None = None, place: tuple[float, float] | None = None) -> None:
         """Add a finding, such as what an importer has found, assumed, repaired or left out."""

@@ -78,7 +78,7 @@ def table_of(plan: Plan) -> dict[str, Any]:
             table["flights"].append({"stair": stair, "polygon": _wkt(values[0])})
         else:
             table["landings"].append({"stair": stair, "polygon": _wkt(values[0]), "z": values[1]})
-    table["doors"] = [_item(one) | {"reach": one.reach, "outside": one.outside} for one in plan.doors]
+    table["doors"] = [_item(door) | {"reach": door.reach, "outside": door.outside} for door in plan.doors]
     table["exits"] = [
         _exit([one for one in plan.exits if one.name == name]) for name in dict.fromkeys(one.name for one in plan.exits)
     ]

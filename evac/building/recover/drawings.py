@@ -294,7 +294,7 @@ def doors_of(
     drawn = shapely.STRtree([*leaves])
     ground = shapely.union_all([*walls])
     shapely.prepare(ground)
-    own = [one for one in swings if RADII[0] * 0.9 <= one.radius <= RADII[1]]
+    own = [swing for swing in swings if RADII[0] * 0.9 <= swing.radius <= RADII[1]]
     own = [one for one in own if ground.dwithin(shapely.Point(one.hinge), BESIDE_WALL)]
     tips = [shapely.MultiPoint(one.ends) for one in own]
     doors, used = [], []

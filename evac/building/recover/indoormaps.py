@@ -111,13 +111,13 @@ def read_map(
         (f"door {name!r} on level {one.name!r}, which has no room", at) for one in empty for name, at, _ in one.doors
     ]
     storeys = sorted((one for one in levels.values() if one not in empty), key=lambda one: one.order)
-    above = dict(zip([one.name for one in storeys], storeys[1:], strict=False))
+    above = dict(zip([storey.name for storey in storeys], storeys[1:], strict=False))
     for given, shape, low in shafts:  # a unit on each level: the one above belongs to the same stair
         for _, other, up in shafts:
             if above.get(low.name) is up and shape.intersection(other).area > 0.5 * shape.area:
                 steps += _steps(given, shape, [low, up])
-    known = {one.name for one in storeys}
-    return storeys, [one for one in steps if known.issuperset(one.levels)], nowhere
+    known = {storey.name for storey in storeys}
+    return storeys, [step for step in steps if known.issuperset(step.levels)], nowhere
 
 
 def _category(profile: str, own: Mapping[str, Any]) -> str:

@@ -125,7 +125,7 @@ def rooms_of(
     found, openings = [*compress(found, is_door)], [*compress(at, is_door)]
     glass = [sill for sill in sills if not _is_at(openings, sill)]
     jambs = [side for _, pair in found if len(pair) == 2 for side in (pair[:, :2], pair[:, 2:])]
-    glass += [shapely.LineString(one) for one in jambs] + _joining(ends[~is_long], drawn.pieces)
+    glass += [shapely.LineString(jamb) for jamb in jambs] + _joining(ends[~is_long], drawn.pieces)
     ways = np.concatenate([*(pair for _, pair in found), across]).reshape(-1, 4)
     closed = _noded([*drawn.pieces, *_as_lines(ways), *glass])
     mouths = _mouths(drawn.pieces, _floor_of(closed, ways, body), door)
@@ -190,8 +190,8 @@ def _is_at(places: Sequence[BaseGeometry], line: BaseGeometry) -> bool:
     """Return whether a line lies at one of some doors or openings."""
     middle = line.interpolate(0.5, normalized=True)
     return any(
-        one.distance(middle) < THICKEST_WALL / 2 if one.geom_type == "LineString" else one.intersects(middle)
-        for one in places
+        place.distance(middle) < THICKEST_WALL / 2 if place.geom_type == "LineString" else place.intersects(middle)
+        for place in places
     )
 
 

@@ -63,7 +63,7 @@ def building_of(
     except BuildingError as error:
         if not surface.doubts:
             raise
-        raise BuildingError("; ".join([str(error), *(one.text for one in surface.doubts)])) from error
+        raise BuildingError("; ".join([str(error), *(doubt.text for doubt in surface.doubts)])) from error
 
 
 def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_exit: bool) -> Building:

@@ -210,7 +210,7 @@ def plan_of_bodies(
     floors = floors_of([*solid, *openings], passages, storeys, rules, findings)
     if not floors:
         kinds = sorted({body.kind for body in bodies})
-        lost = "".join(f"; {one.text}" for one in findings if one.kind == "missing")
+        lost = "".join(f"; {finding.text}" for finding in findings if finding.kind == "missing")
         raise BuildingError(
             f"{source}: the file has no floor: neither a space nor a slab with a level top, only "
             f"{', '.join(kinds) or 'nothing'}{lost}"

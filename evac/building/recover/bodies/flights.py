@@ -89,7 +89,7 @@ class Flight:
 
     def near(self, z: float) -> BaseGeometry:
         """Return the part in plan that leaves no headroom above or below a height [m]."""
-        steps = [one for one in self.steps if one[1] < z + HEADROOM and one[3] > z - HEADROOM]
+        steps = [step for step in self.steps if step[1] < z + HEADROOM and step[3] > z - HEADROOM]
         return united([_between(lower, upper) for lower, _, upper, _ in steps])
 
     def away(self, end: End) -> FloatArray:
@@ -371,7 +371,7 @@ def _check_slabs(stair: FoundStair, floors: Sequence[Floor], cut_slabs: bool) ->
 def meeting(floor: Floor, stairs_there: Sequence[FoundStair]) -> BaseGeometry:
     """Return the ground of a floor with the extensions for its stairs, with corners at the ends of stair edges."""
     more = [polygon for stair in stairs_there for of, polygon in stair.ground if of is floor]
-    ends = [end.edge for stair in stairs_there for one in stair.flights for end in one.ends if end.floor is floor]
+    ends = [end.edge for stair in stairs_there for flight in stair.flights for end in flight.ends if end.floor is floor]
     ground = snapped(united([floor.ground, *more]))
     if not ends:
         return ground
