@@ -268,3 +268,22 @@ def test_ticks_charge_their_phases(monkeypatch):
     spent = {name: seconds - before[name] for name, seconds in simulation.phases.seconds().items()}
     ticks = {"kernels": 1.0, "behaviours": 3.0, "physics": 3.0, "recording": 4.0}
     assert spent == dict.fromkeys(spent, 0.0) | ticks
+
+
+def test_people_who_overlap_on_a_soft_spring_are_told():
+    """Those whose overlap exceeds half the smallest radius in some tick, from the first such tick to the last."""
+    changes = {"contact.model": "dem", "contact.dem.stiffness": 2e4, "simulation.duration": 4.0}
+    simulation = Simulation(load_case("square_room", changes))
+    crowd, tick, deep, times = simulation.population.crowd, simulation.case.simulation.tick, set(), []
+    limit = 0.5 * crowd.radius.min()
+    while not simulation.ended:
+        simulation.advance_tick()
+        if len(now := np.flatnonzero((crowd.overlap > limit) & (crowd.level >= 0))):
+            deep.update(now.tolist())
+            times.append(simulation.time)
+    (line,) = (one for one in simulation.results().quality_warnings if one.startswith("large overlaps"))
+    period = f"t = {times[0] - tick:.1f} and {times[-1]:.1f} s {len(deep)} people overlapped by more than the"
+    assert f"{period} {1000 * limit:.3g} mm" in line
+    assert "--set behaviours.walking={}" in line
+    assert "contact.dem.stiffness" in line
+    assert "--set contact.model=nsm1" in line
