@@ -232,29 +232,29 @@ def show_study(study: "Study") -> int:
 
 def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
     """Return the rows of the table of statistics of a study with one point."""
-    from evac.study.statistics import told_time
+    from evac.study.statistics import time_text
 
-    one = study.statistics[0]
-    everywhere = counted(one.runs, "run")
-    rows = [("minimum", told_time(one.least), "", everywhere)]
-    rows += [_row(found, everywhere) for found in one.percentiles]
-    rows.append(("maximum", told_time(one.greatest), "", everywhere))
-    complete = counted(one.runs - one.blocked, "complete run") if one.blocked else everywhere
-    rows.append(_row(one.mean, complete))
-    rows.append(("standard deviation", told_time(one.standard_deviation), "", complete))
-    names = [found.name for found in (one.mean, *one.percentiles)]
+    estimates = study.statistics[0]
+    everywhere = counted(estimates.runs, "run")
+    rows = [("minimum", time_text(estimates.least), "", everywhere)]
+    rows += [_row(percentile, everywhere) for percentile in estimates.percentiles]
+    rows.append(("maximum", time_text(estimates.greatest), "", everywhere))
+    complete = counted(estimates.runs - estimates.blocked, "complete run") if estimates.blocked else everywhere
+    rows.append(_row(estimates.mean, complete))
+    rows.append(("standard deviation", time_text(estimates.standard_deviation), "", complete))
+    names = [estimate.name for estimate in (estimates.mean, *estimates.percentiles)]
     if study.rule.until is not None and study.rule.statistic not in names:
         rows.append(_row(study.deciding(0), everywhere))
     if study.seeds.repetitions > 1:
-        found = study.variation(0)
-        rows.append(("higher than 95 % of times (IMO)", told_time(found.reported), "", everywhere))
-        rows.append(("deviation between populations", told_time(found.between), "", complete))
-        rows.append(("deviation within populations", told_time(found.within), "", complete))
+        variation = study.variation(0)
+        rows.append(("higher than 95 % of times (IMO)", time_text(variation.reported), "", everywhere))
+        rows.append(("deviation between populations", time_text(variation.between), "", complete))
+        rows.append(("deviation within populations", time_text(variation.within), "", complete))
     return rows
 
 
 def _row(estimate: "Estimate", over: str) -> tuple[str, str, str, str]:
-    return estimate.name, estimate.told, estimate.bounds(), _noted(over, estimate.note)
+    return estimate.name, estimate.text, estimate.bounds(), _noted(over, estimate.note)
 
 
 def _noted(over: str, note: str) -> str:
@@ -263,13 +263,13 @@ def _noted(over: str, note: str) -> str:
 
 def _show_step(study: "Study", change: "Estimate") -> None:
     """Show the effect of half the time step, and what follows from it."""
-    from evac.study.statistics import told_time
+    from evac.study.statistics import time_text
 
     mean, half = (estimates.mean for estimates in study.statistics)
     step = study.points[1].parameters["simulation.step"]
     pairs = counted(change.runs, "pair") + " of runs with the same seed"
     rows = [_row(half, counted(half.runs, "complete run"))]
-    value, bounds = told_time(change.value, "+.2f"), change.bounds("+.2f")
+    value, bounds = time_text(change.value, "+.2f"), change.bounds("+.2f")
     rows.append(("change of the mean", value, bounds, _noted(pairs, change.note)))
     share = [100.0 * value / mean.value for value in (change.value, change.low, change.high)]
     percent = [f"{value:+.1f} %" for value in share]

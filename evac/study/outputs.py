@@ -81,8 +81,8 @@ def write_replays(study: "Study") -> None:
     Runs are ranked by evacuation time; blocked runs are the worst, in the order of the number of people out. For an
     even number the lower median is used; for a single run only the median is written.
     """
-    found = [(row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED)]
-    ranked = [run for _, _, run in sorted(found)]
+    order = sorted((row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED))
+    ranked = [run for _, _, run in order]
     chosen = {MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], WORST_REPLAY_NAME: ranked[-1]}
     for name, run in list(chosen.items())[: len(ranked)]:
         case, rank = study.case_of(0, run), "Worst" if name == WORST_REPLAY_NAME else "Median"
@@ -137,8 +137,8 @@ def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:
     keys, percentile = parameter_keys(study), study.statistics[0].percentiles[-1].name
     rows = []
     for point, row in zip(study.points, study.statistics, strict=True):
-        found = row[study.central], row.percentiles[-1]
-        times = [f"{one.told} ({bounds})" if (bounds := one.bounds()) else one.told for one in found]
+        estimates = row[study.central], row.percentiles[-1]
+        times = [f"{one.text} ({bounds})" if (bounds := one.bounds()) else one.text for one in estimates]
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
         rows.append([*(point.parameters.get(key) for key in keys), *times, blocked])
     return [*keys, *(f"{name} [s] (95 % interval)" for name in (study.central, percentile)), "blocked"], rows
@@ -168,13 +168,9 @@ def write_runs(study: "Study", path: Path) -> None:
 
 
 def egress(study: "Study", point: int) -> dict[str, FloatArray]:
-    """Return mean and percentiles, over the runs of a point, of the number of people out.
+    """Return ``time`` [s], and mean and percentiles over the runs of a point of the number of people out, each (k,).
 
-    Returns
-    -------
-    dict of str to (k,) float64
-        ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean_over_runs``, and
-        ``percentile_5_over_runs``, ``percentile_50_over_runs`` and ``percentile_95_over_runs``.
+    The times are those of ``output.every``, to the end of the longest run.
     """
     names = ("time", "mean_over_runs", *(f"percentile_{of:g}_over_runs" for of in PERCENTILES))
     end = max((row["time"] for row in study.rows(point, ["time"])), default=None)

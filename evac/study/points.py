@@ -124,7 +124,7 @@ def from_rows(
 
     check_number(len(rows))
     cases: dict[str, Case] = {}
-    found: list[tuple[Case, dict[str, Any]]] = []
+    rows_with_case: list[tuple[Case, dict[str, Any]]] = []
     for number, row in enumerate(rows, start=1):
         given = {key: value for key, value in row.items() if value is not None}
         name = given.get(CASE_COLUMN)
@@ -134,8 +134,8 @@ def from_rows(
         base = cases[name] if name is not None else case
         if base is None:
             raise ScenarioError(f"row {number} of the table: no case; fill its column 'case', or give a case to sweep")
-        found.append((base, given))
-    return _points(found)
+        rows_with_case.append((base, given))
+    return _points(rows_with_case)
 
 
 def check_number(points: int) -> None:

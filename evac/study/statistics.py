@@ -86,16 +86,16 @@ class Estimate:
     note: str = ""
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """The value in words."""
-        return told_time(self.value)
+        return time_text(self.value)
 
     def bounds(self, form: str = ".2f") -> str:
         """Return the interval in words, with bounds in a format; "open" where the runs do not determine it."""
         if math.isnan(self.low) and math.isnan(self.high):
             return ""
-        low = "open" if math.isnan(self.low) else told_time(self.low, form)
-        return f"{low} to {told_time(self.high, form) if math.isfinite(self.high) else 'open'}"
+        low = "open" if math.isnan(self.low) else time_text(self.low, form)
+        return f"{low} to {time_text(self.high, form) if math.isfinite(self.high) else 'open'}"
 
     @property
     def has_interval(self) -> bool:
@@ -109,7 +109,7 @@ class Estimate:
         return half / self.value if math.isfinite(half) and math.isfinite(self.value) and self.value else math.inf
 
 
-def told_time(value: float, form: str = ".2f") -> str:
+def time_text(value: float, form: str = ".2f") -> str:
     """Return a time [s] in a format; empty if undefined, and "not reached" if infinite."""
     return "" if math.isnan(value) else f"{value:{form}}" if math.isfinite(value) else "not reached"
 
@@ -160,17 +160,10 @@ class Statistics:
 def statistics(
     times: FloatArray, populations: Sequence[int] | None = None, confidence: float = CONFIDENCE
 ) -> Statistics:
-    """Return the statistics of some runs.
+    """Return the statistics of evacuation times (runs,) [s], infinite if people are left, NaN for failed runs.
 
-    Parameters
-    ----------
-    times : (runs,) float64 [s]
-        Evacuation times, infinite if people are left, NaN for failed runs.
-    populations : sequence of int, optional
-        Number of the population of each run. Runs with the same people are correlated: if there are fewer populations
-        than runs, all intervals are those of a sample of populations.
-    confidence : float
-        Confidence level of the intervals.
+    Runs with the same people are correlated: if there are fewer `populations`, given by their numbers, than runs, all
+    intervals are those of a sample of populations.
     """
     failed = int(np.isnan(times).sum())
     ended = times[~np.isnan(times)]
@@ -236,20 +229,12 @@ def percentile(times: FloatArray, of: float) -> float:
 
 
 def percentile_interval(times: FloatArray, of: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the distribution-free interval of a percentile from order statistics.
+    """Return the distribution-free interval [s] of a percentile from order statistics; NaN for a bound of too few runs.
 
     Each side misses the percentile with a probability of (1 - confidence) / 2, by the binomial distribution of the
     number of times below it; the bound is interpolated between order statistics, since the interval would otherwise be
-    wider than necessary.
-
-    Returns
-    -------
-    low, high : float
-        Bounds [s]; NaN if there are too few runs for a bound, infinite because of blocked runs.
-
-    References
-    ----------
-    Nyblom: Note on interpolated order statistics. Statistics and Probability Letters 14 (1992) 129-131.
+    wider than necessary (Nyblom: Note on interpolated order statistics. Statistics and Probability Letters 14 (1992)
+    129-131).
     """
     ascending = np.sort(times)
     low = -_upper(-ascending[::-1], 1.0 - 0.01 * of, confidence)
@@ -263,18 +248,11 @@ def least_runs(of: float) -> int:
 
 
 def deciding(values: FloatArray, interval: tuple[float, float]) -> int:
-    """Return the number of values that decide a mean, so that its interval has no meaning; 0 if none do.
+    """Return the number of two or more values (n,) that decide their mean, so that its interval has no meaning, or 0.
 
     If resamples without the few extreme values are frequent, the bootstrap extends the interval beyond all values,
     where no mean of so many values lies, so that no sample could contradict it. The interval of fewer than
     `LEAST_FOR_BOOTSTRAP` values may extend beyond them, but only by the factor `WIDEST` from their mean.
-
-    Parameters
-    ----------
-    values : (n,) float64
-        Two or more positive values.
-    interval : tuple of (float, float)
-        Their `mean_interval`.
     """
     mean = float(values.mean())
     least, greatest = mean / WIDEST, mean * WIDEST
@@ -340,17 +318,10 @@ def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[f
 def difference(
     before: FloatArray, after: FloatArray, populations: Sequence[int] | None = None, confidence: float = CONFIDENCE
 ) -> Estimate:
-    """Return the mean difference of pairs of runs with the same seeds, ``after - before``, with its interval.
+    """Return the mean difference ``after - before`` of pairs of complete runs (runs,) [s] with the same seeds.
 
-    The interval is that of the studentised bootstrap, for fewer than `LEAST_FOR_BOOTSTRAP` pairs Student's. As for a
+    Its interval is that of the studentised bootstrap, for fewer than `LEAST_FOR_BOOTSTRAP` pairs Student's. As for a
     mean, there is none where few pairs decide it.
-
-    Parameters
-    ----------
-    before, after : (runs,) float64 [s]
-        Evacuation times; only pairs of complete runs are compared.
-    populations, confidence
-        As for `statistics`.
     """
     is_pair = np.isfinite(before) & np.isfinite(after)
     change = after[is_pair] - before[is_pair]
@@ -515,15 +486,7 @@ class Variation:
 
 
 def variation(times: FloatArray, populations: Sequence[int]) -> Variation:
-    """Return the quantities that the scheme requires.
-
-    Parameters
-    ----------
-    times : (runs,) float64 [s]
-        Evacuation times; infinite if people are left.
-    populations : sequence of int
-        Number of the population of each run.
-    """
+    """Return what the scheme of the IMO requires, for times (runs,) [s] and the number of the population of each."""
     from scipy.special import fdtrc
 
     ascending = np.sort(times)
@@ -545,13 +508,10 @@ def variation(times: FloatArray, populations: Sequence[int]) -> Variation:
 
 
 def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
-    """Return the measures after 2, 3, ... complete runs.
+    """Return the measures after 2, 3, ... complete runs, from the ascending exit times (people,) [s] of each.
 
-    Parameters
-    ----------
-    curves : iterable of (people,) float64 [s]
-        Ascending exit times of each complete run; only one curve at a time is kept in memory. The number of people can
-        differ between runs to which they come at a rate: then a curve has as many points as the first one.
+    Only one curve at a time is kept in memory. The number of people can differ between runs to which they come at a
+    rate: then a curve has as many points as the first one.
     """
     rows: list[dict[str, Any]] = []
     times: list[float] = []
@@ -587,9 +547,9 @@ def compared(curve: FloatArray, other: FloatArray) -> tuple[float, float, float]
     """
     size = float(np.linalg.norm(other))
     s = max(1, round(SECANT * len(curve)))
-    one, two = curve[s:] - curve[:-s], other[s:] - other[:-s]
-    norms = float(np.linalg.norm(one) * np.linalg.norm(two))
-    cosine = float(one @ two) / norms if norms else 1.0
+    secants, others = curve[s:] - curve[:-s], other[s:] - other[:-s]
+    norms = float(np.linalg.norm(secants) * np.linalg.norm(others))
+    cosine = float(secants @ others) / norms if norms else 1.0
     if not size:
         return 0.0, 1.0, cosine
     return float(np.linalg.norm(curve - other)) / size, float(curve @ other) / size**2, cosine

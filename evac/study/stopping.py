@@ -75,15 +75,7 @@ class Rule:
         return math.isfinite(best.relative_half_width) and not math.isinf(self.estimate(times, populations).low)
 
     def wanted(self, times: FloatArray, populations: Sequence[int]) -> int:
-        """Return the number of runs at which the interval is computed next; that of `times` to stop.
-
-        Parameters
-        ----------
-        times : (runs,) float64 [s]
-            Evacuation times of the runs 0, 1, ... so far.
-        populations : sequence of int
-            Number of the population of each run.
-        """
+        """Return the number of runs at which the interval is computed next; that of the times (runs,) [s] to stop."""
         runs = len(times)
         if self.until is None or runs >= self.most:
             return runs

@@ -410,8 +410,8 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
     """Check that a folder contains this study."""
-    found, _ = read_identity(folder)
-    changes = list(differences(found, json.loads(json.dumps(identity))))
+    stored, _ = read_identity(folder)
+    changes = list(differences(stored, json.loads(json.dumps(identity))))
     if not changes:
         return
     listed = [

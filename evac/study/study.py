@@ -83,13 +83,7 @@ class Study:
 
     @classmethod
     def begun(cls, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> "Study":
-        """Return a study to be conducted; its folder contains no study, or if it is resumed, the same one.
-
-        Raises
-        ------
-        ResultError
-            The folder contains another study, or cannot be read or written.
-        """
+        """Return a study to be executed; its folder contains no study, or if it is resumed, the same one."""
         keys = [key_of(point.case) for point in points]
         digests = [digest_of(point.case, key) for point, key in zip(points, keys, strict=True)]
         identity = identity_of(points, seeds, digests)
@@ -230,8 +224,8 @@ class Study:
         failed : bool
             Include the rows of failed runs, which are in no statistic.
         """
-        chosen = self.points if point is None else (self.points[point],)
-        wanted = [(one.index, run) for one in chosen for run in range(self._wanted[one.index])]
+        points = range(len(self.points)) if point is None else (point,)
+        wanted = [(index, run) for index in points for run in range(self._wanted[index])]
         if not failed:
             wanted = [key for key in wanted if not math.isnan(self._store.entries[key].last_out)]
         return self._store.rows(wanted, columns)
