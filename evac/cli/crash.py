@@ -37,7 +37,7 @@ ADVICE = {
     errno.ELOOP: "the link leads to itself; give another path",
     errno.EMFILE: "raise the limit of open files (ulimit -n)",
     errno.ENFILE: "close other programs",
-    errno.EAGAIN: "raise the limit of processes (ulimit -u), or use fewer (--jobs, --threads)",
+    errno.EAGAIN: "raise the limit of processes (ulimit -u), or use fewer (--jobs)",
 }
 
 #: Libraries that log warnings to standard error by default.

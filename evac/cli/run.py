@@ -15,7 +15,6 @@ from evac.cli.inputs import (
     declare_plugin,
     default_folder,
     note_unused_plugins,
-    positive,
 )
 from evac.cli.streams import note, notify, wrapped
 
@@ -36,7 +35,6 @@ def declare_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--full", action="store_true", help=what)
     parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
     declare_checkpoint(parser, "none")
-    declare_threads(parser)
     declare_verbose(parser)
 
 
@@ -50,17 +48,6 @@ def declare_verbose(parser: argparse.ArgumentParser) -> None:
     """Add --verbose to a command."""
     what = "show tables of exits, stairs, contacts and wall time, and quality warnings in full"
     parser.add_argument("--verbose", action="store_true", help=what)
-
-
-def declare_threads(parser: argparse.ArgumentParser) -> None:
-    """Add --threads to a command."""
-    parser.add_argument(
-        "--threads",
-        type=positive,
-        metavar="N",
-        help="number of threads, at most one for each core and, in steps, for each 25,000 people; the results do not"
-        " depend on it (default: by the number of people)",
-    )
 
 
 def execute_run(arguments: argparse.Namespace) -> int:
@@ -87,9 +74,7 @@ def execute_run(arguments: argparse.Namespace) -> int:
                 hint = f" (evac resume {place.path} would have continued it)" if has_state else ""
                 display.line(f"evac: replacing {place.running} of an unfinished run{hint}")
             display.phase("reading the building, computing directions")
-            simulation = Simulation(
-                case, place.running, arguments.full, threads=arguments.threads, compiling=display.compiling
-            )
+            simulation = Simulation(case, place.running, arguments.full, workers=None, compiling=display.compiling)
             place.start()
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results, arguments.verbose)
@@ -112,7 +97,6 @@ def declare_resume(parser: argparse.ArgumentParser) -> None:
     case = "case of the run; needed if it names plugin files and is not beside RESULT"
     parser.add_argument("--case", type=Path, metavar="FILE", help=case)
     declare_checkpoint(parser, "as the interrupted run")
-    declare_threads(parser)
     declare_verbose(parser)
     differences = "continue, with a note, even if versions, kernels, plugins or the file of the building have changed"
     parser.add_argument("--allow-differences", action="store_true", help=differences)
@@ -135,7 +119,6 @@ def execute_resume(arguments: argparse.Namespace) -> int:
                 place,
                 arguments.plugins,
                 allow_differences=arguments.allow_differences,
-                threads=arguments.threads,
                 case_file=arguments.case,
                 compiling=display.compiling,
                 announce=announce_plugin_file,

@@ -74,7 +74,7 @@ def build_fields(
     order: int = ORDER,
     narrowest: float = 0.0,
     widest: float = 0.0,
-    threads: int | None = 1,
+    workers: int | None = 1,
     anywhere: bool = False,
     keep_grids: bool = False,
 ) -> Fields:
@@ -106,7 +106,7 @@ def build_fields(
     narrowest, widest : float
         Diameters of the smallest and the largest body [m]. For each gap between them there is another class of bodies
         with its own fields.
-    threads : int, optional
+    workers : int, optional
         Greatest number of fields that are marched at the same time, each in a process; fewer are if the grids are small
         or memory is short. None means one for each core. The fields are identical.
     anywhere : bool
@@ -127,7 +127,7 @@ def build_fields(
         clearance=clearance,
         rates=tuple(_rates(route.strategy, speeds, comfort) for route in routes),
         order=order,
-        threads=threads,
+        workers=workers,
         barred=barred,
         reaching=tuple(
             _levels_leading(building, route, shut, anywhere) for route, shut in zip(present, barred, strict=True)
@@ -210,7 +210,7 @@ class _Solver:
     clearance: float
     rates: tuple[FloatArray, ...]
     order: int
-    threads: int | None
+    workers: int | None
     barred: tuple[frozenset[int], ...]
     reaching: tuple[tuple[int, ...], ...]
 
@@ -506,7 +506,7 @@ def _solve(
         marches.append(March(Metric(slowness, avoided, is_plain), exits, barred))
         if bent is not None:
             marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred))
-    workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.threads)
+    workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.workers)
     with closing(march_all(grids, marches, solver.order, workers)) as costs:
         for exits in ways:
             plain = next(costs)

@@ -273,19 +273,6 @@ def _row_type(args: Any) -> Any:
     return signature(RowType(args[0].kind.dtype), args[0], types.int64)
 
 
-def _lower_on_number(operation: Intrinsic) -> Callable[..., Any]:
-    """Return the lowering of an operation on one number of an array, or without arguments."""
-    lower = operation.lower
-    assert lower is not None
-
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        if not args:
-            return lower(builder)
-        return lower(builder, _place(context, builder, sig.args[0], args[0], types.int64, args[1]), *args[2:])
-
-    return generate
-
-
 @lower_cast(RowType, BufferType)
 def _make_header(context: Any, builder: Any, given: RowType, wanted: BufferType, value: Any) -> Any:
     """Make a header of a row for a call of an address; only the callee reads it."""
@@ -326,14 +313,9 @@ def _truncate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return context.cast(builder, args[0], sig.args[0], types.int64)
 
 
-def _integers(args: Any) -> Any:
-    """Return the signature of an operation on an array and integers."""
-    return signature(types.int64, *args[:1], *[types.int64] * (len(args) - 1))
-
-
 _THREE = signature(types.float64, types.float64, types.float64, types.float64)
 
-#: Typing and lowering of each `Intrinsic` that does not know its own, by name.
+#: Typing and lowering of each `Intrinsic`, by name.
 _INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "fused": (lambda args: _THREE, _fused),
     "row": (_row_type, _row),
@@ -359,8 +341,5 @@ def _typeof_address_call(value: AddressCall, context: Any) -> types.Type:
 @typeof_impl.register(Intrinsic)
 def _typeof_intrinsic(value: Intrinsic, context: Any) -> types.Type:
     if value not in _known:
-        if value.lower is None:
-            _known[value] = _callable(value, *_INTRINSICS[value.name])
-        else:
-            _known[value] = _callable(value, _integers, _lower_on_number(value))
+        _known[value] = _callable(value, *_INTRINSICS[value.name])
     return _known[value]

@@ -183,21 +183,10 @@ _interpreted: dict[int, Callable[..., Any]] = {}
 
 
 class Intrinsic:
-    """An operation that is compiled to special instructions.
+    """An operation that is compiled to special instructions; `twin` is its Python implementation."""
 
-    Attributes
-    ----------
-    name : str
-    twin : callable
-        Python implementation.
-    lower : callable or None
-        ``lower(builder, place, *values)`` adds the instructions of an operation on one number of an int64 array, which
-        is called with the array, the index and values, and returns an int64; if it is called with nothing,
-        ``lower(builder)``. None for the operations in `evac.jit.instructions`.
-    """
-
-    def __init__(self, name: str, twin: Callable[..., Any], lower: Callable[..., Any] | None = None) -> None:
-        self.name, self.twin, self.lower = name, twin, lower
+    def __init__(self, name: str, twin: Callable[..., Any]) -> None:
+        self.name, self.twin = name, twin
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the Python implementation."""

@@ -9,7 +9,6 @@ from evac.jit.structs import Array
 from evac.physics import tallies as at
 from evac.physics.contact.cells import make_cells
 from evac.physics.state import (
-    CHUNK,
     Bodies,
     Clock,
     Contacts,
@@ -21,7 +20,6 @@ from evac.physics.state import (
     Parts,
     Problem,
     State,
-    Team,
     Traits,
     World,
 )
@@ -52,7 +50,7 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
     """Return the state of a run with a given number of people before its first step."""
     return State(
         world=world,
-        bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2)), work=np.zeros(people // CHUNK + 1)),
+        bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2))),
         lists=make_lists(people, 8 * people + 64, 8 * people + 64, len(world.cosine)),
         contacts=make_contacts(4 * people + 64),
         warm_start=make_kept(4 * people + 64, 1),
@@ -64,7 +62,6 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
         body_forces=body_forces,
         traits=allocate(Traits, 0),
         parts=allocate(Parts, 0, parameters=Struct(), solver=no_solver(), stronger=no_solver()),
-        team=allocate(Team, 0),
         tally=np.zeros(len(at.NAMES)),
         tally_before=np.zeros(len(at.NAMES)),
     )

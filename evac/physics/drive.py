@@ -4,8 +4,7 @@ import math
 
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.directions.sampling import column_of, direction_in_cell, node_at, sample_direction
-from evac.jit import AddressCall, inner, kernel
-from evac.physics.state import State
+from evac.jit import inner
 
 
 @inner
@@ -49,20 +48,20 @@ def _with_extra_direction(people, i, ex, ey):
 
 
 @inner
-def _read_directions(fields, bodies, first, last):
+def _read_directions(fields, bodies):
     """Read the directions at the nodes around the bodies that have moved to another cell.
 
     Most are not in the caches. No branch depends on the values, so that the processor can read many at a time.
     """
-    arrived = first
-    for i in range(first, last):
+    arrived = 0
+    for i in range(bodies.inside):
         level = bodies.level[i]
         if level >= 0:
             node, _, _, _, _ = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.column[i])
             bodies.picked[arrived] = i
             arrived += (node != bodies.node[i]) & (node >= 0)
             bodies.node[i] = node
-    for k in range(first, arrived):
+    for k in range(arrived):
         i = bodies.picked[k]
         low = bodies.node[i]
         high = low + fields.shape[bodies.level[i], 1]
@@ -74,11 +73,11 @@ def _read_directions(fields, bodies, first, last):
 
 
 @inner
-def set_desired(world, bodies, first, last):
-    """Set the unit desired directions of some bodies from their positions, and set the forces to zero."""
+def set_desired(world, bodies):
+    """Set the unit desired directions of the bodies from their positions, and set the forces to zero."""
     fields = world.fields
-    _read_directions(fields, bodies, first, last)
-    for i in range(first, last):
+    _read_directions(fields, bodies)
+    for i in range(bodies.inside):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
         level = bodies.level[i]
@@ -95,8 +94,8 @@ def set_desired(world, bodies, first, last):
         bodies.desired[i, 1] = ey
 
 
-@kernel
-def drive(state: State, first: int, last: int) -> float:
+@inner
+def drive(state):
     """Set ``bodies.free``, the velocity after the sub-step without contacts; return the largest speed [m/s].
 
     Integrates eq. 33 by explicit Euler as in the paper, or by the exact solution of its linear term with
@@ -105,10 +104,10 @@ def drive(state: State, first: int, last: int) -> float:
     world, bodies = state.world, state.bodies
     time, h, explicit = state.clock.time, state.clock.h, state.clock.explicit
     if not explicit and bodies.relaxation_step != h:
-        for i in range(first, last):
+        for i in range(bodies.inside):
             bodies.relaxation[i] = -math.expm1(-h / bodies.tau[i])
     fastest = 0.0
-    for i in range(first, last):
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         vx = 0.0
@@ -134,12 +133,12 @@ def drive(state: State, first: int, last: int) -> float:
     return math.sqrt(fastest)
 
 
-@kernel
-def drive_overdamped(state: State, first: int, last: int) -> float:
+@inner
+def drive_overdamped(state):
     """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the largest speed [m/s]."""
     world, bodies, time = state.world, state.bodies, state.clock.time
     fastest = 0.0
-    for i in range(first, last):
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         vx = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 0]
@@ -153,7 +152,3 @@ def drive_overdamped(state: State, first: int, last: int) -> float:
         bodies.free[i, 1] = vy
         fastest = max(fastest, vx * vx + vy * vy)
     return math.sqrt(fastest)
-
-
-#: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the largest speed [m/s].
-call_drive = AddressCall([State, int, int], (float,))

@@ -17,17 +17,23 @@ import numpy as np
 from evac.directions.fields import columns_of
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
-from evac.physics.contact.contacts import keep_percussions, normal_velocity, report_contact_force
+from evac.physics.contact.contacts import (
+    find_contacts,
+    keep_percussions,
+    normal_velocity,
+    report_contact_force,
+    set_reach,
+)
 from evac.physics.contact.memory import call_memory, mark_start
+from evac.physics.contact.neighbours import build_lists
 from evac.physics.contact.overlaps import call_separate
+from evac.physics.drive import drive, drive_overdamped, set_desired
 from evac.physics.extent import extent
 from evac.physics.force import call_add_forces
-from evac.physics.motion import add_contact_work
-from evac.physics.phases import build_lists
-from evac.physics.state import CHUNK, DRIVE, FIND, LOOK, MOVE, OPEN, REACH, Bodies, Crowd, State, call_phase
+from evac.physics.motion import add_contact_work, move, save_bodies
+from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
     CENTRES_PASSED,
-    EVENTS_FULL,
     FIRST_MISSING_PART,
     NEEDS_SEPARATION,
     OK,
@@ -171,8 +177,8 @@ def set_clock(state: State, part: int, parts: int) -> None:
 @kernel
 def approach(state: State) -> int:
     """Set the free velocities and find the contacts in reach; return a status."""
-    bodies, traits, h, phase = state.bodies, state.traits, state.clock.h, state.parts.phase
-    call_phase(phase, state, LOOK)
+    bodies, traits, h = state.bodies, state.traits, state.clock.h
+    set_desired(state.world, bodies)
     if state.parts.forces != 0:
         status = _renew_lists(state, state.forces.farthest, 0.0, 0.0)
         if status == OK:
@@ -185,7 +191,7 @@ def approach(state: State) -> int:
             status = call_add_forces(state.parts.body_forces, state)
         if status != OK:
             return status
-    fastest = call_phase(phase, state, DRIVE)
+    fastest = drive_overdamped(state) if traits.overdamped else drive(state)
     bodies.relaxation_step = h
     bodies.fastest = fastest
     state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)
@@ -193,7 +199,7 @@ def approach(state: State) -> int:
         return TOO_FAST
     floor = max(traits.reach_floor, traits.reach_fastest * h * fastest)
     bodies.reach_floor = floor
-    call_phase(phase, state, REACH)
+    set_reach(bodies, h, traits.reach_share)
     status = search(state, 0.0, 2.0 * max(traits.reach_share * h * fastest, floor) + h * fastest)
     if status == OK:
         _tally_contacts(state)
@@ -206,7 +212,7 @@ def search(state, pairs, contacts):
     status = _renew_lists(state, pairs, 0.0, contacts)
     if status != OK:
         return status
-    status = int(call_phase(state.parts.phase, state, FIND))
+    status = find_contacts(state)
     if status == OK and state.parts.recall != 0:
         status = call_memory(state.parts.recall, state)
     return status
@@ -227,7 +233,7 @@ def _renew_lists(state, pairs, walls, contacts):
         lists.wall_reach = max(walls, 1.25 * contacts)
         lists.stale = 1
     if lists.stale:
-        status = build_lists(state)
+        status = build_lists(state.world, state.bodies, lists)
         if status == OK:
             state.tally[at.LIST_BUILDS] += 1.0
         return status
@@ -327,18 +333,14 @@ def conclude(state: State) -> int:
         call_memory(state.parts.retain, state)
     tally[at.SUB_STEPS] += 1.0
     clock.h_before = clock.h
-    status = int(call_phase(state.parts.phase, state, MOVE))
-    if status == OK and not traits.overdamped:
-        for chunk in range((bodies.inside + CHUNK - 1) // CHUNK):
-            tally[at.DRIVING_WORK] += bodies.work[chunk]
-    return status
+    return move(state, clock.time, clock.h, traits.old_share, True)
 
 
 @kernel
 def open_step(state: State) -> None:
     """Save bodies, sums, events, percussions and memory at the start of a step."""
     contacts = state.contacts
-    call_phase(state.parts.phase, state, OPEN)
+    save_bodies(state.bodies)
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
     state.events.number_before = state.events.number
@@ -354,8 +356,7 @@ def cut(state: State, status: int, parts: int) -> int:
 
     The memory of contacts is again that of the start of the step. The sub-steps start without warm start percussions,
     except if the step is only repeated because a part had to be loaded. Neighbour lists that have been built are kept,
-    and so is their count; after a failed move they are stale, since other threads may have moved bodies that one thread
-    had not reached.
+    and so is their count.
     """
     bodies, percussions, memory, tally = state.bodies, state.warm_start, state.memory, state.tally
     state.clock.parts = parts
@@ -371,8 +372,6 @@ def cut(state: State, status: int, parts: int) -> int:
         if bodies.level[i] != bodies.old_level[i]:
             bodies.level[i] = bodies.old_level[i]
             state.lists.stale = 1
-    if status in (WALL_CROSSED, TOO_FAST, EVENTS_FULL):
-        state.lists.stale = 1
     state.events.number = state.events.number_before
     for k in range(tally.shape[0]):
         tally[k] = state.tally_before[k]

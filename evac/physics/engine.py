@@ -30,7 +30,6 @@ from evac.physics.force import Force, add_body_forces, add_forces
 from evac.physics.order import rows_by_place, rows_by_travel_time
 from evac.physics.parts import entries_of_loop, entries_of_parts, load_solver, solver_of
 from evac.physics.state import Crowd, Events, Parts, State, World
-from evac.physics.threads.threads import Threads
 from evac.physics.world import have_seams
 
 #: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
@@ -139,9 +138,6 @@ class Engine(Protocol):
         ``failed_solves``, ``failed_position_corrections`` and ``energy``.
         """
 
-    def close(self) -> None:
-        """End what would outlive the run, such as threads; a later tick may begin it again."""
-
 
 class CompiledEngine(Engine):
     """The step loop of a run, with its state and compiled kernels.
@@ -159,8 +155,6 @@ class CompiledEngine(Engine):
         full: bool = False,
         levels: Sequence[str] = (),
         solvers: Mapping[str, type[Solver]] | None = None,
-        threads: int = 1,
-        people_per_thread: int = 0,
         spare_waiting: bool = False,
     ) -> None:
         self.levels = levels
@@ -172,7 +166,6 @@ class CompiledEngine(Engine):
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self.state.forces.spare_waiting = int(spare_waiting)
         self._own: Any = None
-        self.threads = Threads(self.state, threads, people_per_thread * threads)
         self._model: ContactModel | None = None
 
     def advance(
@@ -185,20 +178,13 @@ class CompiledEngine(Engine):
             clock.now, clock.last, clock.length, clock.parts = first, first + steps, length, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
-                with (
-                    plugin_code(f"t = {clock.now * length:.3f} s: contact model {model.name!r}", model),
-                    self.threads.serving(model),
-                ):
+                with plugin_code(f"t = {clock.now * length:.3f} s: contact model {model.name!r}", model):
                     outcome = model.advance(self)
                 if outcome != status.OK:
                     self._handle(model, int(outcome), clock.now * length)
         state.tally[at.STEPS] += steps
         driver.scatter(crowd, state.bodies)
         return state.events
-
-    def close(self) -> None:
-        """End the threads, if there are any."""
-        self.threads.end()
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model requires; return their number."""
@@ -255,8 +241,7 @@ class CompiledEngine(Engine):
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        entries = self.kernels(model, self._forces, self._solvers, self.state.world.backed, self.full)
-        return entries + self.threads.entries(model)
+        return self.kernels(model, self._forces, self._solvers, self.state.world.backed, self.full)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the optional parts of the step loop: name, whether it is included, and the reason."""

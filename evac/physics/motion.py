@@ -9,7 +9,6 @@ from evac.physics.contact.neighbours import segment_distance
 from evac.physics.extent import greatest_extent
 from evac.physics.seams import crossing, is_absent, lets_through, touches
 from evac.physics.sight import passes_through
-from evac.physics.state import CHUNK
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
 
 PORTAL = 0
@@ -17,9 +16,9 @@ EXIT = 1
 
 
 @inner
-def remember(bodies, first, last):
-    """Remember some bodies as they are at the start of a step."""
-    for i in range(first, last):
+def save_bodies(bodies):
+    """Save the bodies as they are at the start of a step."""
+    for i in range(bodies.inside):
         for k in range(2):
             bodies.old_position[i, k] = bodies.position[i, k]
             bodies.old_velocity[i, k] = bodies.velocity[i, k]
@@ -82,21 +81,18 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
 
 
 @inner
-def move(state, first, last, time, h, old_share, is_walk):
-    """Move some bodies, from the first of a chunk on, by h times the velocity ``bodies.solved``; return a status.
+def move(state, time, h, old_share, is_walk):
+    """Move the bodies by h times the velocity ``bodies.solved``; return a status.
 
     The velocity includes the share `old_share` of the old one. If `is_walk`, the path is added to the distance, up to
-    an exit, and the driving work m (V - u).(u + u+)/2 with the free velocity V is summed for each chunk, unless bodies
-    have no inertia. Lists become stale when a body has moved by half their skin.
+    an exit, and the driving work m (V - u).(u + u+)/2 with the free velocity V is added to the tally, unless
+    bodies have no inertia. Lists become stale when a body has moved by half their skin.
     """
     bodies, lists, events, full = state.bodies, state.lists, state.events, state.clock.full
     works = is_walk and not state.traits.overdamped
     work = 0.0
     stale_beyond = (0.5 * lists.skin) ** 2
-    for i in range(first, last):
-        if i % CHUNK == 0 and i > first:
-            bodies.work[i // CHUNK - 1] = work
-            work = 0.0
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         ux, uy = bodies.solved[i, 0], bodies.solved[i, 1]
@@ -111,14 +107,14 @@ def move(state, first, last, time, h, old_share, is_walk):
         bx = ax + h * mx
         by = ay + h * my
         if not (math.isfinite(bx) and math.isfinite(by)):
-            bodies.failed = events.failed = i
+            bodies.failed = i
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
         if path > greatest_extent(bodies, i) + lists.wall_reach + 0.5 * lists.skin:
-            bodies.failed = events.failed = i  # beyond the walls in the lists
+            bodies.failed = i  # beyond the walls in the lists
             return TOO_FAST
         if (full or path >= bodies.wall_distance[i]) and _crosses_wall(state, i, ax, ay, bx, by):
-            bodies.failed = events.failed = i
+            bodies.failed = i
             return WALL_CROSSED
         bodies.position[i, 0] = bx
         bodies.position[i, 1] = by
@@ -135,8 +131,7 @@ def move(state, first, last, time, h, old_share, is_walk):
         dx, dy = bx - bodies.built_position[i, 0], by - bodies.built_position[i, 1]
         if dx * dx + dy * dy > stale_beyond and bodies.level[i] >= 0:
             lists.stale = 1
-    if last > first:
-        bodies.work[(last - 1) // CHUNK] = work
+    state.tally[at.DRIVING_WORK] += work
     return OK
 
 

@@ -14,9 +14,7 @@ from evac.physics.contact.packing import check_indices, cutoff_of, packed_row
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.contact.rows import call_solver
 from evac.physics.contact.solver import Solver
-from evac.physics.drive import drive, drive_overdamped
 from evac.physics.force import Force, add_body_forces, add_forces
-from evac.physics.phases import make_alone
 from evac.physics.seams import reaches
 from evac.physics.state import LoadedSolver
 
@@ -47,9 +45,7 @@ def entries_of_loop(
 
 def entries_of_parts(model: ContactModel, forces: Sequence[Force], has_seams: bool) -> dict[str, Entry]:
     """Return the kernels whose addresses `Parts` has in a run, by name, except those of solvers and `separation`."""
-    entries = {"phase": make_alone, "drive": drive_overdamped if model.overdamped else drive}
-    if model.law is not None:
-        entries["law"] = model.law
+    entries: dict[str, Entry] = {} if model.law is None else {"law": model.law}
     if model.memory:
         entries |= {"recall": recall, "retain": retain}
     if has_seams:

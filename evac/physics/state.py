@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from evac.directions.fields import PackedFields
 from evac.jit import (
-    AddressCall,
     ByteGrid,
     Bytes,
     FloatGrid,
@@ -27,12 +26,6 @@ from evac.physics.contact.cells import Cells
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
 NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
-
-#: What each of several threads has found in a phase, see `evac.physics.threads.team`.
-Counts = Annotated[NDArray[np.int64], Array("int64", (None, 8))]
-
-#: Bodies whose sums are taken together; threads have whole chunks.
-CHUNK = 64
 
 
 class Crowd(Struct):
@@ -253,7 +246,6 @@ class Bodies(Struct):
     relaxation: Floats  # share of the difference to the desired velocity closed in a step, 1 - exp(-h / tau)
     relaxation_step: float  # step h that `relaxation` was computed for [s], 0 after sorting
     near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
-    work: Floats  # scratch: driving work of each `CHUNK` bodies [J]
 
 
 class Lists(Struct):
@@ -269,19 +261,6 @@ class Lists(Struct):
     pair_reach: float  # reach of the list of bodies, beyond touching [m]
     wall_reach: float  # reach of the list of walls, beyond touching [m]
     skin: float  # additional reach, so that lists remain valid for several steps [m]
-    pairs: int  # number of pairs that were listed last, -1: there was no room for them
-    room: int  # room for pairs that this took
-    walls: int  # number of walls that were listed last, -1: there was no room for them
-
-
-class Team(Struct):
-    """Threads that share a step, see `evac.physics.threads.team`; rows are a line of the caches (64 bytes) apart."""
-
-    threads: int
-    rest: int  # address of the system's function that sleeps
-    turn: Longs  # (8 threads,) word of a phase: of thread 0 that to be done, of the others the last one done
-    found: Counts  # (threads, 8) what each has found
-    result: Floats  # (8 threads,) what the phase has returned: a status, or the greatest speed [m/s]
 
 
 class Problem(Struct):
@@ -370,7 +349,6 @@ class Events(Struct):
 
     number: int
     number_before: int  # at the start of the step
-    failed: int  # the body with which a move failed
     row: Ints
     kind: Ints  # 0 portal, 1 exit
     link: Ints
@@ -430,13 +408,11 @@ class LoadedSolver(Struct):
 class Parts(Struct):
     """Addresses of parts that are compiled and loaded only if needed; 0 if a part is not loaded."""
 
-    phase: int  # makes a phase of the step on all bodies, see `evac.physics.phases`
     law: int
     parameters: Struct  # of the law
     solver: LoadedSolver
     stronger: LoadedSolver  # for solves that fail
     separation: int
-    drive: int
     forces: int
     body_forces: int
     seams: int
@@ -460,14 +436,5 @@ class State(Struct):
     body_forces: Forces  # on one
     traits: Traits
     parts: Parts
-    team: Team
     tally: Floats  # sums over the run, named in `evac.physics.tallies`
     tally_before: Floats  # at the start of the step
-
-
-#: Phases of a step, see `evac.physics.phases`: save the bodies; set desired directions, free velocities, search
-#: distances; list neighbours; find contacts; take the free velocities; move.
-OPEN, LOOK, DRIVE, REACH, LIST, FIND, TAKE, MOVE = range(8)
-
-#: Call ``state.parts.phase``: make a phase on all bodies; returns a status, for `DRIVE` the greatest speed [m/s].
-call_phase = AddressCall([State, int], (float,))

@@ -16,7 +16,6 @@ from evac.people.population import Population, build_population
 from evac.people.ways import check_ways
 from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import CompiledEngine, Engine
-from evac.physics.threads.threads import PEOPLE_PER_THREAD, number_of_threads
 from evac.simulation.needed import solve_fields
 from evac.simulation.scene import Ground, make_ground
 
@@ -130,11 +129,11 @@ def make_contact_model(case: "Case") -> "ContactModel":
 
 
 def make_shared(case: "Case") -> Ground:
-    """Return building and directions of a case, as its simulation computes them in one thread."""
+    """Return building and directions of a case, as its simulation computes them in one process."""
     building = make_building(case)
     check_people(case, building)
     with naming(case.source):
-        return make_ground(building, solve_fields(case, building, make_behaviours(case), full=False, threads=1))
+        return make_ground(building, solve_fields(case, building, make_behaviours(case), full=False, workers=1))
 
 
 def make_population(
@@ -154,7 +153,7 @@ def make_population(
     return people, places, stopping, border
 
 
-def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]", threads: int | None) -> Engine:
+def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]") -> Engine:
     """Return the engine of a simulation with its people and forces."""
     scene, people = simulation.scene, len(simulation.population.crowd.level)
     return ENGINE(
@@ -164,8 +163,6 @@ def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]", thr
         simulation.full,
         [level.name for level in scene.building.levels],
         simulation.registry.solvers,
-        number_of_threads(threads, people),
-        PEOPLE_PER_THREAD,
         any(behaviour.stands_firm for behaviour in behaviours),
     )
 

@@ -45,7 +45,6 @@ def run(
     *,
     full: bool = False,
     checkpoint: float | None = None,
-    threads: int | None = None,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
     """Run a case to its end and return the results.
@@ -61,10 +60,6 @@ def run(
         Include the parts that the scene does not need: identical results, slower.
     checkpoint : float, optional
         Wall time between two checkpoints [s], from which `resume` continues if the run is killed. None saves none.
-    threads : int, optional
-        Number of threads that share the steps, and of processes that share the directions of large buildings, at most
-        one per core, and in the steps one per 25,000 people; None chooses both by the size. The results are
-        identical.
     progress : callable or bool, optional
         Function that is called with a `Progress` at every tick. None shows a bar on a terminal and a line in a
         notebook, True also prints lines elsewhere, False shows nothing.
@@ -98,7 +93,7 @@ def run(
     if folder is None and checkpoint is not None:
         raise ScenarioError("checkpoint: needs a result folder; give `folder`")
     with nullcontext() if folder is None else ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation = Simulation(case, None if place is None else place.running, full, threads=threads)
+        simulation = Simulation(case, None if place is None else place.running, full, workers=None)
         before = simulation.warnings()
         warn(before)
         if place is None:
@@ -117,7 +112,6 @@ def resume(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     checkpoint: float | None = None,
-    threads: int | None = None,
     allow_differences: bool = False,
     case_file: str | Path | None = None,
     progress: Callable[[Progress], None] | bool | None = None,
@@ -132,8 +126,6 @@ def resume(
         As for `evac.load`: those that the run was given in addition to those of its case.
     checkpoint : float, optional
         Wall time between two checkpoints [s]; by default that of the interrupted run.
-    threads : int, optional
-        As for `run`.
     allow_differences : bool
         Resume even if versions, kernels, plugins or the building's file have changed; the results may then differ
         from those of a run without interruption, and the summary lists the differences.
@@ -165,7 +157,7 @@ def resume(
     """
     _check_interval(checkpoint)
     with ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation, every = resumed(place, plugin_files, registry, allow_differences, threads, case_file)
+        simulation, every = resumed(place, plugin_files, registry, allow_differences, case_file)
         results = _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
     warn((*results.warnings, *results.remarks, *results.quality_warnings))
     return results
@@ -176,7 +168,6 @@ def resumed(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     allow_differences: bool = False,
-    threads: int | None = None,
     case_file: str | Path | None = None,
     compiling: Callable[[int, int], None] | None = None,
     announce: Callable[[Path], None] | None = None,
@@ -190,7 +181,7 @@ def resumed(
     case = checkpoint.case(plugin_files, registry, case_file, announce)
     differences = differences_of(checkpoint.header.made_with, inputs_of(case))
     _check_differences(checkpoint.path, differences, allow_differences)
-    simulation = Simulation(case, place.running, checkpoint.header.full, threads=threads, compiling=compiling)
+    simulation = Simulation(case, place.running, checkpoint.header.full, workers=None, compiling=compiling)
     differences += differences_of(checkpoint.header.made_with, made_of(simulation))
     _check_differences(checkpoint.path, differences, allow_differences)
     checkpoint.restore(simulation)

@@ -26,7 +26,6 @@ from evac.people.outside import PeopleOutside
 from evac.people.unusual import late_starts, rivals, unusual
 from evac.people.ways import cut_off
 from evac.physics.state import copy_of
-from evac.physics.threads.threads import unused_threads
 from evac.results.ending import INTERRUPTED, Ending
 from evac.results.results import Results, results_of
 from evac.results.watch import Watch
@@ -61,8 +60,9 @@ class Simulation:
         Ground of a simulation whose case has the same `evac.simulation.identity.ground_key`; computed if not given.
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
-    threads : int, optional
-        Number of threads that share the step loop and the directions, as for `evac.run`.
+    workers : int, optional
+        Greatest number of processes that share the directions of a large building, at most one for each core; None
+        means one for each core. The directions are identical.
     compiling : callable, optional
         Called with the number of compiled kernels and the number of kernels to compile, if there are any.
 
@@ -113,12 +113,12 @@ class Simulation:
         *,
         ground: Ground | None = None,
         will_run: bool = True,
-        threads: int | None = 1,
+        workers: int | None = 1,
         compiling: Compiling | None = None,
     ) -> None:
         self.case = case = run_plugin_files(as_case(case))
         self.registry: Registry = case.registry
-        self.folder, self.full, self._threads = None if folder is None else Path(folder), full, threads
+        self.folder, self.full, self._workers = None if folder is None else Path(folder), full, workers
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
@@ -153,7 +153,7 @@ class Simulation:
         """Create scene, population, forces and engine for a building."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
-            solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, threads=self._threads)
+            solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=self._workers)
             ground = ground or make_ground(building, solve(building))
             self.scene = Scene(ground, partial(solve, anywhere=True), case.directions.quickest)
         with noting(building.warnings), self.phases.enter("people"):
@@ -171,7 +171,7 @@ class Simulation:
             self.behaviours = self.deciding.used
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
             self._promised_overlap = float(self.contact.promised_overlap(border))
-        self.engine = assembly.make_engine(self, behaviours, self._threads)
+        self.engine = assembly.make_engine(self, behaviours)
 
     def _exposure(self) -> "Exposure | None":
         """Return the exposure of people to smoke, gases and heat; nothing is imported in a case without them."""
@@ -229,15 +229,14 @@ class Simulation:
         tuple of str
             About the building, places that are too narrow for some people, people for whom no way to an exit is wide
             enough, unusual properties of people, people who start only after the end of the run, several behaviours
-            that keep distances, people who stood in a closing doorway, people whose ways have closed, and threads that
-            are not used.
+            that keep distances, people who stood in a closing doorway, and people whose ways have closed.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
         from_start = np.where(crowd.arrival_time == 0.0, self.start_level, np.int32(-1))
         start = crowd.replace(position=self.start_position, level=from_start)
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
-        people += (*rivals(self.case.keeps_distance), *unused_threads(self._threads, len(crowd.level)))
+        people += rivals(self.case.keeps_distance)
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
         if self.scene.changes or self.building.closed:
             shut += cut_off(self.scene.building, self.fields, crowd, self.population.groups)
@@ -272,7 +271,6 @@ class Simulation:
                 error = caught
                 raise
             finally:
-                self.engine.close()
                 self.recording.finish(self, self.registry, results, error)
         return replace(results, phases=self.phases.seconds())
 

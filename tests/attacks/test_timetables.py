@@ -2,8 +2,8 @@
 
 Nobody passes a closed link or door but those who stood on its line, nor a portal or
 door against its direction; nobody is lost, or stands still at the end of a run without progress although a way is open;
-everything that is written names the same changes; and a run that was resumed, or
-that has all parts (``full``) or two threads (``threads``), gives the same bits.
+everything that is written names the same changes; and a run that was resumed, or that
+has all parts (``full``), gives the same bits.
 """
 
 import json

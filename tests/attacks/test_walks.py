@@ -1,7 +1,7 @@
 """Random walking: extreme people, parameters, contact models and strategies; a run is killed and resumed.
 
 Everybody stays on the floor at a possible speed, and a run that was resumed, or
-that has all parts (``full``) or two threads (``threads``), gives the same bits.
+that has all parts (``full``), gives the same bits.
 """
 
 import random

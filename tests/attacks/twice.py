@@ -1,4 +1,4 @@
-"""Runs that are made twice, the second time killed and resumed, with all parts or with threads: with the same bits."""
+"""Runs that are made twice, the second time killed and resumed or has all parts: with the same bits."""
 
 import random
 from pathlib import Path
@@ -8,14 +8,13 @@ from unittest.mock import patch
 
 import evac
 from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, TRAJECTORY_NAME
-from evac.physics.threads import threads
-from evac.simulation import assembly, checkpoints
+from evac.simulation import checkpoints
 
 if TYPE_CHECKING:
     from evac.case.case import Case
 
-#: How the second run differs: it is killed and resumed, or has all parts or threads.
-KINDS = ("resumed", "full", "threads")
+#: How the second run differs: it is killed and resumed, or has all parts.
+KINDS = ("resumed", "full")
 
 
 class Killed(BaseException):
@@ -27,9 +26,6 @@ def made_again(kind: str, case: "Case", one: evac.Results, folder: Path, generat
     names = [PEOPLE_NAME, TRAJECTORY_NAME, *({CROSSINGS_NAME} & {path.name for path in one.folder.iterdir()})]
     if kind == "full":
         two = evac.run(case, folder / "two", progress=False, full=True)
-    elif kind == "threads":
-        with patch(f"{threads.__name__}.PEOPLE_PER_THREAD", 1), patch(f"{assembly.__name__}.PEOPLE_PER_THREAD", 1):
-            two = evac.run(case, folder / "two", progress=False, threads=2)
     else:
         two = killed_and_resumed(case, one, folder / "two", generator)
     for name in names:

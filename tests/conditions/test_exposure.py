@@ -154,13 +154,13 @@ def test_people_who_are_stopped_before_a_door_are_not_pushed_away_but_passed(tmp
 
 
 @pytest.mark.parametrize("walking", [False, True])
-def test_runs_with_slices_and_stopped_people_have_the_same_bits_resumed_full_and_with_threads(tmp_path, walking):
+def test_runs_with_slices_and_stopped_people_have_the_same_bits_resumed_and_full(tmp_path, walking):
     case = before_a_door(tmp_path, "nsm2", walking, "quickest").change({"smoke.period": 1.0, "people.p.speed": 2.0})
     case = case.change({"dose.susceptibility": "log-normal"})
     whole, first = run_ticks(Simulation(case), 90), run_ticks(Simulation(case), 41)
     assert first.exposure.stopped.any()
     assert first.scene.smoky is not None
-    resumed = Simulation(case, threads=2)
+    resumed = Simulation(case)
     resumed.restore(first.state())
     for other in (run_ticks(resumed, 49), run_ticks(Simulation(case, full=True), 90)):
         assert_same_bits(whole, other)

@@ -116,11 +116,10 @@ def test_a_door_that_closes_in_smoke_leaves_the_ways_of_smoke():
     assert (results.ended, exits_of(results)) == ("everybody out", {"near"})
 
 
-def test_lean_full_and_threads_give_the_same_bits():
+def test_lean_and_full_give_the_same_bits():
     case = two_ways(smoke("west", 0.0, 3.0, times=[0, 4]), **{"smoke.period": 1.0})
     one = run_ticks(Simulation(case), 60)
     assert_same_bits(one, run_ticks(Simulation(case, full=True), 60))
-    assert_same_bits(one, run_ticks(Simulation(case, threads=2), 60))
 
 
 def test_smoke_that_ends_at_a_stair_leaves_the_ways_round_its_posts_and_those_to_refuges():

@@ -149,6 +149,6 @@ def test_worker_processes_give_the_same_bits(monkeypatch):
     alone = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5)
     monkeypatch.setattr("evac.directions.march.workers.NODES_PER_WORKER", 1)
     monkeypatch.setattr("evac.directions.march.workers.cores", lambda: 2)
-    shared = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5, threads=2)
+    shared = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5, workers=2)
     for name in ("direction", "travel_time", "field_of"):
         np.testing.assert_array_equal(getattr(shared.packed, name), getattr(alone.packed, name))

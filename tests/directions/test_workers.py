@@ -48,13 +48,13 @@ def _assert_ended(started):
     assert all(process.exitcode is not None for process in started)
 
 
-@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("number", [2, 3])
 @pytest.mark.parametrize("clearance", [0.0, 0.25])
-def test_fields_are_the_same_to_the_bit_for_any_number_of_workers(building, many, threads, clearance):
-    expected = build_fields(building, ROUTES, clearance=clearance, threads=1)
+def test_fields_are_the_same_to_the_bit_for_any_number_of_workers(building, many, number, clearance):
+    expected = build_fields(building, ROUTES, clearance=clearance, workers=1)
     assert many == []
-    fields = build_fields(building, ROUTES, clearance=clearance, threads=threads)
-    assert 1 <= len(many) <= threads
+    fields = build_fields(building, ROUTES, clearance=clearance, workers=number)
+    assert 1 <= len(many) <= number
     _assert_same(fields, expected)
     _assert_ended(many)
 
@@ -62,7 +62,7 @@ def test_fields_are_the_same_to_the_bit_for_any_number_of_workers(building, many
 def test_fields_are_the_same_where_gaps_are_avoided_and_links_are_closed(building, many):
     building = replace(building, closed=frozenset({building.link_of(building.exits[0])}))
     routes = (Route(), Route(("B",), "shortest"))
-    alone, shared = (build_fields(building, routes, narrowest=2.0, threads=threads) for threads in (1, None))
+    alone, shared = (build_fields(building, routes, narrowest=2.0, workers=number) for number in (1, None))
     assert 1 <= len(many) <= 8
     _assert_same(shared, alone)
 
@@ -70,7 +70,7 @@ def test_fields_are_the_same_where_gaps_are_avoided_and_links_are_closed(buildin
 def test_marches_of_workers_that_die_are_made_here(building, many, monkeypatch):
     expected = build_fields(building, ROUTES)
     monkeypatch.setattr(workers, "_march", os._exit)
-    _assert_same(build_fields(building, ROUTES, threads=3), expected)
+    _assert_same(build_fields(building, ROUTES, workers=3), expected)
     assert many
     _assert_ended(many)
 
@@ -79,7 +79,7 @@ def test_a_march_that_fails_in_a_worker_is_made_here(building, many, monkeypatch
     """As for lack of memory: a worker that has no grids raises an error."""
     expected = build_fields(building, ROUTES)
     monkeypatch.setattr(workers, "_take", print)
-    _assert_same(build_fields(building, ROUTES, threads=2), expected)
+    _assert_same(build_fields(building, ROUTES, workers=2), expected)
     assert 1 <= len(many) <= 2
     _assert_ended(many)
 
@@ -90,7 +90,7 @@ def test_without_processes_everything_is_marched_here(building, many, monkeypatc
 
     expected = build_fields(building, ROUTES)
     monkeypatch.setattr(multiprocessing.process.BaseProcess, "start", refuse)
-    _assert_same(build_fields(building, ROUTES, threads=3), expected)
+    _assert_same(build_fields(building, ROUTES, workers=3), expected)
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
@@ -100,7 +100,7 @@ def test_an_interruption_ends_the_workers(building, many, monkeypatch, error):
 
     monkeypatch.setattr(build, "_directions", stop)
     with pytest.raises(error):
-        build_fields(building, ROUTES, threads=2)
+        build_fields(building, ROUTES, workers=2)
     assert 1 <= len(many) <= 2
     _assert_ended(many)
 
@@ -117,8 +117,8 @@ def test_marches_that_nobody_waits_for_are_given_up(building, many):
 def test_small_buildings_have_no_workers(building, monkeypatch):
     monkeypatch.setattr(workers, "cores", lambda: 8)
     monkeypatch.setattr("evac.base.processes.Pool", None)
-    build_fields(building, ROUTES, threads=None)
-    build_fields(building, ROUTES, threads=8)
+    build_fields(building, ROUTES, workers=None)
+    build_fields(building, ROUTES, workers=8)
 
 
 def test_the_number_of_workers(building, monkeypatch):

@@ -244,7 +244,7 @@ def test_memory_grows_with_the_people_alone():
 def test_page_is_written(tmp_path):
     scaling.run(Evidence("scaling", tmp_path, quick=True))
     names = {path.name for path in tmp_path.iterdir()}
-    tables = {f"{name}.csv" for name in ("claims", "scaling", "large", "headway", "laws", "threads")}
+    tables = {f"{name}.csv" for name in ("claims", "scaling", "large", "headway", "laws")}
     assert names - {"peers.csv"} == {"README.md", "run.json", "scaling.png", *tables}
     with (tmp_path / "scaling.csv").open() as file:
         rows = list(csv.DictReader(file))

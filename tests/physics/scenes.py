@@ -77,12 +77,10 @@ def uniform_fields(levels=1, *directions, extent=20.0):
     )
 
 
-def make_engine(crowd, building=None, fields=None, forces=(), full=False, threads=1):
+def make_engine(crowd, building=None, fields=None, forces=(), full=False):
     building = building or make_building()
     fields = fields or uniform_fields(len(building.levels))
-    return CompiledEngine(
-        make_world(building, fields), len(crowd.level), list(forces), full, solvers=SOLVERS, threads=threads
-    )
+    return CompiledEngine(make_world(building, fields), len(crowd.level), list(forces), full, solvers=SOLVERS)
 
 
 def walk(model, crowd, steps, h=0.01, engine=None, explicit=True, report=False, tick=10, **scene):

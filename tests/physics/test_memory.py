@@ -1,4 +1,4 @@
-"""What contacts remember: over sub-steps, ticks, changes of order, cuts, portals, threads and checkpoints."""
+"""What contacts remember: over sub-steps, ticks, changes of order, cuts, portals and checkpoints."""
 
 import numpy as np
 import pytest
@@ -282,22 +282,6 @@ def test_what_is_kept_crosses_portals(slant):
         across += sum(cut.level[i] != cut.level[j] for i, j in found[0] if j >= 0)
     np.testing.assert_allclose(cut.position, whole.position, rtol=0, atol=1e-9)
     assert across > 10
-
-
-@pytest.mark.parametrize("number", [2, 3])
-def test_the_number_of_threads_changes_nothing_that_is_kept(number):
-    found = []
-    for threads in (1, number):
-        crowd = random_crowd(200, (0, 0), (10, 7), seed=2)
-        building = make_building(walls=[(10, 0, 10, 3), (10, 4, 10, 7), (0, 0, 10, 0), (0, 7, 10, 7)])
-        engine = make_engine(crowd, building, fields_towards((11.5, 3.5)), threads=threads)
-        walk_to_the_door(Sticking(), crowd, engine, 8)
-        found.append((crowd, remembered(engine)))
-        engine.close()
-    assert len(found[0][1][0]) > 30
-    assert found[1][1][0] == found[0][1][0]
-    np.testing.assert_array_equal(found[1][1][1], found[0][1][1])
-    np.testing.assert_array_equal(found[1][0].velocity, found[0][0].velocity)
 
 
 def half_way():

@@ -6,7 +6,7 @@ import pytest
 from evac.jit import kernel
 from evac.physics.allocation import SKIN, grown, make_room_for_contacts
 from evac.physics.contact.contacts import find_contacts
-from evac.physics.contact.neighbours import list_neighbours, sort_into_cells
+from evac.physics.contact.neighbours import build_lists
 from evac.physics.driver import gather
 from evac.physics.seams import reaches
 from evac.physics.state import Bodies, Lists, State, World, make_crowd
@@ -17,13 +17,12 @@ from tests.physics.scenes import make_building, make_engine, random_crowd
 
 @kernel
 def build(world: World, bodies: Bodies, lists: Lists) -> int:
-    sort_into_cells(bodies, lists)
-    return list_neighbours(world, bodies, lists, 0, bodies.inside)
+    return build_lists(world, bodies, lists)
 
 
 @kernel
 def find(state: State) -> int:
-    return find_contacts(state, 0, state.bodies.inside)
+    return find_contacts(state)
 
 
 def scene(seed, number=80):
@@ -71,11 +70,10 @@ def test_lists_are_those_of_brute_force(seed, reach):
         assert lists.wall_item[lists.wall_start[i] : lists.wall_start[i + 1]].tolist() == expected
 
 
-@kernel
-def list_room(world: World, bodies: Bodies, lists: Lists) -> int:
-    sort_into_cells(bodies, lists)
-    list_neighbours(world, bodies, lists, 0, bodies.inside)
-    return lists.room
+def fits(state, room):
+    """Return whether the lists can be built with room for so many pairs, candidates of the last person included."""
+    state.lists.pair_body = np.zeros(room, np.int32)
+    return build(state.world, state.bodies, state.lists) == OK
 
 
 def stacked(storeys, far=None):
@@ -98,11 +96,11 @@ def stacked(storeys, far=None):
 def test_storeys_and_people_far_away_add_no_candidates(far):
     """Those in the cells around a person, of whom the list takes the near ones; few people stand near a portal."""
     one, many = stacked(1), stacked(20, far)
-    alone = list_room(one.world, one.bodies, one.lists)
-    room = list_room(many.world, many.bodies, many.lists)
-    pairs = many.lists.pair_start[many.bodies.inside]
+    alone = next(room for room in range(10_000) if fits(one, room))
+    build_with_room(many)
+    pairs = int(many.lists.pair_start[many.bodies.inside])
     assert pairs > 20 * one.lists.pair_start[50] * 0.95
-    assert room < pairs + alone
+    assert fits(many, pairs + alone - 1)
 
 
 @pytest.mark.parametrize("seed", range(4))

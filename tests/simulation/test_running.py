@@ -6,13 +6,11 @@ import signal
 import subprocess
 import sys
 import textwrap
-import threading
 import time
 from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
 
-import numpy as np
 import pytest
 
 import evac
@@ -349,38 +347,6 @@ def test_a_plugin_that_fails_when_the_run_has_ended_leaves_the_result_in_its_pla
     assert any(str(tmp_path / "r") in note for note in caught.value.__notes__)
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
     assert not (tmp_path / "r.running").exists()
-
-
-def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.physics.threads.threads.PEOPLE_PER_THREAD", 45)
-    monkeypatch.setattr("evac.simulation.assembly.PEOPLE_PER_THREAD", 30)
-    changes = {"people.people.number": 90, "simulation.duration": 1.0, "contact.model": "dem"}
-    case = evac.load("square_room", changes)
-    before = threading.active_count()
-    wanted = run(case, threads=1)
-
-    def stop(state):
-        if state.time > 0.5:
-            raise Stopped
-
-    run(case, tmp_path / "r", threads=2, progress=stop)
-    found = evac.resume(tmp_path / "r", threads=1)
-    assert threading.active_count() == before
-    for name in wanted.crowd.kinds:
-        np.testing.assert_array_equal(getattr(found.crowd, name), getattr(wanted.crowd, name), err_msg=name)
-    assert found.report == wanted.report
-
-
-def test_threads_that_a_small_run_does_not_use_are_told_in_the_summary(tmp_path):
-    results = run("square_room", tmp_path / "r", threads=2)
-    assert [line for line in results.warnings if "threads: 2 given" in line]
-    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
-    assert summary["warnings"] == list(results.warnings)
-
-
-def test_no_threads_are_refused():
-    with pytest.raises(ScenarioError, match="threads"):
-        run("square_room", threads=0)
 
 
 SLOW_PAGE = """

@@ -117,15 +117,6 @@ def test_a_change_between_two_updates_is_followed_at_once():
     assert (now > before + 1.0).any()
 
 
-def test_threads_change_no_bit(monkeypatch):
-    monkeypatch.setattr("evac.physics.threads.threads.PEOPLE_PER_THREAD", 30)
-    monkeypatch.setattr("evac.simulation.assembly.PEOPLE_PER_THREAD", 30)
-    one, two = (run_ticks(Simulation(case_of(), threads=threads), 80) for threads in (1, 2))
-    assert_same_bits(one, two)
-    for simulation in (one, two):
-        simulation.engine.close()
-
-
 def test_groups_with_another_strategy_keep_their_directions():
     simulation = run_ticks(Simulation(case_of(**{"people.b.strategy": "fastest"})), 60)
     fields, before = simulation.fields, simulation.scene.ground.fields

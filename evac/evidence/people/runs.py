@@ -106,7 +106,6 @@ def follow(simulation: Simulation, line: Line | None) -> tuple[Track, int]:
         places.append(crowd.position.copy())
         inside.append(crowd.level >= 0)
         is_through = ~inside[-1] if line is None else line.beyond(places[-1]) >= 0.0
-    simulation.engine.close()
     exit_time = np.where(np.isfinite(crowd.exit_time), crowd.exit_time, np.nan)
     return Track(np.array(times), np.array(places), np.array(inside), exit_time), int((~is_through).sum())
 

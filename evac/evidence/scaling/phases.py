@@ -1,9 +1,11 @@
 """Kernels that repeat one phase of a step on a crowd as it stands, to time the phases apart."""
 
 from evac.jit import kernel
+from evac.physics.contact.contacts import find_contacts
+from evac.physics.contact.neighbours import build_lists
+from evac.physics.drive import drive, set_desired
 from evac.physics.driver import conclude, cut, open_step
-from evac.physics.phases import build_lists
-from evac.physics.state import DRIVE, FIND, LOOK, State, call_phase
+from evac.physics.state import State
 from evac.physics.status import OK
 
 
@@ -12,7 +14,7 @@ def repeat_lists(state: State, repeats: int) -> int:
     """Build the neighbour lists so many times; return the last status."""
     status = OK
     for _ in range(repeats):
-        status = build_lists(state)
+        status = build_lists(state.world, state.bodies, state.lists)
     return status
 
 
@@ -21,7 +23,7 @@ def repeat_search(state: State, repeats: int) -> int:
     """Find the contacts within the reaches of the last step so many times; return the last status."""
     status = OK
     for _ in range(repeats):
-        status = int(call_phase(state.parts.phase, state, FIND))
+        status = find_contacts(state)
     return status
 
 
@@ -29,8 +31,8 @@ def repeat_search(state: State, repeats: int) -> int:
 def repeat_drive(state: State, repeats: int) -> int:
     """Set the desired directions and free velocities so many times; return a status, OK."""
     for _ in range(repeats):
-        call_phase(state.parts.phase, state, LOOK)
-        call_phase(state.parts.phase, state, DRIVE)
+        set_desired(state.world, state.bodies)
+        drive(state)
     return OK
 
 

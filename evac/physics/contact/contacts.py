@@ -11,7 +11,6 @@ from evac.physics.contact.memory import holds, slot_of
 from evac.physics.contact.neighbours import segment_distance, unit_normal
 from evac.physics.extent import extent, greatest_extent
 from evac.physics.seams import is_absent, touches
-from evac.physics.state import TAKE, call_phase
 from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
 
 #: A wall end may lie this far beyond a nearer wall's tangent line and still be implied by it [m].
@@ -19,13 +18,13 @@ IMPLIED = 1e-9
 
 
 @inner
-def set_reach(bodies, first, last, h, share):
-    """Set the search distance of some bodies for contacts, at least ``bodies.reach_floor``.
+def set_reach(bodies, h, share):
+    """Set the search distance of the bodies for contacts, at least ``bodies.reach_floor``.
 
     It is `share` of the free path in the step or of the last path, whichever is longer, since pushes usually persist.
     """
     floor = bodies.reach_floor
-    for i in range(first, last):
+    for i in range(bodies.inside):
         if share == 0.0:
             bodies.reach[i] = floor
         elif bodies.level[i] >= 0:
@@ -115,8 +114,8 @@ def _first_kept(near, kept, found):
 
 
 @inner
-def find_contacts(state, first, last):
-    """Find all pairs and walls of some bodies whose gap is below the reach; return a status.
+def find_contacts(state):
+    """Find all pairs and walls whose gap is below the reach; return a status.
 
     The reach of a pair is the sum of both reaches. Contacts are sorted by body, walls (by index) before bodies.
     """
@@ -125,7 +124,7 @@ def find_contacts(state, first, last):
     walls = world.wall.shape[0]
     near = contacts.near
     used, slot = 0, state.warm_start.half * state.warm_start.size
-    for i in range(first, last):
+    for i in range(bodies.inside):
         level = bodies.level[i]
         if level < 0:
             continue
@@ -234,13 +233,8 @@ def tangential_velocity(velocity, contacts, c):
 @inner
 def use_free_velocity(state):
     """Set the velocities after the sub-step to the free velocities, as without contacts."""
-    call_phase(state.parts.phase, state, TAKE)
-
-
-@inner
-def take_velocities(bodies, first, last):
-    """Set the velocities of some bodies after the sub-step to their free velocities."""
-    for i in range(first, last):
+    bodies = state.bodies
+    for i in range(bodies.inside):
         bodies.solved[i, 0] = bodies.free[i, 0]
         bodies.solved[i, 1] = bodies.free[i, 1]
 

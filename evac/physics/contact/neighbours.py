@@ -38,8 +38,8 @@ def unit_normal(nx, ny, square):
 
 
 @inner
-def sort_into_cells(bodies, lists):
-    """Sort the bodies into cells, and begin both lists."""
+def build_lists(world, bodies, lists):
+    """List the pairs and walls of the bodies; return OK, PAIRS_FULL or WALLS_FULL."""
     n = bodies.inside
     greatest = 0.0
     for i in range(n):
@@ -50,28 +50,24 @@ def sort_into_cells(bodies, lists):
     lists.greatest = greatest
     size = 2.0 * greatest + lists.pair_reach + lists.skin
     sort_by_level(lists.cells, n, bodies.position, bodies.level, size)
+    status = _list_pairs(world, bodies, lists)
+    if status == OK:
+        status = _list_walls(world, bodies, lists)
+    if status == OK:
+        lists.stale = 0
+    return status
 
 
 @inner
-def list_neighbours(world, bodies, lists, first, last):
-    """List the pairs and walls of some bodies; return OK, PAIRS_FULL or WALLS_FULL."""
-    lists.pairs, lists.room = _list_pairs(world, bodies, lists, first, last)
-    if lists.pairs < 0:
-        return PAIRS_FULL
-    lists.walls = _list_walls(world, bodies, lists, first, last)
-    return WALLS_FULL if lists.walls < 0 else OK
-
-
-@inner
-def _list_pairs(world, bodies, lists, low_body, high_body):
-    """List the pairs of some bodies; return their number, -1 if too many, and the room that listing them takes.
+def _list_pairs(world, bodies, lists):
+    """List the pairs of bodies; return OK or PAIRS_FULL.
 
     Bodies on different levels can touch through portals only, so other levels matter to those near one.
     """
     pair_body, cells, span = lists.pair_body, lists.cells, lists.pair_reach + lists.skin
     capacity = pair_body.shape[0]
-    used, room = 0, 0
-    for i in range(low_body, high_body):
+    used = 0
+    for i in range(bodies.inside):
         first = used
         own = bodies.level[i]
         x, y, r = bodies.position[i, 0], bodies.position[i, 1], greatest_extent(bodies, i) + span
@@ -93,9 +89,8 @@ def _list_pairs(world, bodies, lists, low_body, high_body):
                     low = cells.first[level] + cx * rows + max(row - 1, 0)
                     high = cells.first[level] + cx * rows + min(row + 2, rows)
                 low, high = cells.start[low], cells.start[high]
-                room = max(room, used + high - low)
-                if room > capacity:
-                    return -1, room
+                if used + high - low > capacity:
+                    return PAIRS_FULL
                 for slot in range(low, high):
                     j = cells.slots[slot]
                     dx = bodies.position[j, 0] - x
@@ -106,7 +101,7 @@ def _list_pairs(world, bodies, lists, low_body, high_body):
                     used += (dx * dx + dy * dy < limit * limit) & (j > i)
         _sort(pair_body, first, used)
         lists.pair_start[i + 1] = used
-    return used, room
+    return OK
 
 
 @inner
@@ -139,15 +134,15 @@ def _sort(numbers, first, last):
 
 
 @inner
-def _list_walls(world, bodies, lists, low_body, high_body):
-    """List the walls of some bodies; return their number, -1 if too many.
+def _list_walls(world, bodies, lists):
+    """List the walls of bodies; return OK or WALLS_FULL.
 
     Note also where they are, and which can reach a portal or exit before the lists are built again.
     """
     wall_item, capacity = lists.wall_item, lists.wall_item.shape[0]
     span, near = lists.wall_reach + lists.skin, 1.5 * lists.skin
     used = 0
-    for i in range(low_body, high_body):
+    for i in range(bodies.inside):
         level = bodies.level[i]
         bodies.near_link[i] = 0
         if level >= 0:
@@ -162,7 +157,7 @@ def _list_walls(world, bodies, lists, low_body, high_body):
                     is_near = _is_near(world.wall, w, x, y, limit)
                     if is_near and segment_distance(x1, y1, x2, y2, x, y)[0] < limit:
                         if used == capacity:
-                            return -1
+                            return WALLS_FULL
                         wall_item[used] = w
                         used += 1
             if levels > 1:
@@ -174,4 +169,4 @@ def _list_walls(world, bodies, lists, low_body, high_body):
         lists.wall_start[i + 1] = used
         bodies.built_position[i, 0] = bodies.position[i, 0]
         bodies.built_position[i, 1] = bodies.position[i, 1]
-    return used
+    return OK

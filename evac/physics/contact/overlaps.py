@@ -99,7 +99,7 @@ def _displace(state):
             bodies.spare[i, k] = bodies.velocity[i, k]
             bodies.solved[i, k] *= share
     fired = events.number
-    status = move(state, 0, bodies.inside, state.clock.time, 1.0, 0.0, False)
+    status = move(state, state.clock.time, 1.0, 0.0, False)
     for k in range(fired, events.number):
         events.time[k] = state.clock.time
     for i in range(bodies.inside):

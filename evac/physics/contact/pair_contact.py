@@ -165,7 +165,7 @@ def _is_coarse(h, rise, omega):
 @inner
 def _look_ahead(bodies, h):
     """Extend the reach of bodies to their free paths, to find the contacts that may begin within the step."""
-    set_reach(bodies, 0, bodies.inside, h, 1.0)
+    set_reach(bodies, h, 1.0)
     bodies.farthest_reach = h * bodies.fastest
     return SEARCH_AGAIN
 

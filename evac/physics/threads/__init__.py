@@ -1,1 +1,0 @@
-"""Threads that share the phases of a step, with identical results for any number of them."""
