@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter
-from evac.base.saved import taken
+from evac.base.saved import Bounds
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.sights import notice_signs, watch_walkers
@@ -55,6 +55,7 @@ class Familiarity(Behaviour):
     """
 
     name = "familiarity"
+    saved = ("_known", "_seen", "_next", "_version")
     reads = ("position", "level", "contact_radius", "route", "start_time")
     writes = ("route",)
     group_keys = ("knows",)
@@ -216,14 +217,6 @@ class Familiarity(Behaviour):
         """Return False if no exit is named."""
         return bool(self._names)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return which exits people know and have seen, the time of the next choice, and the scene version."""
-        instant = {"next": np.array([self._next]), "version": np.array([self._version])}
-        return {"known": self._known, "seen": self._seen} | instant
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
-        self._known = taken(state, "known", np.uint8, self._known.shape, 0, 1)
-        self._seen = taken(state, "seen", np.uint8, self._seen.shape, 0, 1)
-        self._next = float(taken(state, "next", np.float64, (1,), 0.0)[0])
-        self._version = int(taken(state, "version", np.int64, (1,))[0])
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of marks and times."""
+        return {"_known": Bounds(0, 1), "_seen": Bounds(0, 1), "_next": Bounds(0.0)}

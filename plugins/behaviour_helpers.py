@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import FINITE, take
+from evac.base.saved import Bounds
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -93,6 +93,7 @@ class Helpers(Behaviour):
     """
 
     name = "helpers"
+    saved = ("_state", "_task", "_until", "_by")
     reads = ("position", "level", "radius", "contact_radius", "route", "speed", "start_time", "speed_factor")
     writes = ("route", "speed_factor", "extra_direction")
     group_keys = ("device", "fetches")
@@ -365,14 +366,14 @@ class Helpers(Behaviour):
         """Return False if nobody is to be fetched."""
         return any(len(group.rows) and group.settings.get("device", self.device) for group in scene.groups)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return what is done for each person, whom each helper fetches or has fetched, and ends of preparations."""
-        return {"state": self._state, "task": self._task, "until": self._until, "by": self._by}
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
-        bounds = {"state": (WAITS, IS_THERE), "task": (-1, len(self._people) - 1), "by": (0, 1)}
-        take(state, self.state(), bounds | {"until": (0.0, FINITE, True)})
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of states, tasks and times."""
+        return {
+            "_state": Bounds(WAITS, IS_THERE),
+            "_task": Bounds(-1, len(self._people) - 1),
+            "_until": Bounds(0.0, nan=True),
+            "_by": Bounds(0, 1),
+        }
 
 
 def _device(name: str, value: Any) -> Device:

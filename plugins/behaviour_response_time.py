@@ -11,7 +11,7 @@ from evac.base.arrays import IntArray
 from evac.base.distributions import Distribution, parse
 from evac.base.errors import PluginError, ScenarioError, naming
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import taken
+from evac.base.saved import Bounds
 from evac.building.model.cells import LevelField
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
@@ -41,6 +41,7 @@ class ResponseTime(Behaviour):
     """
 
     name = "response_time"
+    saved = ("_response", "_heard")
     reads = ("position", "level", "group")
     writes = ("start_time",)
     group_keys = ("time", "begin")
@@ -121,14 +122,9 @@ class ResponseTime(Behaviour):
         found: str = group.settings.get("begin", self.begin)
         return found
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return the response times, and the number of changes of the scene that were looked at."""
-        return {"response": self._response, "heard": np.array([self._heard])}
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
-        self._response[:] = taken(state, "response", np.float64, self._response.shape, 0.0, np.inf)
-        self._heard = int(taken(state, "heard", np.int64, (1,), 0, np.iinfo(np.int64).max)[0])
+    def bounds(self) -> dict[str, Bounds]:
+        """Return that times and numbers are 0 or more."""
+        return {"_response": Bounds(0.0, np.inf), "_heard": Bounds(0)}
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if everybody starts immediately."""

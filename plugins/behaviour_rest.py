@@ -1,13 +1,10 @@
 """Rest: people who rest on landings after a length of stairs."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
-from evac.base.saved import take
+from evac.base.saved import Bounds
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
@@ -24,6 +21,7 @@ class Rest(Behaviour):
     """
 
     name = "rest"
+    saved = ("_walked", "_climbed", "_onwards", "_until")
     reads = ("level", "distance")
     writes = ("speed_factor",)
     group_keys = ("after", "pause")
@@ -59,11 +57,6 @@ class Rest(Behaviour):
         """Return False if no group rests."""
         return any("after" in group.settings for group in scene.groups)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return the ways of the people since their last rest, and when their rest ends."""
-        return {"walked": self._walked, "climbed": self._climbed, "onwards": self._onwards, "until": self._until}
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
-        lengths = dict.fromkeys(("walked", "climbed", "onwards"), (0.0,))
-        take(state, self.state(), lengths | {"until": (-np.inf, np.inf)})
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of lengths and times."""
+        return {**dict.fromkeys(("_walked", "_climbed", "_onwards"), Bounds(0.0)), "_until": Bounds(-np.inf, np.inf)}

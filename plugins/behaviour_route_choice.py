@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import PluginError, ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import taken
+from evac.base.saved import Bounds
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -64,6 +63,7 @@ class RouteChoice(Behaviour):
     """
 
     name = "route_choice"
+    saved = ("_changed", "_next", "_version")
     reads = ("position", "level", "contact_radius", "speed", "route")
     writes = ("route",)
     group_keys = ("exits", "strategies", "change_at")
@@ -123,18 +123,9 @@ class RouteChoice(Behaviour):
         """Return False if routes are only chosen at the start."""
         return self.every > 0.0 or any(math.isfinite(choosers.change_at) for choosers in self._groups)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return who has changed strategy, the time of the next choice, and the scene version of the last one."""
-        return {"changed": self._changed, "next": self._next, "version": np.array([self._version])}
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
-        changed = taken(state, "changed", np.uint8, self._changed.shape, 0, 1)
-        following = taken(state, "next", np.float64, (1,), 0.0, math.inf)
-        self._version = int(taken(state, "version", np.int64, (1,))[0])
-        self._changed = changed
-        if self.every > 0.0:
-            self._next = following
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of marks and times."""
+        return {"_changed": Bounds(0, 1), "_next": Bounds(0.0, math.inf)}
 
     def _choosers_of(self, group: Any, route: IntArray) -> list[_Choosers]:
         """Return the people of a group, by the exits that their route in the case permits."""

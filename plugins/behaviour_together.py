@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, counted
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import take
+from evac.base.saved import Bounds
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.places import have_stopped
@@ -39,6 +39,7 @@ class Together(Behaviour):
     """
 
     name = "together"
+    saved = ("_stage", "_since", "_least", "_counted", "_arrived")
     reads = ("position", "level", "contact_radius", "route", "start_time")
     writes = ("route", "speed_factor")
     group_keys = ("size", "unit", "gather")
@@ -167,20 +168,15 @@ class Together(Behaviour):
         """Return False if no group has one of the keys."""
         return bool(_taking_part(scene))
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return the stages of the units, who has arrived, and what the last members have reached."""
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of stages and times."""
         return {
-            "stage": self._stage,
-            "since": self._since,
-            "least": self._least,
-            "counted": self._counted,
-            "arrived": self._arrived,
+            "_stage": Bounds(GATHERS, LEAVES),
+            "_since": Bounds(0.0),
+            "_least": Bounds(0.0, np.inf),
+            "_counted": Bounds(0.0, np.inf),
+            "_arrived": Bounds(0, 1),
         }
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
-        times = {"since": (0.0,), "least": (0.0, np.inf), "counted": (0.0, np.inf)}
-        take(state, self.state(), {"stage": (GATHERS, LEAVES), "arrived": (0, 1), **times})
 
 
 def _taking_part(scene: BehaviourScene) -> list[Any]:

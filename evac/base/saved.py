@@ -1,9 +1,9 @@
-"""Arrays of a checkpoint: those of plugins, and checks with which each owner takes its own by kind, shape and range."""
+"""The state of a run, of which every part declares what it saves: arrays of a checkpoint, checked as they are read."""
 
 import reprlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -13,9 +13,91 @@ from evac.base.errors import PluginError, ResultError, plugin_code
 #: Default bounds: numbers must be finite.
 FINITE = float(np.finfo(np.float64).max)
 
+State = Mapping[str, NDArray[Any]]
+
 
 class SavedError(ResultError):
     """An array of a checkpoint is missing, or is not what its owner saves."""
+
+
+class Bounds(NamedTuple):
+    """What a saved attribute may be; other shapes than the present one are given, with None for any length."""
+
+    least: Any = -FINITE
+    most: Any = FINITE
+    nan: bool = False
+    shape: tuple[int | None, ...] | None = None
+
+
+class Saved:
+    """A part of a run, which declares the attributes that a checkpoint saves.
+
+    Attributes
+    ----------
+    saved : tuple of str
+        Names of attributes in the order in which they are restored: numbers, arrays, other parts, and mappings of
+        these. Arrays are written in place, unless `bounds` gives their shape. Attributes that are None are left out.
+    """
+
+    saved: tuple[str, ...] = ()
+
+    def bounds(self) -> Mapping[str, Bounds]:
+        """Return, by name, what saved attributes and items of mappings may be; without them numbers must be finite."""
+        return {}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of what is saved."""
+        state: dict[str, NDArray[Any]] = {}
+        for name in self.saved:
+            state |= _arrays_of(name.lstrip("_"), getattr(self, name))
+        return state
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned; `SavedError` if it is something else."""
+        for name in self.saved:
+            value = getattr(self, name)
+            new = _restored(state, name.lstrip("_"), value, self, name)
+            if new is not value:
+                setattr(self, name, new)
+
+
+def _items(value: Any) -> Mapping[Any, Any] | None:
+    """Return the items of a mapping or a struct."""
+    if isinstance(value, Mapping):
+        return value
+    return value.values() if hasattr(value, "values") else None
+
+
+def _arrays_of(key: str, value: Any) -> dict[str, NDArray[Any]]:
+    """Return copies of the arrays of an attribute by name."""
+    if value is None:
+        return {}
+    if isinstance(value, Saved):
+        return {f"{key}.{name}": array for name, array in value.state().items()}
+    items = _items(value)
+    if items is None:
+        return {key: np.array(value)}
+    return {name: array for item, part in items.items() for name, array in _arrays_of(f"{key}.{item}", part).items()}
+
+
+def _restored(state: State, key: str, value: Any, owner: Saved, name: str) -> Any:
+    """Restore an attribute in place and return it, or return what takes its place."""
+    if isinstance(value, Saved):
+        with part_of(state, f"{key}.") as own:
+            value.restore(own)
+    elif (items := _items(value)) is not None:
+        for item, part in items.items():
+            _restored(state, f"{key}.{item}", part, owner, item if item in owner.bounds() else name)
+    elif value is not None:
+        array, allowed = np.asarray(value), owner.bounds().get(name, Bounds())
+        shape = array.shape if allowed.shape is None else allowed.shape
+        found = taken(state, key, array.dtype, shape, allowed.least, allowed.most, allowed.nan)
+        if not isinstance(value, np.ndarray):
+            return type(value)(found[()])
+        if allowed.shape is not None:
+            return found
+        value[...] = found
+    return value
 
 
 def taken(
@@ -55,26 +137,19 @@ def taken(
 
 
 def copies_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return copies of the arrays of a part of a run, which `take` or `checked` takes back."""
+    """Return copies of the arrays of a part of a run."""
     return {name: np.array(array) for name, array in arrays.items()}
-
-
-def checked(
-    state: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], bounds: Mapping[str, tuple[Any, ...]]
-) -> dict[str, NDArray[Any]]:
-    """Return saved arrays that have the kinds and shapes of those of a part of a run; errors as `taken`.
-
-    The bounds are, by name, the arguments of `taken` behind the shape; without them numbers must be finite.
-    """
-    return {name: taken(state, name, array.dtype, array.shape, *bounds.get(name, ())) for name, array in arrays.items()}
 
 
 def take(
     state: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], bounds: Mapping[str, tuple[Any, ...]]
 ) -> None:
-    """Write saved arrays into those of a part of a run, after all of them have been `checked`."""
-    for name, values in checked(state, arrays, bounds).items():
-        arrays[name][...] = values
+    """Write saved arrays into those of a part of a run of the same kinds and shapes; errors as `taken`.
+
+    The bounds are, by name, the arguments of `taken` behind the shape; without them numbers must be finite.
+    """
+    for name, array in arrays.items():
+        array[...] = taken(state, name, array.dtype, array.shape, *bounds.get(name, ()))
 
 
 @contextmanager

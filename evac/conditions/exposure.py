@@ -11,7 +11,7 @@ from evac.base.defaults import TENABLE
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import copies_of, part_of, take, taken
+from evac.base.saved import Bounds, Saved
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.conditions.air import Air
 from evac.conditions.dose import (
@@ -79,7 +79,7 @@ def heads_of(case: "Case") -> dict[str, float]:
     return {people.name: HEAD * people.height.mean() for people in case.people}
 
 
-class Exposure:
+class Exposure(Saved):
     """The doses of all people, and the share of their speed that smoke leaves them.
 
     The field of smoke is added to the scene.
@@ -114,6 +114,11 @@ class Exposure:
         A source cannot be read, a quantity is needed that no source provides, or none of those on a level, or a plugin
         fails.
     """
+
+    saved = (
+        *("share", "doses", "extinction", "irritants", "stopped_at"),
+        *("_rates", "_first", "_time", "_shown", "_series", "routes"),
+    )
 
     def __init__(self, case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> None:
         self._case, self._crowd, self._dose, self._law = case, crowd, case.dose, law_of(case)
@@ -315,35 +320,18 @@ class Exposure:
         return {name: dict(zip(keys, own, strict=True)) for name, own in zip(self._levels, times, strict=True)}
 
     @property
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays that the next ticks depend on."""
-        first = {} if self._field is None else {"first": self._field.first}
-        names = ("share", "doses", "extinction", "irritants", "stopped_at")
-        return {name: getattr(self, name) for name in names} | {"rates": self._rates, **first}
+    def _first(self) -> FloatArray | None:
+        """When limits were first exceeded on each level [s]."""
+        return None if self._field is None else self._field.first
 
-    def state(self, scene: "Scene") -> dict[str, NDArray[Any]]:
-        """Return copies of the arrays that are needed to continue with the same bits."""
-        routes = {} if self.routes is None else self.routes.state(scene)
-        return (
-            copies_of(self._arrays)
-            | {f"routes.{name}": values for name, values in routes.items()}
-            | {"time": np.array(self._time), "shown": np.array(self._shown), "series": self._series}
-        )
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of doses, smoke and times."""
+        times = dict.fromkeys(("stopped_at", "_rates", "_first", "_time"), Bounds(0.0, np.inf, nan=True))
+        smoke = dict.fromkeys(("doses", "extinction", "irritants"), Bounds(0.0, np.inf))
+        series = Bounds(0.0, np.inf, shape=(None, len(SERIES)))
+        return times | smoke | {"share": Bounds(0.0, 1.0), "_shown": Bounds(-PERIOD, np.inf), "_series": series}
 
-    def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
-        """Restore the arrays that `state` returned.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
-        bounds = dict.fromkeys(self._arrays, (0.0, np.inf)) | {"share": (0.0, 1.0)}
-        take(state, self._arrays, bounds | dict.fromkeys(("stopped_at", "rates", "first"), (0.0, np.inf, True)))
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned."""
+        super().restore(state)
         np.isfinite(self.stopped_at, out=self.stopped)
-        self._shown = float(taken(state, "shown", np.float64, (), -PERIOD, np.inf))
-        self._series = taken(state, "series", np.float64, (None, len(SERIES)), 0.0, np.inf)
-        if self.routes is not None:
-            with part_of(state, "routes.") as own:
-                self.routes.restore(own, scene)
-        self._time = float(taken(state, "time", np.float64, (), 0.0, np.inf, nan=True))

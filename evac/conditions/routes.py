@@ -2,16 +2,14 @@
 
 import math
 import time
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 from scipy.spatial import KDTree
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.saved import part_of, taken
+from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Building
 from evac.conditions.air import Air
 from evac.conditions.dose import irritant_concentration
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
 TURN_BACK = 100.0
 
 
-class RoutesInSmoke:
+class RoutesInSmoke(Saved):
     """Has routes solved again when smoke has changed by more than `smoke.noticed` on a level.
 
     Parameters
@@ -44,6 +42,8 @@ class RoutesInSmoke:
     stopped : (n,) bool
         Whom gases or heat have stopped: others walk round them. The owner changes the array.
     """
+
+    saved = ("_counts", "_version")
 
     def __init__(self, case: "Case", air: Air, law: SmokeLaw, crowd: Crowd, stopped: BoolArray) -> None:
         self._settings, self._air, self._law, self._crowd, self._stopped = case.smoke, air, law, crowd, stopped
@@ -129,19 +129,9 @@ class RoutesInSmoke:
         """Return what the summary of a run says about the solves."""
         return {"solves": int(self._counts[0]), "levels_solved": int(self._counts[1]), "cpu_seconds": self._seconds}
 
-    def state(self, scene: "Scene") -> dict[str, NDArray[Any]]:
-        """Return copies of the arrays that are needed to continue with the same bits."""
-        counts = {"counts": self._counts.copy(), "version": np.array(self._version)}
-        smoky = {} if scene.smoky is None else scene.smoky.state()
-        return counts | {f"smoky.{name}": values for name, values in smoky.items()}
-
-    def restore(self, state: Mapping[str, NDArray[Any]], scene: "Scene") -> None:
-        """Restore the arrays that `state` returned."""
-        self._counts[:] = taken(state, "counts", np.int64, (2,), 0, np.iinfo(np.int64).max)
-        self._version = int(taken(state, "version", np.int64, (), -1, np.iinfo(np.int64).max))
-        with part_of(state, "smoky.") as own:
-            if own:
-                scene.in_smoke().restore(own)
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of the counts and the version."""
+        return {"_counts": Bounds(0, np.iinfo(np.int64).max), "_version": Bounds(-1, np.iinfo(np.int64).max)}
 
 
 def _widened(fields: Fields, share: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """The travel times and directions of a route, for a class of bodies, that follow the crowd."""
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Set
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.saved import copies_of, part_of, take, taken
+from evac.base.saved import Saved, copies_of, take, taken
 from evac.building.model.building import Exit
 from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
@@ -28,7 +28,7 @@ NOTICED = 0.1
 SAVED = ("time", "exit", "gate", "walk", "former", "leans")
 
 
-class Column:
+class Column(Saved):
     """The travel times and directions of a route, for a class of bodies.
 
     At first they are those of the empty building.
@@ -208,8 +208,8 @@ class Column:
         }
         return copies_of(own | {name: getattr(self.waves, name) for name in SAVED})
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned; errors as `evac.base.saved.taken`."""
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned."""
         levels, exits = len(self._grids.levels), len(self._grids.building.exits)
         self._leave_out(taken(state, "empty", np.bool_, self._empty.shape))
         bounds = dict.fromkeys(("exit", "former"), (-1, exits - 1)) | dict.fromkeys(("time", "walk"), (-np.inf, np.inf))
@@ -376,20 +376,6 @@ class Column:
             shift[level] = place.start - self._grids.levels[level].offset
         level_of = np.searchsorted([grid.offset for grid in self._grids.levels], nodes, side="right") - 1
         return nodes + shift[level_of]
-
-
-class Columns(dict[int, Column]):
-    """Columns by number."""
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of the arrays that are needed to continue with the same bits."""
-        return {f"{number}.{name}": values for number, one in self.items() for name, values in one.state().items()}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned; errors as `evac.base.saved.taken`."""
-        for number, column in self.items():
-            with part_of(state, f"{number}.") as own:
-                column.restore(own)
 
 
 def _strips_and_starts(

@@ -9,6 +9,7 @@ so that people do not turn to an exit that others will have reached before them.
 import numpy as np
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.saved import Bounds, Saved
 from evac.directions.march.waves import find_queues
 from evac.directions.raster.grids import BuildingGrids
 
@@ -20,7 +21,7 @@ THROUGH_DOORS, ON_STAIRS = 1.85, 1.0
 STEP, BINS = 1.0, 300
 
 
-class Gates:
+class Gates(Saved):
     """Gates of a building: its portals and exits by link index, then its doors.
 
     Attributes
@@ -32,6 +33,8 @@ class Gates:
     queues : (gates, BINS) float64
         Relative speeds that follow.
     """
+
+    saved = ("people",)
 
     def __init__(self, grids: BuildingGrids) -> None:
         building = grids.building
@@ -51,6 +54,10 @@ class Gates:
             for index, (ours, _) in grid.seams.items():
                 self.at[ours] = index
         self.people, self.queues = np.zeros((len(width), BINS)), np.ones((len(width), BINS))
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return that numbers of people are 0 or more."""
+        return {"people": Bounds(0.0, np.inf)}
 
     def count(self, gate: IntArray, walk: FloatArray, gain: float) -> None:
         """Count people (n,) on the way to gates (-1: none), `walk` [s] away, with a weight beside those before."""

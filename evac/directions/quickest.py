@@ -15,15 +15,13 @@ no way leads through while nobody is in them (`pockets.py`).
 
 import math
 import time
-from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
-from evac.base.saved import copies_of, take, taken
-from evac.directions.column import Column, Columns
+from evac.base.saved import Bounds, Saved
+from evac.directions.column import Column
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
 from evac.directions.march.waves import CUT, NOBODY, deposit
@@ -44,7 +42,7 @@ class Settings(Protocol):
     hesitation: float
 
 
-class Quickest:
+class Quickest(Saved):
     """The routes with the strategy "quickest" of a run, and the density that they avoid.
 
     Attributes
@@ -57,6 +55,8 @@ class Quickest:
         Those that follow the crowd.
     """
 
+    saved = ("_density", "_counts", "_seconds", "_is_solved", "_exit_of", "_left", "_gates", "columns")
+
     def __init__(self, fields: Fields, settings: Settings, before: "Quickest | None" = None) -> None:
         self.fields, self.clear = fields.with_own_directions(), fields
         own = self.fields.packed
@@ -66,7 +66,7 @@ class Quickest:
         self._grids, self._weight = grids, _weights_on_floor(grids, settings.width)
         self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
         self._gates = Gates(grids)
-        self.columns = Columns()
+        self.columns: dict[int, Column] = {}
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if fields.routes[number % routes].strategy == QUICKEST:
@@ -130,22 +130,12 @@ class Quickest:
         names = "updates", "levels_solved", "exit_changes", "exit_returns"
         return {**dict(zip(names, self._counts.tolist(), strict=True)), "cpu_seconds": float(self._seconds)}
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of the arrays that are needed to continue with the same bits."""
-        return copies_of(self._arrays | {"exit_of": self._exit_of, "left": self._left}) | self.columns.state()
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned; errors as `evac.base.saved.taken`."""
-        take(state, self._arrays, dict.fromkeys(self._arrays, (0, np.inf)))
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of densities, counts and exits."""
         exits = len(self._grids.building.exits)
-        self._exit_of = taken(state, "exit_of", np.int32, (None,), -1, exits - 1)
-        self._left = taken(state, "left", np.uint8, (len(self._exit_of), exits), 0, 1)
-        self.columns.restore(state)
-
-    @property
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        names = ("density", "counts", "seconds", "is_solved")
-        return {name: getattr(self, f"_{name}") for name in names} | {"people": self._gates.people}
+        own = dict.fromkeys(("_density", "_counts", "_seconds", "_is_solved"), Bounds(0, np.inf))
+        left = Bounds(0, 1, shape=(len(self._exit_of), exits))
+        return own | {"_exit_of": Bounds(-1, exits - 1, shape=(None,)), "_left": left}
 
     def _nodes_at(self, level: IntArray, position: FloatArray) -> IndexArray:
         """Return the nodes nearest to people, of level 0 for those who have left."""

@@ -5,15 +5,13 @@ the crowd have, whose slowness is divided by the share of the speed at each node
 has changed on it, or if its ways lead through a level that is.
 """
 
-from collections.abc import Mapping, Set
-from typing import Any
+from collections.abc import Set
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.saved import taken
-from evac.directions.column import Column, Columns
+from evac.base.saved import Bounds, Saved
+from evac.directions.column import Column
 from evac.directions.fields import Fields
 from evac.directions.gates import Gates
 from evac.directions.quickest import Quickest
@@ -22,7 +20,7 @@ from evac.directions.quickest import Quickest
 LEAST_SHARE = 1e-5
 
 
-class Smoky:
+class Smoky(Saved):
     """The routes of a run in smoke.
 
     Attributes
@@ -33,14 +31,16 @@ class Smoky:
         Share of the speed with which they are solved.
     """
 
+    saved = ("_smoke", "_columns")
+
     def __init__(self, fields: Fields, quickest: Quickest | None = None) -> None:
         clear = fields if quickest is None else quickest.clear
         if quickest is None:
             fields = fields.with_own_directions()
         self.fields, grids = fields, fields.grids[0].grids
         self._grids, self.share = grids, np.ones(grids.size)
-        self._followers = Columns() if quickest is None else quickest.columns
-        self._columns = Columns()
+        self._followers = {} if quickest is None else quickest.columns
+        self._columns: dict[int, Column] = {}
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if number not in self._followers:
@@ -71,14 +71,18 @@ class Smoky:
                 column.write(everywhere)
         return solved
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of the arrays that are needed to continue with the same bits."""
-        return {"share": self.share.copy(), **self._columns.state()}
+    @property
+    def _smoke(self) -> FloatArray:
+        """The share, which all columns take when it is restored."""
+        return self.share
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned; the routes that follow the crowd have been restored."""
-        self.share[:] = taken(state, "share", np.float64, self.share.shape, LEAST_SHARE, 1.0)
+    @_smoke.setter
+    def _smoke(self, share: FloatArray) -> None:
+        self.share[:] = share
         for level in range(len(self._grids.levels)):
             for column in (*self._columns.values(), *self._followers.values()):
                 column.take_smoke(level, self.share)
-        self._columns.restore(state)
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of the share."""
+        return {"_smoke": Bounds(LEAST_SHARE, 1.0, shape=self.share.shape)}

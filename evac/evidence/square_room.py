@@ -110,7 +110,7 @@ def exit_times(model: str, crowd: Crowd, step: float) -> FloatArray:
     except ScenarioError:
         return crowd.exit_time
     engine = make_engine(world, len(crowd.level))
-    population = Population(crowd, (), len(simulation.building.portals))
+    population = Population(crowd, (), simulation.building, 1)
     per_tick = round(TICK / step)
     made, last_out = 0, 0.0
     while population.inside and made * step - last_out <= GAP:

@@ -12,6 +12,7 @@ from evac.base.change import Change
 from evac.base.defaults import LEAST_RADIUS
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
+from evac.base.saved import Saved
 from evac.building.model.cells import LevelField
 from evac.building.model.elevation import elevation
 from evac.physics.state import Crowd
@@ -43,7 +44,7 @@ NOBODY = np.zeros((0, 2))
 Arrays = TypeVar("Arrays", "Crowd", "Outside")
 
 
-class Behaviour(Configurable):
+class Behaviour(Configurable, Saved):
     """Acts on whole arrays at every tick; owns its private state.
 
     Attributes
@@ -51,6 +52,8 @@ class Behaviour(Configurable):
     reads, writes : tuple of str
         Names of `Crowd` arrays. The crowd passed to the behaviour is read-only except for the arrays in ``writes``,
         which may contain start_time, route, speed_factor and extra_direction.
+    saved : tuple of str
+        Names of the attributes that a checkpoint saves: numbers and arrays, in the order in which they are restored.
     """
 
     reads: ClassVar[tuple[str, ...]] = ()
@@ -149,11 +152,15 @@ class Behaviour(Configurable):
         return True
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the private arrays that are needed to continue the run, by names of its own; they are copied."""
-        return {}
+        """Return the private arrays that are needed to continue the run, by names of its own; they are copied.
+
+        By default those that `saved` names.
+        """
+        return super().state()
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned."""
+        super().restore(state)
 
 
 class BehaviourScene:
@@ -283,7 +290,7 @@ class BehaviourScene:
 
         A run ends when nobody has come nearer to the end of a route than ever before for ``no_progress``.
         """
-        self.scene.new_ways += rows.tolist()
+        self.scene.begin_ways(rows)
 
     def apply(self, change: Change) -> None:
         """Change the scene: open or close exits, portals or stairs, now or later; see `Scene.apply`."""

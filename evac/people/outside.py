@@ -1,13 +1,12 @@
 """People who have left: they walk straight on behind their exit, seen by behaviours that keep distances."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.saved import FINITE, copies_of, take, taken
+from evac.base.saved import FINITE, Bounds, Saved
 from evac.building.model.building import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct
 from evac.physics.driver import FASTEST
@@ -56,7 +55,7 @@ def make_outside(n: int) -> Outside:
     )
 
 
-class PeopleOutside:
+class PeopleOutside(Saved):
     """Owner of the arrays of the people who have left.
 
     Attributes
@@ -64,6 +63,8 @@ class PeopleOutside:
     arrays : Outside
         Written here only, except for the speed factors.
     """
+
+    saved = ("arrays",)
 
     def __init__(self, building: Building, crowd: Crowd) -> None:
         self._crowd = crowd
@@ -121,23 +122,17 @@ class PeopleOutside:
             outside.velocity[row] = np.clip(crowd.velocity[row] @ normal, 0.0, FASTEST) * normal
             outside.depth[row] = 0.0
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of the arrays."""
-        return copies_of(self.arrays.values())
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned."""
-        is_out = self._crowd.level < 0
-        last = np.where(is_out, self._levels - 1, -1)
-        is_seen = taken(state, "level", np.int32, is_out.shape, -1, last) >= 0
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of the arrays: only people who have left are outside, near the exits."""
+        last = np.where(self._crowd.level < 0, self._levels - 1, -1)
+        is_seen = self.arrays.level >= 0
         ends = self._segment.reshape(-1, 2)
         low, high = ends.min(axis=0, initial=0.0) - 2.0 * REACH, ends.max(axis=0, initial=0.0) + 2.0 * REACH
-        bounds: dict[str, tuple[Any, Any]] = {
-            "level": (-1, last),
-            "position": (np.where(is_seen[:, None], low, -FINITE), np.where(is_seen[:, None], high, FINITE)),
-            "velocity": (-FASTEST, FASTEST),
-            "direction": (-1.0 - ROUNDING, 1.0 + ROUNDING),
-            "depth": (0.0, np.where(is_seen, REACH, FINITE)),
-            "speed_factor": (0.0, FINITE),
+        return {
+            "level": Bounds(-1, last),
+            "position": Bounds(np.where(is_seen[:, None], low, -FINITE), np.where(is_seen[:, None], high, FINITE)),
+            "velocity": Bounds(-FASTEST, FASTEST),
+            "direction": Bounds(-1.0 - ROUNDING, 1.0 + ROUNDING),
+            "depth": Bounds(0.0, np.where(is_seen, REACH, FINITE)),
+            "speed_factor": Bounds(0.0),
         }
-        take(state, self.arrays.values(), bounds)

@@ -1,6 +1,6 @@
 """Places: refuges, in which people wait whose routes do not lead out of the building, and assembly areas."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import SIGN_RANGE
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import FINITE, copies_of, take
+from evac.base.saved import FINITE, Bounds, Saved
 from evac.building.model.building import Area, Building, Place
 from evac.building.options import Placed
 from evac.building.surface.places import find_level
@@ -155,7 +155,7 @@ def have_stopped(
     return rows[has_stopped]
 
 
-class Places:
+class Places(Saved):
     """The people who go to a refuge or to an assembly area, and those who have arrived.
 
     People whose group has `assembly` go to the nearest of these areas that they can reach and that is not full. Who
@@ -171,6 +171,8 @@ class Places:
     of_groups : (n,) int32
         The route of each person that its group has in the case.
     """
+
+    saved = ("_before", "_meant", "_sent", "_is_brought", "_since", "arrived")
 
     def __init__(self, case: "Case", building: Building, routes: Sequence[Route], crowd: Crowd) -> None:
         self._places = tuple(place for place in building.places if place.kind not in ("sign", "line"))
@@ -339,16 +341,8 @@ class Places:
             for place, there in zip(self._places, rows, strict=True)
         )
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return where people and groups are to go, by which route they went before, and who has arrived."""
-        return copies_of(self._arrays)
-
-    def restore(self, state: Mapping[str, NDArray[Any]], routes: int) -> None:
-        """Restore the arrays that `state` returned, of a run with a number of routes."""
-        places = len(self._places)
-        take(state, self._arrays, {"before": (0, routes - 1), "meant": (-1, places - 1), "since": (0.0, FINITE, True)})
-
-    @property
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        names = ("before", "meant", "sent", "is_brought", "since")
-        return {name: getattr(self, f"_{name}") for name in names} | {"arrived": self.arrived}
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of routes, places and times."""
+        routes, places = len(self._ends_inside), len(self._places)
+        ends = {"_before": Bounds(0, routes - 1), "_meant": Bounds(-1, places - 1)}
+        return ends | {"_since": Bounds(0.0, FINITE, nan=True)}

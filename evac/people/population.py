@@ -13,7 +13,7 @@ from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MAS
 from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, naming
 from evac.base.parameters import did_you_mean
-from evac.base.saved import FINITE, SavedError, checked, copies_of, taken
+from evac.base.saved import Bounds, Saved, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.surface.places import HEIGHT_REACH
@@ -67,7 +67,7 @@ class Group:
     settings: Mapping[str, Any]
 
 
-class Population:
+class Population(Saved):
     """All people of a run, and the log of their crossings.
 
     Parameters
@@ -75,8 +75,9 @@ class Population:
     crowd : Crowd
         Owned by the population; each array has one writer, see docs/architecture.md.
     groups : tuple of Group
-    n_portals : int
-        Number of portals; links from this index on are exits.
+    building : Building
+    routes : int
+        Number of routes.
     staying : (k,) int32
         People who do not leave.
     sources : sequence of Source
@@ -87,7 +88,8 @@ class Population:
         self,
         crowd: Crowd,
         groups: tuple[Group, ...],
-        n_portals: int,
+        building: Building,
+        routes: int,
         staying: IntArray | None = None,
         sources: "Sequence[Source]" = (),
     ) -> None:
@@ -95,7 +97,7 @@ class Population:
         self.groups = groups
         self.sources = tuple(sources)
         self.staying = np.zeros(0, np.int32) if staying is None else staying
-        self._n_portals = n_portals
+        self._building, self._n_portals, self._routes = building, len(building.portals), routes
         self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
 
     @property
@@ -174,65 +176,47 @@ class Population:
         left: IntArray = row[is_exit]
         return left
 
+    saved = ("crowd",)
+
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all arrays and of the log, for a checkpoint."""
+        """Return copies of all arrays and of the log."""
         row, link, time = self.crossings
-        log: dict[str, NDArray[Any]] = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
-        return copies_of(self._arrays) | log
+        return super().state() | {"crossing_row": row, "crossing_link": link, "crossing_time": time}
 
-    def restore(self, state: Mapping[str, NDArray[Any]], building: Building, routes: int) -> None:
-        """Restore a state returned by `state`, writing into the existing arrays.
-
-        Parameters
-        ----------
-        state : mapping of str to array
-        building : Building
-        routes : int
-            Number of routes.
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
-        values = checked(state, self._arrays, self._bounds(building, routes))
-        is_out = values["level"] < 0
-        marks = np.isfinite(values["exit_time"]), values["exit_used"] >= 0
-        is_out &= ~np.isnan(values["arrival_time"])
-        if not all(np.array_equal(is_out, mark) for mark in marks):
-            raise SavedError("level: is not -1 for exactly those who have an exit_time and an exit_used")
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned."""
+        super().restore(state)
+        crowd = self.crowd
+        is_out = (crowd.level < 0) & ~np.isnan(crowd.arrival_time)
+        if not all(np.array_equal(is_out, mark) for mark in (np.isfinite(crowd.exit_time), crowd.exit_used >= 0)):
+            raise SavedError("crowd.level: is not -1 for exactly those who have an exit_time and an exit_used")
         rows = taken(state, "crossing_row", np.int32, (None,), 0, len(is_out) - 1)
         links = taken(state, "crossing_link", np.int32, rows.shape, 0, self._n_portals - 1)
         self._log = [(rows, links, taken(state, "crossing_time", np.float64, rows.shape, 0.0))]
-        for name, array in self._arrays.items():
-            array[...] = values[name]
 
-    @property
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        return self.crowd.values()
-
-    def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, ...]]:
-        """Return the least and greatest value of each array of the crowd that has more bounds than to be finite."""
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of each array of the crowd that has more than to be finite."""
+        building = self._building
         corners = building.vertices[:, :2]
-        own = {name: BOUNDS[name] for name in ("radius", "height", "mass", "tau", "speed")}
+        own = {name: Bounds(*BOUNDS[name]) for name in ("radius", "height", "mass", "tau", "speed")}
         return own | {
-            "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
-            "contact_radius": BOUNDS["radius"],
-            "level": (-1, len(building.levels) - 1),
-            "group": (0, len(self.groups) - 1),
-            "start_time": (-np.inf, np.inf),
-            "route": (0, routes - 1),
-            "speed_factor": (0.0, FINITE),
-            "exit_time": (0.0, FINITE, True),
-            "exit_used": (-1, len(building.exits) - 1),
-            "distance": (0.0, FINITE),
-            "overlap": (0.0, FINITE),
-            "mingled": (0, 1),
-            "contact_force": (0.0, FINITE),
-            "arrival_time": (0.0, FINITE, True),
-            "passing": (-1, building.n_closable - 1),
-            "ahead": (-1.0, 1.0),
-            "firmness": (1.0, FINITE),
+            "contact_radius": own["radius"],
+            "position": Bounds(corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
+            "level": Bounds(-1, len(building.levels) - 1),
+            "group": Bounds(0, len(self.groups) - 1),
+            "start_time": Bounds(-np.inf, np.inf),
+            "route": Bounds(0, self._routes - 1),
+            "speed_factor": Bounds(0.0),
+            "exit_time": Bounds(0.0, nan=True),
+            "exit_used": Bounds(-1, len(building.exits) - 1),
+            "distance": Bounds(0.0),
+            "overlap": Bounds(0.0),
+            "mingled": Bounds(0, 1),
+            "contact_force": Bounds(0.0),
+            "arrival_time": Bounds(0.0, nan=True),
+            "passing": Bounds(-1, building.n_closable - 1),
+            "ahead": Bounds(-1.0, 1.0),
+            "firmness": Bounds(1.0),
         }
 
 
@@ -278,7 +262,7 @@ def build_population(
     stay = [group.rows for people, group in zip(case.people, groups, strict=True) if not people.leave]
     staying = np.concatenate([np.zeros(0, np.int32), *stay])
     crowd.start_time[staying] = np.inf
-    return Population(crowd, groups, len(building.portals), staying, sources)
+    return Population(crowd, groups, building, len(fields.routes), staying, sources)
 
 
 def _route_index(case: "Case", people: "GroupSettings", fields: "Fields") -> int:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, IntArray
+from evac.base.saved import Bounds, Saved
 from evac.directions.fields import Fields
 from evac.physics.state import Crowd
 
@@ -38,7 +39,7 @@ class Stopped(KeyboardInterrupt):
     """Raised by a progress display to end the run at this tick, with its results."""
 
 
-class Ending:
+class Ending(Saved):
     """Decides after each tick whether it was the last one; records when each person last made progress.
 
     Progress means progress towards an exit: the least remaining travel time that a person has reached on its route
@@ -61,6 +62,8 @@ class Ending:
     stopped : (people,) bool, optional
         Those whom gases or heat have stopped: they do not count either. The owner changes the array.
     """
+
+    saved = ("_least", "_gained", "_progress_at")
 
     def __init__(
         self,
@@ -116,10 +119,9 @@ class Ending:
         standing &= (crowd.level >= 0) & ~self._arrived & ~self._stopped
         return np.flatnonzero(standing & (crowd.start_time <= time))
 
-    @property
-    def arrays(self) -> dict[str, NDArray[np.float64]]:
-        """The arrays that the next checks depend on [s], which are saved."""
-        return {"least": self._least, "gained": self._gained, "progress_at": self._progress_at}
+    def bounds(self) -> dict[str, Bounds]:
+        """Return that all saved times are 0 s or more."""
+        return dict.fromkeys(self.saved, Bounds(0.0, np.inf))
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
         """Return whether nobody has made progress or left for `no_progress`."""

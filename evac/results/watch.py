@@ -1,14 +1,12 @@
 """Checks during a run: velocities that do not match displacements, lethal contact forces, and large overlaps."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.saved import FINITE, copies_of, part_of, take
+from evac.base.saved import Bounds, Saved
 from evac.physics.state import Crowd
 
 #: Time over which the speeds of each person are averaged [s].
@@ -48,7 +46,7 @@ class Observation:
     values: tuple[float, float]
 
 
-class Watch:
+class Watch(Saved):
     """Averages speeds and contact forces of each person over intervals, and records values above the limits.
 
     The force through a body is half the sum of its contact forces, since a person who is pressed from one side is
@@ -57,6 +55,8 @@ class Watch:
     Parameters
     ----------
     radius : (n,) [m]
+    levels : int
+        Number of levels.
     tick : float
         Time between two samples of velocities [s].
     every : float
@@ -65,13 +65,13 @@ class Watch:
         Overlap that the contact model guarantees not to exceed [m].
     """
 
-    def __init__(self, radius: FloatArray, tick: float, every: float, promised: float = np.inf) -> None:
+    saved = ("_speeds", "_forces", "_chatter", "_crushing", "_overlaps")
+
+    def __init__(self, radius: FloatArray, levels: int, tick: float, every: float, promised: float = np.inf) -> None:
         self._width, self._tick, self._promised = 2.0 * radius, tick, promised
         self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
         self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
-        self._chatter = _Notes(len(radius))
-        self._crushing = _Notes(len(radius))
-        self._overlaps = _Notes(len(radius))
+        self._chatter, self._crushing, self._overlaps = (_Notes(len(radius), levels) for _ in range(3))
 
     def look_at_velocities(self, time: float, crowd: Crowd, displacement_velocity: FloatArray) -> None:
         """Add the velocities at the end of a tick.
@@ -115,24 +115,11 @@ class Watch:
         """Return people who overlapped others or walls by more than the contact model guarantees, or None."""
         return self._overlaps.observation()
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all arrays on which the observations depend."""
-        copies = {name: copies_of(vars(part)) for name, part in self._parts().items()}
-        return {f"{name}.{key}": array for name, arrays in copies.items() for key, array in arrays.items()}
 
-    def restore(self, state: Mapping[str, NDArray[Any]], levels: int) -> None:
-        """Restore the arrays that `state` returned, in a building with a number of levels."""
-        for name, part in self._parts().items():
-            with part_of(state, f"{name}.") as own:
-                take(own, vars(part), {key: part.bounds(key, levels) for key in vars(part)})
+class _Means(Saved):
+    """Means of two quantities of each person over intervals of `length` samples."""
 
-    def _parts(self) -> "dict[str, _Means | _Notes]":
-        notes = {"chatter": self._chatter, "crushing": self._crushing, "overlaps": self._overlaps}
-        return {"speeds": self._speeds, "forces": self._forces, **notes}
-
-
-class _Means:
-    """Means of two quantities of each person over intervals of `length` samples; its attributes are arrays."""
+    saved = ("sums", "inside", "looks", "times")
 
     def __init__(self, people: int, length: int) -> None:
         self.sums = np.zeros((2, people))
@@ -149,11 +136,11 @@ class _Means:
         self.times[1] = time
         return bool(self.looks[0] == self.looks[1])
 
-    def bounds(self, key: str, levels: int) -> tuple[Any, Any]:
-        """Return the least and greatest value of an array."""
-        if key == "looks":
-            return (0, self.looks[1]), (self.looks[1] - 1, self.looks[1])
-        return 0, 1 if key == "inside" else FINITE
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of the sums and numbers of samples."""
+        length = self.looks[1]
+        looks = Bounds((0, length), (length - 1, length))
+        return {"sums": Bounds(0.0), "inside": Bounds(0, 1), "looks": looks, "times": Bounds(0.0)}
 
     def take(self) -> tuple[float, NDArray[np.bool_], FloatArray]:
         """Return the start of the interval [s], who was always inside, and means (2, n); begin the next interval."""
@@ -165,20 +152,23 @@ class _Means:
         return begin, inside, means
 
 
-class _Notes:
-    """Accumulated observations of all intervals; its attributes are arrays."""
+class _Notes(Saved):
+    """Accumulated observations of all intervals."""
 
-    def __init__(self, people: int) -> None:
+    saved = ("concerned", "between", "greatest", "of_whom", "values")
+
+    def __init__(self, people: int, levels: int) -> None:
+        self._most = people - 1, levels - 1
         self.concerned = np.zeros(people, np.uint8)
         self.between = np.zeros(2)  # since, until [s]
         self.greatest = np.zeros(1)
         self.of_whom = np.zeros(2, np.int64)  # person, level
         self.values = np.zeros(6)  # begin, end [s], x, y [m], the two means
 
-    def bounds(self, key: str, levels: int) -> tuple[Any, Any]:
-        """Return the least and greatest value of an array."""
-        most = {"concerned": 1, "of_whom": (len(self.concerned) - 1, levels - 1)}
-        return -FINITE if key == "values" else 0, most.get(key, FINITE)
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of people, levels, times and measures."""
+        whom = {"concerned": Bounds(0, 1), "of_whom": Bounds(0, self._most)}
+        return whom | {"between": Bounds(0.0), "greatest": Bounds(0.0)}
 
     def note(
         self,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from evac.base.errors import FolderWarning, PluginError, ResultError, in_one_line
 from evac.base.parameters import Configurable
-from evac.base.saved import SavedError, part_of, taken
+from evac.base.saved import Saved, SavedError, part_of, taken
 from evac.case.loading import case_from
 from evac.case.trust import named_files, run_plugin_files
 from evac.folder.checkpoint import Header, read_checkpoint, write_checkpoint
@@ -228,6 +228,8 @@ def without_state(simulation: Simulation) -> list[str]:
         kept = sorted(set(vars(plugin)) - set(plugin.values()))
         if plugin is simulation.contact:
             kept += simulation.engine.own_arrays()
+        if isinstance(plugin, Saved):
+            kept = kept if not plugin.saved else []
         if kept and type(plugin).state is base.state:  # type: ignore[attr-defined]
             lines.append(
                 f"{kind} {plugin.name!r} has the attributes {', '.join(kept)} but no state() that saves them; add "

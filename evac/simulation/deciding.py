@@ -1,6 +1,6 @@
 """The behaviours of a run: which of them act at a tick, and what is checked of what they write."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from evac.base.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.base.errors import fault, is_one_line, naming, plugin_code
-from evac.base.saved import part_of, state_of, taken
+from evac.base.saved import Saved, part_of, state_of, taken
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 
 if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
 
 
-class Deciding:
+class Deciding(Saved):
     """Calls the behaviours of a run; errors name the behaviour.
 
     Attributes
@@ -31,6 +31,8 @@ class Deciding:
     held : (n,) bool
         Whom behaviours let stand, to wait for others for example, but not behind others.
     """
+
+    saved = ("version", "held")
 
     def __init__(self, simulation: "Simulation", behaviours: Sequence[Behaviour]) -> None:
         self._case, self._scene, self._is_full = simulation.case, simulation.scene, simulation.full
@@ -69,7 +71,7 @@ class Deciding:
             self._check(behaviour, scene, 0.0)
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks", behaviour):
                 self.acts[behaviour.name] = behaviour.acts_at_ticks()
-        self._scene.has_begun = True
+        self._scene.begin()
 
     def act(self, time: float) -> None:
         """Reset speed factors and extra directions, then call the behaviours; after a change of the scene, all."""
@@ -122,20 +124,19 @@ class Deciding:
         return tuple(found)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of the private arrays of the behaviours, and the states of their generators."""
-        state: dict[str, NDArray[Any]] = {"held": self.held.copy()}
+        """Return what is saved, with the arrays of the behaviours and the states of their generators."""
+        state = super().state()
         for behaviour, scene in self.used:
             state |= state_of(behaviour, f"behaviour {behaviour.name!r}", f"behaviour.{behaviour.name}.")
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
         return state
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned."""
-        self.held[:] = taken(state, "held", np.bool_, self.held.shape, False, True)
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned."""
+        super().restore(state)
         for behaviour, scene in self.used:
             what = f"behaviour {behaviour.name!r}: restore"
             with plugin_code(what, behaviour), part_of(state, f"behaviour.{behaviour.name}.") as own:
                 behaviour.restore(own)
-            with part_of(state, "generator.") as own:
-                words = taken(own, behaviour.name, np.uint64, MOST_WORDS.shape, 0, MOST_WORDS)
+            words = taken(state, f"generator.{behaviour.name}", np.uint64, MOST_WORDS.shape, 0, MOST_WORDS)
             restore_generator(scene.generator, words)

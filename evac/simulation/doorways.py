@@ -74,7 +74,7 @@ def let_pass(building: Building, crowd: Crowd) -> None:
             crowd.passing[rows[is_before & (distance < extent(crowd, rows, *outward.T) + REACH)]] = link
 
 
-def go_on(building: Building, crowd: Crowd) -> set[int]:
+def clear_doorways(building: Building, crowd: Crowd) -> set[int]:
     """Direct the people whom links let through, and release those who have left the line; return the links in use."""
     used = set()
     for link in np.unique(crowd.passing[crowd.passing >= 0]).tolist():

@@ -49,7 +49,7 @@ def _change_building(scene: "Scene", change: Change) -> Mapping[str, Any] | None
     building = changed(scene.building, change)
     if building is scene.building:
         return None
-    let_through = scene.become(building)
+    let_through = scene.set_building(building)
     return {"let_through": tuple(let_through)} if let_through else {}
 
 

@@ -123,9 +123,8 @@ class Loop:
         if simulation.deciding.version != simulation.scene.version:
             simulation.ending.begin_anew()
         simulation.deciding.act(simulation.time)
-        if simulation.scene.new_ways:
-            simulation.ending.begin_anew(simulation.scene.new_ways)
-            simulation.scene.new_ways = []
+        if rows := simulation.scene.take_new_ways():
+            simulation.ending.begin_anew(rows)
 
     @property
     def _tick(self) -> int:
@@ -155,7 +154,7 @@ class Loop:
         simulation = self._simulation
         self._span = (self._end - simulation.step) * self._settings.step
         simulation.step = self._end
-        simulation.scene.time = simulation.time
+        simulation.scene.end_tick(simulation.time)
         np.subtract(simulation.population.crowd.position, self._before, out=simulation.displacement_velocity)
         simulation.displacement_velocity /= self._span
         self._left = simulation.population.settle(self._events)
@@ -176,7 +175,8 @@ class Loop:
             return
         can_change = bool(simulation.scene.changes_before(self._settings.duration))
         simulation.ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, can_change)
-        simulation.scene.has_ended = bool(simulation.ended)
+        if simulation.ended:
+            simulation.scene.end()
 
     def _show(self) -> None:
         simulation, population = self._simulation, self._simulation.population

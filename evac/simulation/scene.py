@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.base.arrays import IntArray
 from evac.base.change import Change
 from evac.base.errors import BuildingError, ScenarioError
-from evac.base.saved import SavedError, taken
+from evac.base.saved import Bounds, Saved, SavedError
 from evac.building.model.building import Building
 from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import building_at
@@ -24,7 +24,7 @@ from evac.people.places import Places
 from evac.people.population import Population
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
-from evac.simulation.doorways import begin_to_leave, go_on, let_pass, turn_round
+from evac.simulation.doorways import begin_to_leave, clear_doorways, let_pass, turn_round
 from evac.simulation.kinds import KINDS, check
 
 #: How people have been in an area since it was barred: not, since before, or they have entered it.
@@ -48,13 +48,17 @@ def make_ground(building: Building, fields: Fields) -> Ground:
     return Ground(building, fields, make_world(building, fields))
 
 
-class Scene:
+class Scene(Saved):
     """The building in which people walk, and the only owner of what changes in it during a run.
 
     Parameters
     ----------
     ground : Ground
         The initial state. It is not modified, so that several scenes may share it.
+    people : Population, optional
+        Those on the line of a link that closes are let through.
+    places : Places, optional
+        The refuges and assembly areas.
     solve : callable, optional
         ``solve(building) -> Fields``, called when a portal or exit has opened or closed.
     settings : Settings, optional
@@ -77,18 +81,17 @@ class Scene:
         The changes so far, in order, each with the time at which it took effect.
     new_ways : list of int
         The people who have begun another way at this tick, on which progress counts anew.
-    people : Population or None
-        The people, as soon as they exist: those on the line of a link that closes are let through.
-    places : Places or None
-        The refuges and assembly areas, as soon as the people exist.
-    has_begun : bool
-        Whether behaviours are prepared, so that no field can be added.
-    has_ended : bool
-        Whether the last tick is made, so that no change takes effect.
     """
 
+    saved = ("time", "_journal", "quickest", "_is_in_smoke", "smoky", "_owned", "_in_barred")
+
     def __init__(
-        self, ground: Ground, solve: Callable[[Building], Fields] | None = None, settings: Settings | None = None
+        self,
+        ground: Ground,
+        people: Population | None = None,
+        places: Places | None = None,
+        solve: Callable[[Building], Fields] | None = None,
+        settings: Settings | None = None,
     ) -> None:
         self.building = ground.building
         self._settings = settings
@@ -98,15 +101,35 @@ class Scene:
         self.time = 0.0
         self.changes: list[Change] = []
         self.ground = ground
-        self.has_begun = self.has_ended = False
+        self._has_begun = self._has_ended = False
         self._waiting: list[Change] = []
-        self.new_ways: list[int] = []
-        self.people: Population | None = None
-        self.places: Places | None = None
+        self._new_ways: list[int] = []
+        self.people, self.places = people, places
         self._held: set[int] = set()  # closed links that let people through who stand on their lines
         self._owned: dict[str, LevelField] = {}
         self._in_barred: dict[str, NDArray[np.uint8]] = {}  # by area, how each person has been in it
         self._solve = solve
+
+    def begin(self) -> None:
+        """Note that behaviours are prepared, so that no field can be added."""
+        self._has_begun = True
+
+    def end_tick(self, time: float) -> None:
+        """Let the time go on [s], to the beginning of the next tick."""
+        self.time = time
+
+    def end(self) -> None:
+        """Note that the last tick is made, so that no change takes effect."""
+        self._has_ended = True
+
+    def begin_ways(self, rows: IntArray) -> None:
+        """Note people who begin another way at this tick, on which progress counts anew."""
+        self._new_ways += rows.tolist()
+
+    def take_new_ways(self) -> list[int]:
+        """Return the people who have begun another way since this was called before."""
+        new, self._new_ways = self._new_ways, []
+        return new
 
     @property
     def version(self) -> int:
@@ -138,7 +161,7 @@ class Scene:
         if not isinstance(change, Change):
             raise ScenarioError(f"{change!r:.80} is not a change; give evac.Change(time, kind, what)")
         check(self, change)
-        if change.time > self.time + AT_ONCE or self.has_ended:
+        if change.time > self.time + AT_ONCE or self._has_ended:
             self._waiting.append(change)
             return
         made = KINDS[change.kind].act(self, change)
@@ -165,7 +188,7 @@ class Scene:
     def apply_waiting(self) -> None:
         """Apply the changes whose time has come, in the order of their times."""
         if self.people is not None and (self._held or self.building.one_way):
-            self._hold(go_on(self.building, self.people.crowd))
+            self._keep_open(clear_doorways(self.building, self.people.crowd))
         if not self._waiting:
             return
         waiting, self._waiting = sorted(self._waiting, key=lambda change: change.time), []
@@ -179,7 +202,7 @@ class Scene:
     def add_field(self, name: str, unit: str, spacing: float) -> LevelField:
         """Return a new field for its owner, which writes its values; see `BehaviourScene.level_field`."""
         refusals = {
-            "the run has begun": self.has_begun,
+            "the run has begun": self._has_begun,
             "it exists already": name in self._owned,
             f"there are {MOST_FIELDS} fields": len(self._owned) >= MOST_FIELDS,
         }
@@ -198,36 +221,36 @@ class Scene:
             field.values.flags.writeable = False
         return fields
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return the indices of the closed links, changes so far and to come as JSON, and values of fields."""
-        rows = {"changes": self.changes, "waiting": self._waiting}
-        texts = {name: json.dumps([change.as_row() for change in changes]) for name, changes in rows.items()}
-        state: dict[str, NDArray[Any]] = {name: np.frombuffer(text.encode(), np.uint8) for name, text in texts.items()}
-        state |= {f"field.{name}": field.values.copy() for name, field in self._owned.items()}
-        state |= {f"barred.{name}": people.copy() for name, people in self._in_barred.items()}
-        return state | {"closed": np.array(sorted(self.building.closed), dtype=np.int64)}
+    @property
+    def _journal(self) -> NDArray[np.uint8]:
+        """The changes so far and those to come, as JSON."""
+        rows = [[change.as_row() for change in changes] for changes in (self.changes, self._waiting)]
+        return np.frombuffer(json.dumps(rows).encode(), np.uint8)
 
-    def restore(self, state: Mapping[str, NDArray[Any]], time: float) -> None:
-        """Restore the arrays that `state` returned at a time [s].
-
-        Raises
-        ------
-        SavedError
-            An array is not what `state` returns.
-        """
-        closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_closable - 1)
-        self.time = time
-        self.changes, self._waiting = (_changes_in(state, name) for name in ("changes", "waiting"))
-        for name, field in self._owned.items():
-            field.values[:] = taken(state, f"field.{name}", np.float64, field.values.shape)
+    @_journal.setter
+    def _journal(self, text: NDArray[np.uint8]) -> None:
         try:
-            building = building_at(self.ground.building, self.changes, time)
-        except BuildingError as error:
-            raise SavedError(f"changes: {error}") from error
-        self.become(replace(building, closed=frozenset(closed.tolist())))
-        for key in (key for key in state if key.startswith("barred.") and self.people is not None):
-            people = self._in_barred.setdefault(key.removeprefix("barred."), self._nobody())
-            people[:] = taken(state, key, np.uint8, people.shape, OUTSIDE, ENTERED)
+            self.changes, self._waiting = (
+                [Change.from_row(row) for row in rows] for rows in json.loads(text.tobytes())
+            )
+            self._in_barred = {change.what: self._nobody() for change in self.changes if change.kind == "bar"}
+            self.set_building(building_at(self.ground.building, self.changes, np.inf))
+        except (ValueError, TypeError, BuildingError) as error:
+            raise SavedError(f"journal: {error}") from error
+
+    @property
+    def _is_in_smoke(self) -> bool:
+        return self.smoky is not None
+
+    @_is_in_smoke.setter
+    def _is_in_smoke(self, is_in_smoke: bool) -> None:
+        if is_in_smoke:
+            self.in_smoke()
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of times, texts and marks."""
+        journal = Bounds(0, 255, shape=(None,))
+        return {"time": Bounds(0.0), "_journal": journal, "_in_barred": Bounds(OUTSIDE, ENTERED)}
 
     def _own_fields(self, fields: Fields) -> Fields:
         """Return fields for this scene alone: others if some of them follow the crowd."""
@@ -245,13 +268,13 @@ class Scene:
             self.world.fields = self.fields.packed
         return self.smoky
 
-    def hold(self) -> None:
+    def keep_doorway_open(self) -> None:
         """Let those people through who were on the lines of closed links when the state was saved."""
         if self.people is not None:
             crowd, passing = self.people.crowd, self.people.crowd.passing
             is_free = (passing >= 0) & ~np.isin(passing, [*self.building.shut, *self.building.directed])
             passing[is_free], crowd.ahead[is_free] = -1, 0.0
-            self._hold(set(passing[passing >= 0].tolist()))
+            self._keep_open(set(passing[passing >= 0].tolist()))
 
     def act_on_areas(self) -> None:
         """Multiply the speed factors of people in slow areas, after behaviours; note who enters barred ones."""
@@ -274,7 +297,7 @@ class Scene:
         assert self.people is not None
         return np.full(len(self.people.crowd.level), OUTSIDE, np.uint8)
 
-    def _hold(self, links: set[int]) -> None:
+    def _keep_open(self, links: set[int]) -> None:
         """Keep closed links open for those whom they let through, and only these links."""
         for link in self._held - links:
             self._set_open(link)
@@ -291,7 +314,7 @@ class Scene:
             self.world.link_from[link] = directed.get(link, -1)
         set_open(self.world, link, 2 if link in directed else link not in self.building.shut)
 
-    def become(self, building: Building) -> list[int]:
+    def set_building(self, building: Building) -> list[int]:
         """Take over a building that is in another condition; return the people on the lines of links that close."""
         if building.condition == self.building.condition:
             return []
@@ -308,16 +331,8 @@ class Scene:
                 noted[rows[noted[rows] == OUTSIDE]] = FROM_BEFORE
         for link in before.closed ^ building.closed | {link for link, _ in before.one_way ^ building.one_way}:
             self._set_open(link)
-        self.hold()
+        self.keep_doorway_open()
         if self._solve is not None:
             self.fields = self._own_fields(self._solve(building))
             self.world.fields = self.fields.packed
         return on_lines
-
-
-def _changes_in(state: Mapping[str, NDArray[Any]], name: str) -> list[Change]:
-    """Return saved changes."""
-    try:
-        return [Change.from_row(row) for row in json.loads(taken(state, name, np.uint8, (None,), 0, 255).tobytes())]
-    except (ValueError, TypeError) as error:
-        raise SavedError(f"{name}: {error}") from error

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
+from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
 from evac.building.model.narrow import narrow_places
 from evac.case.loading import as_case
+from evac.case.schema import LONGEST_RUN
 from evac.case.trust import run_plugin_files
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
@@ -34,7 +36,6 @@ from evac.simulation.deciding import Deciding
 from evac.simulation.doorways import doorway_warning
 from evac.simulation.loop import Loop
 from evac.simulation.scene import Ground, Scene, make_ground
-from evac.simulation.state import restore_state, saved_state
 from evac.simulation.timetable import Timetable
 from evac.trajectory.recorder import Recorder
 from evac.trajectory.recording import Recording, metrics
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from evac.conditions.exposure import Exposure
 
 
-class Simulation:
+class Simulation(Saved):
     """A case that is ready to run.
 
     Parameters
@@ -105,6 +106,11 @@ class Simulation:
         The checkpoints from which the run was resumed, see docs/summary.md.
     """
 
+    saved = (
+        *("step", "start_position", "start_level", "displacement_velocity", "timetable", "scene", "population"),
+        *("places", "outside", "exposure", "deciding", "watch", "ending"),
+    )
+
     def __init__(
         self,
         case: "Case | str | Path | Mapping[str, Any]",
@@ -155,12 +161,12 @@ class Simulation:
         with naming(case.source), self.phases.enter("directions"):
             solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=self._workers)
             ground = ground or make_ground(building, solve(building))
-            self.scene = Scene(ground, partial(solve, anywhere=True), case.directions.quickest)
         with noting(building.warnings), self.phases.enter("people"):
             self.population, self.places, self.stopping, border = assembly.make_population(
-                case, self.scene.ground, self.contact, behaviours
+                case, ground, self.contact, behaviours
             )
-            self.scene.people, self.scene.places = self.population, self.places
+            everywhere = partial(solve, anywhere=True)
+            self.scene = Scene(ground, self.population, self.places, everywhere, case.directions.quickest)
             with naming(case.source):
                 self.timetable = Timetable(case.event, self.scene)
             self.exposure = self._exposure()
@@ -196,7 +202,8 @@ class Simulation:
         """Keep the initial state of people, and begin to watch how they get on."""
         crowd, settings = self.population.crowd, self.case.simulation
         self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
-        self.watch = Watch(crowd.radius, settings.tick, self.case.output.every, self._promised_overlap)
+        every, levels = self.case.output.every, len(self.building.levels)
+        self.watch = Watch(crowd.radius, levels, settings.tick, every, self._promised_overlap)
         staying, routes = self.population.staying, len(self.fields.routes)
         stopped = None if self.exposure is None else self.exposure.stopped
         self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying, stopped)
@@ -363,12 +370,20 @@ class Simulation:
         files = [*self.case.plugin_files, *building, *self.data_files()]
         return tuple(dict.fromkeys(str(path.resolve()) for path in files))
 
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of the step and of levels."""
+        last = round(LONGEST_RUN / self.case.simulation.step)
+        return {"step": Bounds(0, last), "start_level": Bounds(-1, len(self.building.levels) - 1)}
+
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all data that are needed to continue a run from this tick with identical results.
 
         The state of recorders is not part of it, see `Recording.state`.
         """
-        return saved_state(self)
+        self.engine.load(self.contact)  # prepares the contact model, so that it has a state
+        contact = state_of(self.contact, f"contact model {self.contact.name!r}", f"contact.{self.contact.name}.")
+        engine = {f"engine.{name}": array for name, array in self.engine.snapshot().items()}
+        return super().state() | contact | engine
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned in a simulation of the same case.
@@ -380,7 +395,19 @@ class Simulation:
         PluginError
             A plugin cannot restore its arrays.
         """
-        restore_state(self, state)
+        with self.phases.enter("kernels"):
+            self.engine.load(self.contact)
+        super().restore(state)
+        self.scene.keep_doorway_open()
+        settings, contact = self.case.simulation, self.contact
+        if self.step % settings.steps_per_tick and self.step < settings.last_step:
+            raise SavedError(f"step: {self.step} is not at the end of a tick")
+        what = f"contact model {contact.name!r}: restore"
+        with plugin_code(what, contact), part_of(state, f"contact.{contact.name}.") as own:
+            contact.restore(own)
+        with part_of(state, "engine.") as own:
+            self.engine.restore(own)
+        self.ended = self.ending.over(self.step, self.population.crowd)
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin used in this run."""

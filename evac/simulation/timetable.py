@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
+from evac.base.saved import Bounds, Saved
 from evac.simulation.kinds import check
 from evac.simulation.scene import AT_ONCE, Scene
 
@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from evac.case.events import EventSettings, WhenSettings
 
 
-class Timetable:
+class Timetable(Saved):
     """Applies the events of a case to a scene."""
+
+    saved = ("_happens",)
 
     def __init__(self, events: "tuple[EventSettings, ...]", scene: Scene) -> None:
         self._events, self._scene = events, scene
@@ -56,13 +58,9 @@ class Timetable:
                     self._happens[k] = self._scene.time + when.after
                     self._scene.apply(Change(self._happens[k], one.kind, one.target, one.values))
 
-    def state(self) -> FloatArray:
-        """Return the times (n,) at which events happen [s]."""
-        return self._happens.copy()
-
-    def restore(self, happens: FloatArray) -> None:
-        """Restore what `state` returned."""
-        self._happens[:] = happens
+    def bounds(self) -> dict[str, Bounds]:
+        """Return that times are 0 s or more."""
+        return {"_happens": Bounds(0.0, np.inf)}
 
     def _is_true(self, when: "WhenSettings") -> bool:
         """Return whether a condition is true now."""

@@ -9,6 +9,7 @@ import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError
 from evac.conformance import check_plugin
 from evac.results.ending import Stopped
+from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
 
@@ -117,18 +118,17 @@ def test_what_a_behaviour_may_not_do_with_a_field_is_told(smoky, more, words):
 
 @pytest.mark.parametrize("spacing", [0.0001, float("nan"), float("inf"), 1e300, 10**400, -1.0])
 def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
-    scene = Simulation(smoky(), will_run=False).scene
-    scene.has_begun = False
+    scene = Scene(Simulation(smoky(), will_run=False).scene.ground)
     with pytest.raises(ValueError, match=r"'fog'.* use 0\.05 m or more"):
         scene.add_field("fog", "1/m", spacing)
+    scene.add_field("smoke", "1/m", 1.0)
     with pytest.raises(ValueError, match=r"'smoke'.* exists"):
         scene.add_field("smoke", "1/m", 1.0)
 
 
 @pytest.mark.parametrize(("name", "unit"), [("a\0b", "m"), ("\ud800", "m"), ("x" * 201, "m"), (5, "m"), ("fog", None)])
 def test_names_and_units_that_files_cannot_contain_are_refused(smoky, name, unit):
-    scene = Simulation(smoky(), will_run=False).scene
-    scene.has_begun = False
+    scene = Scene(Simulation(smoky(), will_run=False).scene.ground)
     with pytest.raises(ValueError, match="one line of at most 200 characters"):
         scene.add_field(name, unit, 1.0)
 

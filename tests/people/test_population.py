@@ -248,7 +248,7 @@ def test_state_and_restore_go_back_to_the_same_bits(make_case, house, fields):
     arrays = population.crowd
     population.settle(events((2, 1, 2, 1.25), (1, 0, 0, 1.5)))
     population.crowd.position[:] = 0
-    population.restore(state, house, len(fields().routes))
+    population.restore(state)
     assert population.crowd is arrays
     assert population.inside == 3
     for name, array in population.state().items():

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from evac.base.saved import copies_of, take
 from evac.case.schema import SimulationSettings
 from evac.physics.state import make_crowd
 from evac.results.ending import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS, PROGRESS, Ending
@@ -184,7 +183,7 @@ def test_it_goes_on_where_it_stopped():
     end = first_end(whole, two(), ways, change=creep)
     assert end == (900, NO_PROGRESS)
     assert first_end(ending, two(), ways, last=300, change=creep) is None
-    take(copies_of(ending.arrays), other.arrays, {"least": (0.0, np.inf)})
+    other.restore(ending.state())
     assert first_end(other, two(), ways, first=300, change=creep) == end
-    for name, array in other.arrays.items():
-        np.testing.assert_array_equal(array, whole.arrays[name], name)
+    for name, array in other.state().items():
+        np.testing.assert_array_equal(array, whole.state()[name], name)

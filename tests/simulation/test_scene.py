@@ -268,37 +268,3 @@ def test_a_run_ends_where_no_change_is_to_come_in_time(corridor):
     for change in [(0, "close", "west"), (0, "close", "east"), (60.0, "open", "east")]:
         simulation.scene.apply(evac.Change(*change))
     assert simulation.run().ended == "no progress"
-
-
-class Timetable(evac.Behaviour):
-    """Closes an exit at a time."""
-
-    name = "timetable"
-    what = evac.Parameter("back", "name of the exit")
-    time = evac.Parameter(2.0, "time", unit="s")
-
-    def prepare(self, scene):
-        scene.apply(evac.Change(self.time, "close", self.what))
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "expected"),
-    [
-        pytest.param(False, {"time": 2.0}, [(2.0, "back")], id="added"),
-        pytest.param({"time": 2.0}, False, [], id="removed"),
-        pytest.param({"time": 2.0}, {"time": 3.0}, [(3.0, "back")], id="later"),
-        pytest.param({"time": 2.0}, {"time": 0.2}, [(1.0, "back")], id="earlier than now"),
-        pytest.param({"time": 0.5}, {"time": 0.5}, [(0.5, "back")], id="made already"),
-        pytest.param({"time": 0.5}, {"time": 0.5, "what": "front"}, [(0.5, "back"), (1.0, "front")], id="another"),
-    ],
-)
-def test_a_changed_case_changes_what_its_behaviours_plan(room, before, after, expected):
-    room.registry.add_class(Timetable)
-    one, other = (Simulation(room.change({"behaviours.timetable": table})) for table in (before, after))
-    one.scene.apply(evac.Change(3.5, "open", "back"))  # of no behaviour: it stays
-    ticks(one, round(1.0 / room.simulation.tick))
-    other.restore(one.state())
-    ticks(other, round(3.0 / room.simulation.tick))
-    made = [(change.time, change.what) for change in other.scene.changes if change.kind == "close"]
-    assert made == [(pytest.approx(time), what) for time, what in expected]
-    assert other.building.closed == building_at(other.scene.ground.building, other.scene.changes, 4.0).closed

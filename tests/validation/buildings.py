@@ -34,10 +34,10 @@ def alone(simulation, person, state):
     Returns its remaining travel times [s], one for every tick until it is out or the run ends.
     """
     state = {key: array.copy() for key, array in state.items()}
-    others = [row for row in range(len(state["population.level"])) if row != person]
-    state["population.level"][others] = -1
-    state["population.exit_time"][others] = 0.0
-    state["population.exit_used"][others] = 0
+    others = [row for row in range(len(state["population.crowd.level"])) if row != person]
+    state["population.crowd.level"][others] = -1
+    state["population.crowd.exit_time"][others] = 0.0
+    state["population.crowd.exit_used"][others] = 0
     used = simulation.engine.snapshot()  # arrays do not shrink
     for name in ("span", "room"):
         state[f"engine.{name}"] = np.maximum(state[f"engine.{name}"], used[name])

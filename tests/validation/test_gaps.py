@@ -47,7 +47,10 @@ def check_plan(seed, model):
         # Bodies in contact can block a door for each other. Then each gets out from there alone.
         for person in inside:
             alone(run, person, state)
-            assert np.isfinite(run.population.crowd.exit_time[person]), (person, state["population.position"][person])
+            assert np.isfinite(run.population.crowd.exit_time[person]), (
+                person,
+                state["population.crowd.position"][person],
+            )
         return len(inside)
     return 0
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import is_one_line
+from evac.base.saved import Saved
 from evac.building.model.building import Building, Level
 
 #: Least and greatest side of the cells of a field [m], and greatest number of cells of all levels.
@@ -59,7 +60,7 @@ class Cells:
         return cell
 
 
-class LevelField:
+class LevelField(Saved):
     """A scalar on square cells of all levels, such as the density of smoke.
 
     A behaviour gets its own from `BehaviourScene.level_field` and writes its values; `Trajectory.field` returns what
@@ -88,6 +89,8 @@ class LevelField:
     ValueError
         The cells are too small, too large or too many, or name or unit are not short texts.
     """
+
+    saved = ("values",)
 
     def __init__(
         self, building: Building, name: str, unit: str, spacing: float, values: FloatArray | None = None
