@@ -2,26 +2,33 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from types import FrameType, TracebackType
 from typing import Any, Self
 
 
-class Interrupt:
-    """Notes the first signal, after which the run stops at the end of its tick; a second Ctrl-C stops it at once.
+def never() -> bool:
+    """Return False."""
+    return False
 
-    Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside the main thread, which is the
-    only one that receives signals, no handler is installed.
+
+class Interrupt:
+    """Counts signals: after the first one, the run stops at the end of its tick, and after the next, its outputs stop.
+
+    A third one raises KeyboardInterrupt anywhere. Signals that were ignored before, such as SIGHUP under nohup, remain
+    ignored. Outside the main thread, which is the only one that receives signals, no handler is installed.
 
     Attributes
     ----------
-    wanted : int
-        Number of the signal received; 0 if there was none.
+    wanted, count : int
+        Number of the last signal received, and how many were received; 0 if there was none.
+    may_break : callable
+        Whether the second signal raises KeyboardInterrupt, too: while recorders finish, which may take long.
     """
 
     def __init__(self, names: Iterable[str] = ("SIGINT",), announce: Callable[[int], None] | None = None) -> None:
-        self.wanted = 0
+        self.wanted = self.count = 0
+        self.may_break: Callable[[], bool] = never
         self._numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
         self._announce = announce
         self._before: dict[int, Any] = {}
@@ -36,29 +43,12 @@ class Interrupt:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for number in list(self._before):
-            self.release(number)
-
-    def release(self, number: int) -> None:
-        """Restore the previous handler of a signal."""
-        if number in self._before:
-            signal.signal(number, self._before.pop(number))
-
-    @contextmanager
-    def ignored(self) -> Iterator[None]:
-        """Ignore Ctrl-C while the results are saved after it."""
-        before = signal.getsignal(signal.SIGINT)
-        if threading.current_thread() is not threading.main_thread() or before is None:
-            yield
-            return
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self.wanted = number
-        self.release(signal.SIGINT)  # before it is announced, so that a second one stops the run from then on
-        if self._announce is not None:
+        self.wanted, self.count = number, self.count + 1
+        if self.count > 2 or (self.count == 2 and self.may_break()):
+            raise KeyboardInterrupt
+        if self._announce is not None and self.count == 1:
             self._announce(number)

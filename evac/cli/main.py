@@ -69,6 +69,8 @@ def program() -> int:
     refuse_to_leave()
     try:
         return main()
+    except KeyboardInterrupt:  # while another one was told
+        return INTERRUPTED_STATUS
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # only quick clean-up is left
         warn_lost_output()

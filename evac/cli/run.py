@@ -150,12 +150,9 @@ def run_shown(
         display.line(wrapped(f"warning: {warning}", sys.stderr))
     display.phase("first tick")
     with Interrupt(SIGNALS, announce) as interrupt:
-
-        def writing() -> None:
-            interrupt.release(signal.SIGINT)
-            display.phase("writing the results")
-
-        results = run_into(simulation, place, display, interrupt, checkpoint, writing)
+        results = run_into(
+            simulation, place, display, interrupt, checkpoint, lambda: display.phase("writing the results")
+        )
     for warning in results.warnings:
         if warning not in before:
             display.line(wrapped(f"warning: {warning}", sys.stderr))

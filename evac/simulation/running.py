@@ -1,7 +1,6 @@
 """Run a case, or resume a run, and write its result folder."""
 
 import math
-import signal
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, note, warn
-from evac.base.interrupt import Interrupt
+from evac.base.interrupt import Interrupt, never
 from evac.base.phases import Phases, Progress
 from evac.case.loading import as_case
 from evac.folder.files import (
@@ -75,8 +74,8 @@ def run(
         by another run.
     KeyboardInterrupt
         Ctrl-C was pressed. The run stops at the end of the tick, and tables and state are in the folder, from which
-        `resume` continues. A second Ctrl-C stops at once, without them; if the run has ended and its outputs are being
-        written, what is complete is in the folder.
+        `resume` continues. A second Ctrl-C, or one while the outputs of an ended run are written, leaves out the
+        remaining outputs, which a note of the error names. A third one stops at once.
 
     Warns
     -----
@@ -202,9 +201,7 @@ def _run_interruptible(
 ) -> Results:
     """Run a simulation as `run_into` does; the first Ctrl-C ends it at the end of its tick."""
     with Interrupt() as interrupt:
-        results = run_into(
-            simulation, place, progress, interrupt, checkpoint, writing=lambda: interrupt.release(signal.SIGINT)
-        )
+        results = run_into(simulation, place, progress, interrupt, checkpoint)
     if interrupt.wanted and results.ended == INTERRUPTED:
         raise KeyboardInterrupt(
             f"stopped at {results.time:.2f} s; tables and state are in {results.folder}, evac.resume goes on from them"
@@ -218,18 +215,20 @@ def run_into(
     progress: Callable[[Progress], None] | None,
     interrupt: Interrupt,
     checkpoint: float | None,
-    writing: Callable[[], None],
+    writing: Callable[[], None] = lambda: None,
 ) -> Results:
     """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written."""
     first = simulation.step
     simulation.loop.operations += [
         Operation("result folder", "output", place.check),
-        Operation("interrupts", "output", simulation.stop, lambda: interrupt.wanted > 0),
+        Operation("interrupts", "output", simulation.stop, lambda: interrupt.count > 0),
         Checkpoints(simulation, place, checkpoint).operation(),
     ]
+    interrupt.may_break = lambda: bool(simulation.ended)
     with simulation.phases.enter("output"):
         try:
             results = simulation.run(progress)
+            interrupt.may_break = never
             results = replace(results, plugin_files=simulation.recording.plugin_files())
             write_tables(results, place.running, simulation.phases)
             _check_files(simulation, place)
@@ -237,18 +236,30 @@ def run_into(
             note(error, simulation.warnings())
             _keep_failed_run(simulation, place, first, error)
             raise
-        except KeyboardInterrupt as error:  # a second one: the first ends the run with its tick
+        except KeyboardInterrupt as error:
+            interrupt.may_break = never
             if simulation.ended:
-                with interrupt.ignored():
-                    _keep_failed_run(simulation, place, first, error)
+                _keep_failed_run(simulation, place, first, error)
             raise
         folder = _published(simulation, place)
         writing()
-        draw_pictures(results, folder)
+        most = 1 if results.ended == INTERRUPTED else 0  # the signal that has ended the run does not stop its outputs
+        draw_pictures(results, folder, lambda: interrupt.count > most)
         results = replace(results, folder=folder, phases=simulation.phases.seconds())
         with _optional(folder / SUMMARY_NAME):  # again, with the wall time of the pictures
             results.write_summary(folder)
+        if interrupt.count > most and (missing := _missing(results, folder)):
+            stopped = KeyboardInterrupt()
+            stopped.add_note(f"the results are in {folder}, without {', '.join(missing)}")
+            raise stopped
         return results
+
+
+def _missing(results: Results | Simulation, folder: Path) -> list[str]:
+    """Return the outputs that the case asks for and the folder does not have."""
+    output = results.case.output
+    names = {REPLAY_NAME: output.replay, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
+    return [name for name, is_wanted in names.items() if is_wanted and not (folder / name).is_file()]
 
 
 def write_tables(results: Results, folder: Path, phases: Phases) -> None:
@@ -258,18 +269,18 @@ def write_tables(results: Results, folder: Path, phases: Phases) -> None:
     replace(results, phases=phases.seconds()).write_summary(folder)
 
 
-def draw_pictures(results: Results, folder: Path) -> None:
-    """Write egress.png if ``output.picture`` is true, and the VTK animation if ``output.animation`` is.
+def draw_pictures(results: Results, folder: Path, is_stopped: Callable[[], bool] = never) -> None:
+    """Write egress.png if ``output.picture`` is true, and the VTK animation if ``output.animation`` is, until stopped.
 
     The results are complete without them: one that cannot be made is a warning.
     """
-    if results.case.output.picture:
+    if results.case.output.picture and not is_stopped():
         with _optional(folder / EGRESS_PICTURE_NAME):
             from evac.pictures.pictures import egress_figure
             from evac.pictures.writing import save
 
             save(egress_figure(results), folder / EGRESS_PICTURE_NAME)
-    if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
+    if results.case.output.animation and not is_stopped() and (folder / TRAJECTORY_NAME).is_file():
         with _optional(folder / ANIMATION_NAME):
             from evac.export.vtk import export_vtk
 
@@ -325,9 +336,7 @@ def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, er
                 write_tables(results, place.running, simulation.phases)
             is_complete = simulation.ended not in (FAILED, INTERRUPTED) and _is_whole(simulation, place)
             folder = _published(simulation, place) if is_complete else place.publish_if_new()
-            output = simulation.case.output
-            names = {REPLAY_NAME: output.replay, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
-            missing = [name for name, is_wanted in names.items() if is_wanted and not (folder / name).is_file()]
+            missing = _missing(simulation, folder)
             without = f", without {', '.join(missing)}" if missing else ""
             error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}{without}")
         elif not first:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
@@ -15,6 +16,7 @@ import pytest
 
 import evac
 from evac.base.errors import FolderWarning, PluginError, ResultError, ScenarioError, SimulationError
+from evac.base.interrupt import Interrupt
 from evac.results.ending import INTERRUPTED, Stopped
 from evac.results.results import Results
 from evac.simulation.running import run
@@ -208,10 +210,8 @@ def test_a_display_can_stop_the_run():
 
 def test_pictures_that_fail_do_not_take_the_tables_with_them(tmp_path):
     case = evac.load("square_room", {"output.animation": True, "simulation.duration": 0.5})
-    running = tmp_path / "r.running"
-    running.mkdir()
-    (running / "frames").write_text("in the way of the folder of that name")
-    (running / "trajectory.evac").write_bytes(b"EVACTRJ1")
+    run(case.change({"output.animation": False}), tmp_path / "r")
+    (tmp_path / "r" / "frames").write_text("in the way of the folder of that name")
     with pytest.warns(FolderWarning, match="frames"):
         run(case, tmp_path / "r")
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["people"] == 20
@@ -314,7 +314,7 @@ def test_titles_and_names_of_groups_are_drawn_as_they_are(tmp_path, title):
 def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earlier_ones(tmp_path, monkeypatch):
     case = evac.load("square_room", {"simulation.duration": 0.1})
     run(case, tmp_path / "r")
-    monkeypatch.setattr("evac.pictures.pictures.save", Mock(side_effect=ValueError("no picture")))
+    monkeypatch.setattr("evac.pictures.writing.save", Mock(side_effect=ValueError("no picture")))
     with pytest.warns(FolderWarning, match=r"egress\.png: ValueError: no picture"):
         run(case.change({"simulation.seed": 5}), tmp_path / "r")
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
@@ -324,7 +324,7 @@ def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earl
 def test_an_interrupt_while_pictures_are_drawn_leaves_the_result_in_its_place(tmp_path, monkeypatch):
     case = evac.load("square_room", {"simulation.duration": 0.1})
     run(case, tmp_path / "r")
-    monkeypatch.setattr("evac.pictures.pictures.save", Mock(side_effect=KeyboardInterrupt))
+    monkeypatch.setattr("evac.pictures.writing.save", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         run(case.change({"simulation.seed": 5}), tmp_path / "r")
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
@@ -393,6 +393,34 @@ def test_a_second_ctrl_c_while_outputs_are_written_publishes_what_is_complete(tm
     assert (results.ended, results.evacuated) == ("everybody out", 2)
     assert results.trajectory.time[-1] == pytest.approx(results.time)
     assert "without replay.html, egress.png" in err
+
+
+@pytest.mark.parametrize(("signals", "breaks"), [(1, False), (2, False), (2, True), (3, False)])
+def test_signals_are_counted_and_the_third_or_one_that_may_break_raises(signals, breaks):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with Interrupt() as interrupt, pytest.raises(KeyboardInterrupt) if signals == 3 or breaks else nullcontext():
+            interrupt.may_break = lambda: breaks
+            for _ in range(signals):
+                signal.raise_signal(signal.SIGINT)
+        assert (interrupt.count, interrupt.wanted) == (signals, signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_signal_while_outputs_are_written_leaves_out_the_rest_and_names_it(tmp_path, monkeypatch):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    save = Mock(side_effect=lambda *_: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("evac.pictures.writing.save", save)
+    try:
+        case = evac.load("square_room", {"simulation.duration": 0.1, "output.animation": True, "output.replay": False})
+        with pytest.raises(KeyboardInterrupt) as caught:
+            run(case, tmp_path / "r")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert "without egress.png, animation.pvd" in caught.value.__notes__[0]
+    assert evac.read_results(tmp_path / "r").number_of_people == 20
 
 
 @pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
