@@ -2,10 +2,10 @@
 
     advance                for each step, subdivided into parts if necessary
         open_step          save the state, to undo the step if it fails
-        approach           neighbour lists, desired directions, forces, free velocities, contact search
+        prepare_step       neighbour lists, desired directions, forces, free velocities, contact search
         (the law)          sets bodies.solved and contacts.percussion, or requests another search or a separation
-        conclude           contact forces, energy, motion, crossings of portals and exits
-        cut                undo the step; return the number of parts to try next
+        finish_step        contact forces, energy, motion, crossings of portals and exits
+        undo_step          undo the step; return the number of parts to try next
 
 Contact models written in NumPy make the same calls from Python, see `ContactModel.advance`.
 """
@@ -106,7 +106,7 @@ def advance(state: State) -> int:
             status = _make_step(state, parts)
             if status == OK:
                 break
-            parts = cut(state, status, parts)
+            parts = undo_step(state, status, parts)
             if parts == 0:
                 return status
         clock.now += 1
@@ -119,18 +119,18 @@ def _make_step(state, parts):
     """Make one step in `parts` sub-steps; return a status."""
     for part in range(parts):
         set_clock(state, part, parts)
-        status = approach(state)
+        status = prepare_step(state)
         if status == OK:
-            status = _obey(state)
+            status = apply_law(state)
         if status == OK:
-            status = conclude(state)
+            status = finish_step(state)
         if status != OK:
             return status
     return OK
 
 
 @inner
-def _obey(state):
+def apply_law(state):
     """Call the law until it is done, after the searches and separations that it requests; return a status."""
     parts, clock = state.parts, state.clock
     clock.attempt = 0
@@ -175,7 +175,7 @@ def set_clock(state: State, part: int, parts: int) -> None:
 
 
 @kernel
-def approach(state: State) -> int:
+def prepare_step(state: State) -> int:
     """Set the free velocities and find the contacts in reach; return a status."""
     bodies, traits, h = state.bodies, state.traits, state.clock.h
     set_desired(state.world, bodies)
@@ -318,7 +318,7 @@ def _centres_pass(state):
 
 
 @kernel
-def conclude(state: State) -> int:
+def finish_step(state: State) -> int:
     """Report contact forces if requested, sum the work, keep percussions and memory, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if _centres_pass(state):
@@ -351,7 +351,7 @@ def open_step(state: State) -> None:
 
 
 @kernel
-def cut(state: State, status: int, parts: int) -> int:
+def undo_step(state: State, status: int, parts: int) -> int:
     """Undo the step; return the number of parts to try next, 0 if further subdivision does not help.
 
     The memory of contacts is again that of the start of the step. The sub-steps start without warm start percussions,

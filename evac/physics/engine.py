@@ -11,7 +11,20 @@ from evac.jit import AddressCall, Bytes, Entry
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
 from evac.physics import tallies as at
-from evac.physics.allocation import (
+from evac.physics.contact.memory import memory_by_person, remember_by_person
+from evac.physics.contact.model import ContactModel, SolvedContactModel
+from evac.physics.contact.overlaps import separate
+from evac.physics.contact.packing import pack_forces
+from evac.physics.contact.solver import Solver
+from evac.physics.force import Force, add_body_forces, add_forces
+from evac.physics.order import rows_by_place, rows_by_travel_time
+from evac.physics.parts import entries_of_loop, entries_of_parts, load_solver, solver_of
+from evac.physics.state import (
+    Crowd,
+    Events,
+    Parts,
+    State,
+    World,
     allocate,
     grown,
     make_kept,
@@ -21,15 +34,6 @@ from evac.physics.allocation import (
     make_state,
     no_solver,
 )
-from evac.physics.contact.memory import memory_by_person, remember_by_person
-from evac.physics.contact.model import ContactModel, SolvedContactModel
-from evac.physics.contact.overlaps import separate
-from evac.physics.contact.packing import pack_forces
-from evac.physics.contact.solver import Solver
-from evac.physics.force import Force, add_body_forces, add_forces
-from evac.physics.order import rows_by_place, rows_by_travel_time
-from evac.physics.parts import entries_of_loop, entries_of_parts, load_solver, solver_of
-from evac.physics.state import Crowd, Events, Parts, State, World
 from evac.physics.world import have_seams
 
 #: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.

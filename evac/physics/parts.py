@@ -29,7 +29,7 @@ def entries_of_loop(
     if model.along_the_way:
         entries.append(sample_travel_times)
     if model.law is None:
-        entries += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
+        entries += [driver.open_step, driver.set_clock, driver.prepare_step, driver.finish_step, driver.undo_step]
     else:
         entries.append(driver.advance)
     if isinstance(model, SolvedContactModel):

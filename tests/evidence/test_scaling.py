@@ -16,8 +16,7 @@ from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
 from evac.evidence.scaling.peers import programs
 from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
-from evac.physics.allocation import SKIN, make_problem
-from evac.physics.state import copy_of
+from evac.physics.state import SKIN, copy_of, make_problem
 
 
 def walked(people, density, name, ticks):

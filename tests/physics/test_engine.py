@@ -7,9 +7,8 @@ import pytest
 
 from evac.base.errors import PluginError, SimulationError
 from evac.jit import kernel
-from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
 from evac.physics.contact.model import ContactModel, NoParameters, SolvedContactModel
-from evac.physics.state import Events, State, make_crowd
+from evac.physics.state import Events, State, allocate, make_crowd, make_lists, make_room_for_contacts
 from evac.physics.status import NEEDS_SEPARATION, SEPARATE
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1, Projection, project

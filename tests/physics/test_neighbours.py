@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from evac.jit import kernel
-from evac.physics.allocation import SKIN, grown, make_room_for_contacts
 from evac.physics.contact.contacts import find_contacts
 from evac.physics.contact.neighbours import build_lists
 from evac.physics.driver import gather
 from evac.physics.seams import reaches
-from evac.physics.state import Bodies, Lists, State, World, make_crowd
+from evac.physics.state import SKIN, Bodies, Lists, State, World, grown, make_crowd, make_room_for_contacts
 from evac.physics.status import OK
 from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import make_building, make_engine, random_crowd

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from evac.base.errors import SimulationError
-from evac.physics.allocation import allocate
-from evac.physics.state import Events, make_crowd
+from evac.physics.state import Events, allocate, make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import kinetic_energy, make_building, make_engine, uniform_fields, walk

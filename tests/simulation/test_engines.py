@@ -5,12 +5,11 @@ import pytest
 
 from evac.case.loading import load_case
 from evac.physics import driver
-from evac.physics.allocation import allocate
 from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.engine import CompiledEngine, Engine
 from evac.physics.motion import EXIT
 from evac.physics.seams import way_out
-from evac.physics.state import Events
+from evac.physics.state import Events, allocate
 from evac.results.ending import EVERYBODY_OUT
 from evac.simulation import assembly
 from evac.simulation.assembly import make_behaviours, make_building, make_contact_model, make_forces

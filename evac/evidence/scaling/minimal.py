@@ -10,8 +10,7 @@ import numpy as np
 from evac.directions.fields import PackedFields
 from evac.evidence.scenes import MODELS
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
-from evac.physics.allocation import SKIN, allocate
-from evac.physics.state import Crowd
+from evac.physics.state import SKIN, Crowd, allocate
 
 #: Room in the lists for each person; beyond that neighbours are left out.
 ROOM = 40

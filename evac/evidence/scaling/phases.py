@@ -4,7 +4,7 @@ from evac.jit import kernel
 from evac.physics.contact.contacts import find_contacts
 from evac.physics.contact.neighbours import build_lists
 from evac.physics.drive import drive, set_desired
-from evac.physics.driver import conclude, cut, open_step
+from evac.physics.driver import finish_step, open_step, undo_step
 from evac.physics.state import State
 from evac.physics.status import OK
 
@@ -42,6 +42,6 @@ def repeat_move(state: State, repeats: int) -> int:
     status = OK
     for _ in range(repeats):
         open_step(state)
-        status = conclude(state)
-        cut(state, OK, 1)
+        status = finish_step(state)
+        undo_step(state, OK, 1)
     return status

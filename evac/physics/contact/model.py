@@ -15,8 +15,7 @@ from evac.contract.hooks import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
 from evac.jit.structs import Array
 from evac.physics import driver
-from evac.physics.allocation import allocate
-from evac.physics.state import Crowd, State, Traits, World
+from evac.physics.state import Crowd, State, Traits, World, allocate
 from evac.physics.status import OK
 
 if TYPE_CHECKING:
@@ -254,7 +253,7 @@ class ContactModel(Configurable, ABC):
             driver.open_step(state)
             parts = clock.parts
             while (status := self._make_step(engine, parts)) != OK:
-                parts = driver.cut(state, status, parts)
+                parts = driver.undo_step(state, status, parts)
                 if not parts:
                     return status
             clock.now += 1
@@ -265,10 +264,10 @@ class ContactModel(Configurable, ABC):
         """Make one step in `parts` sub-steps, calling `step` from Python between the kernels of the step loop."""
         for part in range(parts):
             driver.set_clock(engine.state, part, parts)
-            status = driver.approach(engine.state)
+            status = driver.prepare_step(engine.state)
             if status == OK:
                 self._call_step(engine)
-                status = driver.conclude(engine.state)
+                status = driver.finish_step(engine.state)
             if status != OK:
                 return int(status)
         return OK
