@@ -2,15 +2,19 @@
 
 import argparse
 import math
+from collections.abc import Callable
+from functools import partial
 from itertools import permutations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.base.display import Display
-from evac.base.errors import BuildingError, EvacError, in_order
+from evac.base.errors import BuildingError, EvacError, ResultError, in_order
 from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
+from evac.folder.files import CHECKPOINT_NAME, STUDY_NAME, TRAJECTORY_NAME
+from evac.folder.manifest import read_manifest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +33,7 @@ ASSUMED = ("assumed", "repaired", "left out")
 
 def declare_check(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac check`."""
-    declare_case(parser, "CASE|BUILDING")
+    declare_case(parser, "CASE|BUILDING|RESULT")
     parser.add_argument("--verbose", action="store_true", help="show the portals within stairs as well")
     what = "draw every level with all names and with warnings marked at their places (.png, .svg, .pdf)"
     parser.add_argument("--picture", type=Path, metavar="FILE", help=what)
@@ -38,10 +42,13 @@ def declare_check(parser: argparse.ArgumentParser) -> None:
 def execute_check(arguments: argparse.Namespace) -> int:
     """Read a case or a building file and show levels, exits, areas and warnings.
 
-    A building file can be given instead of a case. Plugin files named in a case are listed but not executed, so names
-    that they provide cannot be checked, unless --plugin FILE executes them.
+    A building file can be given instead of a case. Of a result folder or a checkpoint, digests, trajectory and tables
+    are verified, and what is damaged is named. Plugin files named in a case are listed but not executed, so names that
+    they provide cannot be checked, unless --plugin FILE executes them.
     """
     path = Path(arguments.case)
+    if (path.is_dir() and read_manifest(path).state) or path.name == CHECKPOINT_NAME:
+        return check_result(path)
     if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
         from evac.base.errors import ScenarioError
         from evac.building.surface.checks import check_exits
@@ -90,6 +97,43 @@ def execute_check(arguments: argparse.Namespace) -> int:
         )
         _draw(arguments.picture, building, (*building.findings, *narrow, *simulation.stopping), case.title)
     return 0
+
+
+def check_result(path: Path) -> int:
+    """Verify a result folder or a checkpoint: digests, trajectory, tables; tell what is damaged."""
+    from evac.folder.checkpoint import read_checkpoint
+    from evac.folder.digests import digest_of_file
+    from evac.results.reading import read_results
+    from evac.study.store import read_identity
+    from evac.trajectory.trajectory import read_trajectory
+
+    checks: dict[str, Callable[[], object]] = {}
+    if path.is_dir():
+        for name, digest in read_manifest(path).files.items():
+            if digest and (path / name).exists():
+                checks[name] = partial(_check_digest, path / name, digest, digest_of_file)
+        for name, read in {TRAJECTORY_NAME: read_trajectory, CHECKPOINT_NAME: read_checkpoint}.items():
+            if (path / name).exists():
+                checks[name] = partial(read, path / name)
+        whole = read_identity if (path / STUDY_NAME).exists() else read_results
+        checks["the tables together"] = partial(whole, path)
+    else:
+        checks[path.name] = partial(read_checkpoint, path)
+    rows, damaged = [], False
+    for name, check in checks.items():
+        try:
+            check()
+            rows.append((name, "whole"))
+        except EvacError as error:
+            rows.append((name, f"damaged: {error}"))
+            damaged = True
+    show_table("Files of the result", ("file", "state"), rows)
+    return 2 if damaged else 0
+
+
+def _check_digest(path: Path, digest: str, digest_of_file: "Callable[[Path], str]") -> None:
+    if digest_of_file(path) != digest:
+        raise ResultError(f"{path}: has changed since it was written; run the case again, or write the file again")
 
 
 def _known_part(case: "Case", is_verbose: bool) -> "Case | None":

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+import evac
 import evac_buildings
+from evac.cli.main import main
 
 
 def _lines(text, start):
@@ -217,3 +219,16 @@ def test_warns_of_a_gap_that_some_fit_through_and_of_people_without_another(evac
     if warnings == 2:
         assert "people.wide: 2 of 2 people (0.50 m wide)" in lines[1]
         assert "inf" in times["wide"][0]
+
+
+@pytest.mark.parametrize("name", ["", "people.csv", "summary.json", "trajectory.evac"])
+def test_a_result_is_verified_whole(tmp_path, capsys, name):
+    evac.run(evac.load("square_room", {"simulation.duration": 0.3, "output.picture": False}), tmp_path / "r")
+    if name:
+        data = bytearray((tmp_path / "r" / name).read_bytes())
+        data[20] ^= 1
+        (tmp_path / "r" / name).write_bytes(data)
+    assert main(["check", str(tmp_path / "r")]) == (2 if name else 0)
+    lines = capsys.readouterr().out.splitlines()
+    assert name in {line.split()[0] for line in lines if "damaged" in line} | ({""} if not name else set())
+    assert any(line.split()[:2] == ["egress.csv", "whole"] for line in lines)
