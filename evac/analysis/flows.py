@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+from typing_extensions import TypedDict
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
+from evac.folder.jsonfile import Amount, Count
 
 #: Share of the people who pass before, and of those who pass after, the interval in which a flow counts as steady.
 MARGIN = 0.2
@@ -27,31 +28,27 @@ def steady_flow(times: FloatArray) -> float:
     return float((last - first) / (times[last] - times[first]))
 
 
-def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -> Mapping[str, dict[str, Any]]:
-    """Return the use of each exit, by name.
+class ExitUse(TypedDict):
+    """Use of an exit [s], [m], [1/s], [1/(m s)]; flows of fewer than `FEWEST` people, or all at one time, are None."""
 
-    Parameters
-    ----------
-    building : Building
-    exit_used : (n,) int32
-        Exit of each person, -1 of those inside.
-    exit_time : (n,) [s]
+    people: Count
+    last_out: Amount | None
+    width: Amount
+    flow: Amount | None
+    flow_per_metre: Amount | None
 
-    Returns
-    -------
-    mapping of str to dict
-        ``people``, ``last_out`` [s], ``width`` [m], ``flow`` [1/s] and ``flow_per_metre`` [1/s/m]; None if nobody
-        left, and for flows of fewer than `FEWEST` people or of people who left at the same time.
-    """
+
+def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -> Mapping[str, ExitUse]:
+    """Return the use of each exit, by name; exits (n,) are -1 and times (n,) [s] NaN of people inside."""
     table = {}
     for exit_ in building.exits:
         times = np.sort(exit_time[exit_used == exit_.index])
         flow = steady_flow(times) if times.size >= FEWEST else math.nan
-        table[exit_.name] = {
-            "people": times.size,
-            "last_out": float(times[-1]) if times.size else None,
-            "width": exit_.width,
-            "flow": None if math.isnan(flow) else flow,
-            "flow_per_metre": None if math.isnan(flow) else flow / exit_.width,
-        }
+        table[exit_.name] = ExitUse(
+            people=times.size,
+            last_out=float(times[-1]) if times.size else None,
+            width=exit_.width,
+            flow=None if math.isnan(flow) else flow,
+            flow_per_metre=None if math.isnan(flow) else flow / exit_.width,
+        )
     return table

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from typing_extensions import TypedDict
 
 from evac.analysis.flows import FEWEST, steady_flow
 from evac.analysis.measures import records
 from evac.analysis.occupancy import Moves
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Portal
+from evac.folder.jsonfile import Amount, Count
 from evac.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -141,20 +143,34 @@ def flow_rows(flows: Iterable[LineFlow], end: float) -> Iterator[tuple[Any, ...]
                 yield row[0], line.kind, line.name, direction, *row[1:]
 
 
-def totals(flows: Iterable[LineFlow]) -> list[dict[str, Any]]:
-    """Return a row for each line and direction, as in summary.json."""
+class FlowUse(TypedDict):
+    """People and flow through a line in one direction [m], [s], [1/s], [1/(m s)]."""
+
+    kind: str
+    name: str
+    direction: str
+    width: Amount
+    people: Count
+    first: Amount | None
+    last: Amount | None
+    flow: Amount | None
+    flow_per_metre: Amount | None
+
+
+def totals(flows: Iterable[LineFlow]) -> list[FlowUse]:
+    """Return a row for each line and direction."""
     return [
-        {
-            "kind": line.kind,
-            "name": line.name,
-            "direction": direction,
-            "width": line.width,
-            "people": len(times),
-            "first": float(times[0]) if len(times) else None,
-            "last": float(times[-1]) if len(times) else None,
-            "flow": (flow := _flow_of(times)),
-            "flow_per_metre": None if flow is None else flow / line.width,
-        }
+        FlowUse(
+            kind=line.kind,
+            name=line.name,
+            direction=direction,
+            width=line.width,
+            people=len(times),
+            first=float(times[0]) if len(times) else None,
+            last=float(times[-1]) if len(times) else None,
+            flow=(flow := _flow_of(times)),
+            flow_per_metre=None if flow is None else flow / line.width,
+        )
         for line in flows
         for direction, times in line.by_direction()
     ]

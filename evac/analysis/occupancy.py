@@ -4,30 +4,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from typing_extensions import TypedDict
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
+from evac.folder.jsonfile import Amount, Count
 from evac.trajectory.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
-class Occupancy:
-    """The occupancy of a place over the whole run.
+class Occupancy(TypedDict):
+    """How a place was used: the number of different people, and the greatest number at once.
 
-    Attributes
-    ----------
-    people : int
-        Number of different people who were there at any time.
-    greatest_number : int
-        Greatest number of people there at once.
-    last_left : float or None
-        Time at which the last of them left [s]; None if people are still there, or nobody ever was.
+    ``last_left`` is the time at which the last of them left [s]; None if people are still there, or nobody ever was.
     """
 
-    people: int
-    greatest_number: int
-    last_left: float | None
+    people: Count
+    greatest_number: Count
+    last_left: Amount | None
 
 
 @dataclass(frozen=True)

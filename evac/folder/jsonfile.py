@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from evac.base.errors import ResultError
 from evac.folder.files import content_of, replacing
@@ -14,7 +15,10 @@ from evac.folder.files import content_of, replacing
 #: Greatest depth of tables and lists in each other, so that code that follows them does not end in an error.
 MOST_NESTED = 60
 
-Read = TypeVar("Read", bound=BaseModel)
+Count = Annotated[int, Field(ge=0)]
+Amount = Annotated[float, Field(ge=0.0)]
+
+Read = TypeVar("Read")
 
 
 def plain(value: Any) -> Any:
@@ -62,10 +66,18 @@ def _is_nested(value: Any, deeper_than: int) -> bool:
     return deeper_than == 0 or any(_is_nested(item, deeper_than - 1) for item in items)
 
 
+@cache
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what checks data that are read as a class of pydantic or a dataclass, and makes plain data of it."""
+    return TypeAdapter(kind)
+
+
 def checked(kind: type[Read], data: dict[str, Any], path: Path) -> Read:
     """Return checked data of a JSON file."""
     try:
-        return kind.model_validate(data)
+        of: Any = kind
+        read: Read = adapter(of).validate_python(data)
+        return read
     except ValidationError as error:
         what = f"{path}: {first_fault(error)}"
         raise ResultError(f"{what}; the file is damaged or of another version of evac: run the case again") from error

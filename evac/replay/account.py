@@ -13,8 +13,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import as_text
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
-from evac.results.reading import check_trajectory, results_beside
-from evac.results.record import Summary, read_summary
+from evac.results.reading import results_beside
 from evac.results.results import Results
 from evac.trajectory.trajectory import Trajectory
 
@@ -48,7 +47,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         group[members.rows] = index
     return Account(
         answer=[line for line in (answer.verdict, answer.times, *answer.exits, answer.queue, answer.warnings) if line],
-        **_of_summary(results.record, error),
+        **_of_summary(results, error),
         groups=[members.name for members in results.groups],
         group=group,
         radius=crowd.radius,
@@ -76,37 +75,35 @@ def account_of_folder(trajectory: Trajectory) -> Account:
         return Account(str(header.get("title", "")), (), facts, (), (), ("error", text), **known)
     if (folder / PEOPLE_NAME).exists():
         return account_of_run(results_beside(trajectory, folder))
-    summary, _ = read_summary(folder)
-    check_trajectory(trajectory, summary)
-    return Account(answer=(), **_of_summary(summary, None), **known)
+    return Account(answer=(), **_of_summary(results_beside(trajectory, folder, with_people=False), None), **known)
 
 
-def _of_summary(summary: Summary, error: BaseException | None) -> dict[str, Any]:
+def _of_summary(results: Results, error: BaseException | None) -> dict[str, Any]:
     """Return the fields of an account from the content of ``summary.json``, and the error of a run that failed."""
-    case, last = summary.table, summary.last_out
-    left = summary.people - summary.evacuated - sum(len(place.people) for place in summary.places)
-    ended = summary.ended if error is None else FAILED
+    case, last, people = results.case_table, results.last_out, results.number_of_people
+    left = people - results.evacuated - sum(len(place.people) for place in results.places)
+    ended = results.ended if error is None else FAILED
     step = case.simulation.get("step")
     facts = [
         ("Building", case.building.mesh),
-        ("People", f"{summary.people}, of whom {summary.evacuated} got out"),
-        *((f"At {place}", str(len(place.people))) for place in summary.places),
-        *(("Note", note) for note in summary.notes),
+        ("People", f"{people}, of whom {results.evacuated} got out"),
+        *((f"At {place}", str(len(place.people))) for place in results.places),
+        *(("Note", note) for note in results.notes),
         ("Last person out", "nobody" if last is None else f"{last:.2f} s"),
-        ("Ended", f"{ended}, after {summary.simulated_time:g} s"),
+        ("Ended", f"{ended}, after {results.time:g} s"),
         ("Contact model", _with_parameters(case.model, case.model_parameters)),
         ("Forces", _plugins(case.forces)),
         ("Behaviours", _plugins(case.behaviours)),
         ("Time step", f"{step:g} s" if isinstance(step, float) else ""),
-        ("Seed", str(summary.seed)),
-        ("Versions", _versions(summary.versions)),
+        ("Seed", str(results.seed)),
+        ("Versions", _versions(results.versions)),
     ]
     return {
-        "title": summary.title,
+        "title": results.title,
         "facts": [(name, value) for name, value in facts if value],
-        "warnings": summary.warnings,
-        "quality_warnings": summary.quality_warnings,
-        "banner": _banner(ended, summary.simulated_time, left, summary.people, error),
+        "warnings": results.warnings,
+        "quality_warnings": results.quality_warnings,
+        "banner": _banner(ended, results.time, left, people, error),
     }
 
 

@@ -39,14 +39,13 @@ versions and on the same kind of processor. summary.json and report.html are tho
 
 def write_bundle(run: Results, report: str, path: Path) -> None:
     """Write a zip from which a run can be repeated; the files that it has read must be where they were."""
-    record = run.record
-    folder = Path(record.source).parent.resolve()
-    named = _names(folder, [Path(file) for file in record.files])
+    folder = Path(run.source).parent.resolve()
+    named = _names(folder, [Path(file) for file in run.files])
     settings = _renamed(run.settings, folder, named)
     plugins = [*settings["plugins"]["files"], *(name for path, name in named.items() if path.suffix == ".py")]
     settings["plugins"]["files"] = list(dict.fromkeys(plugins))
-    words = {"title": record.title, "seed": record.seed, "evac": record.versions.get("evac", "")}
-    packages = {name: version for name, version in record.versions.items() if name != "python"}
+    words = {"title": run.title, "seed": run.seed, "evac": run.versions.get("evac", "")}
+    packages = {name: version for name, version in run.versions.items() if name != "python"}
     texts = {
         "README.txt": README.format(**words),
         "requirements.txt": "".join(f"{name}=={version}\n" for name, version in packages.items()),

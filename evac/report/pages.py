@@ -21,7 +21,7 @@ from evac.base.errors import counted
 from evac.folder.digests import digest_of_file
 from evac.folder.files import replacing, writing
 from evac.report.figures import Picture
-from evac.results.record import ReportTable
+from evac.results.recordedcase import ReportTable
 
 #: Words longer than this may be broken in a line.
 LONG_WORD = re.compile(r"(\S{24})(?=\S{8})")

@@ -12,8 +12,11 @@ from typing import Any
 import numpy as np
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
+from evac.analysis.flows import ExitUse
 from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
+from evac.analysis.lines import FlowUse
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
+from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
 from evac.base.defaults import TENABLE
 from evac.base.distributions import as_text
@@ -26,7 +29,7 @@ from evac.pictures.colouring import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, Cell, Section, fixed, section
 from evac.results.answer import time_of_share
-from evac.results.record import CaseTable, ExitUse, FlowUse, GroupTable, PlaceUse
+from evac.results.recordedcase import CaseTable, GroupTable
 from evac.results.results import Results
 from evac.trajectory.trajectory import Trajectory
 
@@ -42,7 +45,7 @@ def building_section(run: Results | None) -> Section:
         "building",
         "Building",
         building=building,
-        mesh=run.record.table.building.mesh,
+        mesh=run.case_table.building.mesh,
         ground=sum(level.polygon.area for level in levels),
         plans=figures.plans(building),
         stairs=[_stair(building, name) for name in building.stairs],
@@ -62,7 +65,7 @@ def building_section(run: Results | None) -> Section:
             (place.name, place.kind, levels[place.level].name, place.area or place.exit, place.use)
             for place in building.places
         ],
-        closed=run.record.table.building.closed,
+        closed=run.case_table.building.closed,
         changes=[(fixed(change.time, 1), change.words) for change in run.trajectory.changes],
         lacks=() if building.doors else ("doors",),
     )
@@ -246,25 +249,25 @@ MOST_FLOWS = 10
 
 def times_section(run: Results) -> Section:
     """Return the section on the times of a run."""
-    record, exit_time, leaving = run.record, run.crowd.exit_time, run.leaving
+    exit_time, leaving = run.crowd.exit_time, run.leaving
     left = leaving[np.isnan(exit_time[leaving])]
     motion = run.trajectory or None  # one without a recorded time shows nothing
     groups = [_group(group.name, exit_time[np.intersect1d(group.rows, leaving)]) for group in in_order(run.groups)]
     if len(groups) > 1 and run.evacuated:
         groups.append(_group("everybody", exit_time[leaving]))
     exits = []
-    for index, (name, use) in enumerate(record.exits.items()):
+    for index, (name, use) in enumerate(run.exits.items()):
         times = exit_time[run.crowd.exit_used == index]
         first = fixed(float(times.min()), 1) if times.size else None
-        exits.append((name, use.people, first, fixed(use.last_out, 1), *_width_and_flows(use)))
-    levels = Counter(one.level for one in record.stuck)
+        exits.append((name, use["people"], first, fixed(use["last_out"], 1), *_width_and_flows(use)))
+    levels = Counter(place["level"] for place in run.stuck_places)
     return section(
         "times",
         "Course and evacuation times",
         course=figures.course(motion, exit_time[leaving]) if motion else [],
         looks=colouring(motion, "group").legend if motion else (),
         inside=figures.inside(motion, left) if motion and len(left) else None,
-        stuck=[(name, levels[name]) for name in record.levels if levels[name]],
+        stuck=[(name, levels[name]) for name in run.levels if levels[name]],
         curve=figures.egress(run),
         shares=[
             (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time_of(share, exit_time[leaving]))
@@ -272,18 +275,19 @@ def times_section(run: Results) -> Section:
         ],
         groups=groups,
         exits=in_order(exits, itemgetter(0)),
-        others=record.left_by_other_exits,
-        metrics=[(name, as_text(values)) for name, values in record.metrics.items()],
+        others=run.number_by_other_exits,
+        metrics=[(name, as_text(values)) for name, values in run.metrics.items()],
     )
 
 
 def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:
     """Return the rows of lines and doors, and of the portals with the greatest specific flows."""
-    portals = [use for use in flows if use.kind == "portal" and use.flow_per_metre is not None]
-    portals.sort(key=lambda use: -(use.flow_per_metre or 0.0))
-    chosen = [use for use in flows if use.kind == "line"] + [use for use in flows if use.kind == "door"][:MOST_FLOWS]
+    portals = [use for use in flows if use["kind"] == "portal" and use["flow_per_metre"] is not None]
+    portals.sort(key=lambda use: -(use["flow_per_metre"] or 0.0))
+    doors = [use for use in flows if use["kind"] == "door"][:MOST_FLOWS]
+    chosen = [use for use in flows if use["kind"] == "line"] + doors
     return [
-        (use.kind, use.name, use.direction, use.people, *_width_and_flows(use))
+        (use["kind"], use["name"], use["direction"], use["people"], *_width_and_flows(use))
         for use in [*chosen, *portals[:MOST_FLOWS]]
     ]
 
@@ -291,9 +295,9 @@ def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:
 def places_section(run: Results, id_: str = "places", name: str = "") -> Section:
     """Return the appendix with the use of levels and stairs, and flows through lines, of a run with a name."""
 
-    def rows(places: Mapping[str, PlaceUse]) -> list[tuple[object, ...]]:
+    def rows(places: Mapping[str, Occupancy]) -> list[tuple[object, ...]]:
         return [
-            (name, use.people, use.greatest_number, fixed(use.last_left, 1) or ("not cleared" if use.people else None))
+            (name, use["people"], use["greatest_number"], fixed(use["last_left"], 1) or _uncleared(use))
             for name, use in places.items()
         ]
 
@@ -303,14 +307,18 @@ def places_section(run: Results, id_: str = "places", name: str = "") -> Section
         f"{APPENDIX}{name}levels, stairs and flows",
         "places",
         run=run,
-        levels=[row for row in rows(run.record.levels) if row[0] not in inner],
-        stairs=rows(run.record.stairs),
-        flows=_flow_rows(run.record.flows),
+        levels=[row for row in rows(run.levels) if row[0] not in inner],
+        stairs=rows(run.stairs),
+        flows=_flow_rows(run.flow_totals),
     )
 
 
+def _uncleared(use: Occupancy) -> str | None:
+    return "not cleared" if use["people"] else None
+
+
 def _width_and_flows(use: FlowUse | ExitUse) -> tuple[str | None, ...]:
-    return tuple(fixed(number, 2) for number in (use.width, use.flow, use.flow_per_metre))
+    return tuple(fixed(number, 2) for number in (use["width"], use["flow"], use["flow_per_metre"]))
 
 
 def _time_of(share: float, times: FloatArray) -> str:
@@ -413,7 +421,7 @@ def fire_section(run: Results) -> Section:
 
 def margins_section(run: Results) -> Section | None:
     """Return the section with available times, given or from smoke, beside required ones; None if there are none."""
-    given, settings = run.record.table.report.aset, run.settings
+    given, settings = run.case_table.report.aset, run.settings
     smoky: Mapping[str, Any] = {} if run.conditions is None else run.conditions["levels"]
     if not given and not smoky:
         return None

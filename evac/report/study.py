@@ -37,7 +37,7 @@ from evac.report.sections import (
 from evac.report.verification import evidence_section, standard_section, verification_section
 from evac.results.ending import FAILED
 from evac.results.reading import read_results
-from evac.results.record import CaseTable, Record
+from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
 from evac.study.outputs import curves, parameter_keys
 from evac.study.statistics import Estimate, Statistics, convergence, settled

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from evac.report.pages import APPENDIX, Cell, Section, read, section
-from evac.results.record import CaseTable
+from evac.results.recordedcase import CaseTable
 
 #: Verdicts of docs/evidence, as `evac evidence` writes them beside this module.
 EVIDENCE_NAME = "evidence.json"

@@ -1,11 +1,13 @@
 """Reading of the results of a run from its folder: `evac.read_results`."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from pydantic import create_model
 
 from evac.analysis.lines import LineFlow, line_flows
 from evac.base.arrays import FloatArray, IntArray
@@ -16,16 +18,14 @@ from evac.building.model.building import Building
 from evac.building.model.links import building_at
 from evac.directions.routes import Route
 from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
+from evac.folder.jsonfile import checked, read_json
 from evac.folder.resultfolder import find_result
 from evac.folder.tables import read_columns
 from evac.people.population import Group
 from evac.physics.state import Crowd, make_crowd
-from evac.results.record import Summary, read_summary
-from evac.results.results import AS_WRITTEN, CROSSINGS_COLUMNS, EXPOSURE_COLUMNS, PEOPLE_COLUMNS, TABLES, Results
+from evac.results.recordedcase import CaseTable, GroupTable, Record, recorded_case, with_infinity
+from evac.results.results import CROSSINGS_COLUMNS, DERIVED, EXPOSURE_COLUMNS, PEOPLE_COLUMNS, Results
 from evac.trajectory.trajectory import Trajectory, read_trajectory
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
 
 
 def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Results:
@@ -69,82 +69,88 @@ def recorded_flows(trajectory: Trajectory) -> tuple[LineFlow, ...]:
     return tuple(line_flows(trajectory).values())
 
 
-def results_beside(trajectory: Trajectory | None, place: Path, plugin_files: tuple[Path, ...] = ()) -> Results:
+def results_beside(
+    trajectory: Trajectory | None, place: Path, plugin_files: tuple[Path, ...] = (), with_people: bool = True
+) -> Results:
     """Return the results in a folder, as `read_results` does, with the trajectory that was read from it.
 
-    Raises the errors of `read_results`.
+    Without people, only what summary.json contains is read, and the crowd is empty.
     """
-    summary, settings = read_summary(place)
+    path = place / SUMMARY_NAME
+    data = read_json(path)
+    results = checked(Results, data | _UNREAD, path)
+    derived: Any = checked(_derived(), data, path)
+    settings = data["case"]
+    case = cache(partial(recorded_case, place, with_infinity(settings), results.source, (), plugin_files))
+    results = replace(results, case_or_reader=case, folder=place)
     if trajectory is not None:
-        check_trajectory(trajectory, summary)
-    more = () if summary.conditions is None else EXPOSURE_COLUMNS
-    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more)
-    levels, exits, portals = list(summary.levels), list(summary.exits), list(summary.portals)
-    names = [group.name for group in summary.table.people]
-    group = table.indices("group", names, optional=True)
-    crowd = _crowd_of(table, levels, exits, summary.routes, group)
-    start_level = table.indices("start_level", levels, optional=True)
-    if (differs := (start_level < 0) != np.isnan(crowd.arrival_time)).any():
-        raise table.error("start_level", f"contradicts 'arrival_time' in row {int(np.argmax(differs)) + 2}")
-    counts = table.length, int(np.isfinite(crowd.exit_time).sum())
-    if counts != (summary.people, summary.evacuated):
-        raise ResultError(
-            f"{table.path}: {counts[0]} people, {counts[1]} of them out, but {SUMMARY_NAME} has {summary.people} and "
-            f"{summary.evacuated}; the files are not of one run: run the case again"
-        )
-    passages = _crossings(place / CROSSINGS_NAME, summary.people, portals)
-    names_of_same = (*AS_WRITTEN, "title", "ended", "places", "routes", "changes")
-    same: dict[str, Any] = {name: getattr(summary, name) for name in names_of_same}
-    same |= {name: _dumped(getattr(summary, name)) for name in TABLES}
-    results = Results(
-        **same,
-        settings=settings,
-        case_or_reader=cache(partial(recorded_case, place, _with_infinity(settings), summary.source, (), plugin_files)),
-        building_or_none=None if trajectory is None else _building_at_the_end(trajectory.building, summary, place),
-        crowd=crowd,
-        groups=tuple(
-            Group(one.name, np.flatnonzero(group == index).astype(np.int32), one.behaviours)
-            for index, one in enumerate(summary.table.people)
-        ),
-        start_position=table.pairs("start_x", "start_y"),
-        start_level=start_level,
-        crossings=passages,
-        time=summary.simulated_time,
-        doors=[door.model_dump() for door in summary.doors],
-        stuck=tuple(one.person for one in summary.stuck),
-        report=summary.contact.model_dump(),
-        phases=summary.wall_time,
-        plan=[(row.part, row.state, row.why) for row in summary.plan],
-        folder=place,
-        exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
-    )
-    # Cached properties, so that the file is not read again.
-    vars(results)["trajectory"] = trajectory
-    vars(results)["flow_totals"] = [use.model_dump() for use in summary.flows]
+        own, written = (trajectory.header.get("seed"), trajectory.number_of_people), (results.seed, derived.people)
+        if own != written:
+            raise ResultError(
+                f"{path}: seed {written[0]} and {written[1]} people, but {trajectory.path.name} has seed {own[0]} and "
+                f"{own[1]} people; the files are not of one run: run the case again"
+            )
+        results = replace(results, building_or_none=_building_at_the_end(trajectory.building, results, place))
+    cached = {name: getattr(derived, value.key) for name, value in DERIVED.items()}
+    if with_people:
+        results = _with_people(results, place, derived)
+        for name, value in DERIVED.items():
+            if name != "flow_totals" and getattr(results, name) != cached[name]:
+                raise ResultError(
+                    f"{place / PEOPLE_NAME}: {value.key!r} is {getattr(results, name)}, but {SUMMARY_NAME} has "
+                    f"{cached[name]}; the files are not of one run: run the case again"
+                )
+    # Cached properties, so that neither files are read nor flows computed again.
+    vars(results).update(cached, trajectory=trajectory, case_table=derived.case)
     return results
 
 
-def check_trajectory(trajectory: Trajectory, summary: Summary) -> None:
-    """Check that a trajectory and the summary beside it are of the same run."""
-    own = trajectory.header.get("seed"), trajectory.number_of_people
-    if own != (summary.seed, summary.people):
-        raise ResultError(
-            f"{trajectory.path.with_name(SUMMARY_NAME)}: seed {summary.seed} and {summary.people} people, but "
-            f"{trajectory.path.name} has seed {own[0]} and {own[1]} people; the files are not of one run: run the "
-            "case again"
-        )
+#: The fields that summary.json must not contain, until they are known.
+_UNREAD: dict[str, Any] = {
+    "case_or_reader": None,
+    "building_or_none": None,
+    "crowd": make_crowd(np.zeros((0, 2)), level=0, radius=0.0, mass=0.0, tau=0.0, speed=np.zeros((0, 3))),
+    "groups": (),
+    "start_position": np.zeros((0, 2)),
+    "start_level": np.zeros(0, np.int32),
+    "crossings": (np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0)),
+    "stuck": (),
+    "exposure": {},
+    "folder": None,
+}
 
 
-def recorded_case(
-    folder: Path, table: Mapping[str, Any], source: str, used: Sequence[str], plugin_files: Sequence[Path]
-) -> "Case":
-    """Return the case of a result; its plugin files must be given, because the folder may be a stranger's."""
-    from evac.case.loading import case_from
+@cache
+def _derived() -> Any:
+    """Return the type of the keys of summary.json that follow from others, and of the case that it contains."""
+    kinds: dict[str, Any] = {value.key: (value.kind, ...) for value in DERIVED.values()}
+    return create_model("Derived", __base__=Record, case=(CaseTable, ...), **kinds)
 
-    named = [(Path(source).parent / name).resolve() for name in table.get("plugins", {}).get("files", [])]
-    if missing := [str(path) for path in dict.fromkeys((*named, *map(Path, used))) if path not in plugin_files]:
-        raise ResultError(f"{folder}: its case needs the plugin {', '.join(missing)}; give it (plugin_files=)")
-    return case_from(table, Path(source), plugin_files=plugin_files)
+
+def _with_people(results: Results, place: Path, derived: Any) -> Results:
+    """Return results with the people of people.csv and their crossings."""
+    groups: list[GroupTable] = derived.case.people
+    more = () if results.conditions is None else EXPOSURE_COLUMNS
+    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more)
+    levels, exits = list(results.levels), list(results.exits)
+    group = table.indices("group", [group.name for group in groups], optional=True)
+    crowd = _crowd_of(table, levels, exits, results.routes, group)
+    start_level = table.indices("start_level", levels, optional=True)
+    if (differs := (start_level < 0) != np.isnan(crowd.arrival_time)).any():
+        raise table.error("start_level", f"contradicts 'arrival_time' in row {int(np.argmax(differs)) + 2}")
+    return replace(
+        results,
+        crowd=crowd,
+        groups=tuple(
+            Group(one.name, np.flatnonzero(group == index).astype(np.int32), one.behaviours)
+            for index, one in enumerate(groups)
+        ),
+        start_position=table.pairs("start_x", "start_y"),
+        start_level=start_level,
+        crossings=_crossings(place / CROSSINGS_NAME, derived.people, list(results.portals)),
+        stuck=tuple(row["person"] for row in derived.stuck),
+        exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
+    )
 
 
 class _Table:
@@ -183,9 +189,9 @@ class _Table:
         return ResultError(f"{self.path}: column {name!r}: {why}; run the case again")
 
 
-def _building_at_the_end(building: Building, summary: Summary, folder: Path) -> Building:
+def _building_at_the_end(building: Building, results: Results, folder: Path) -> Building:
     try:
-        return building_at(building, summary.changes, summary.simulated_time)
+        return building_at(building, results.changes, results.time)
     except BuildingError as error:
         raise ResultError(f"{folder / SUMMARY_NAME}: changes: {error}; run the case again") from error
 
@@ -233,16 +239,3 @@ def _crossings(path: Path, people: int, portals: Sequence[str]) -> tuple[IntArra
     table = _Table(path, CROSSINGS_COLUMNS)
     person = table.numbers("person", 0.0, people - 1.0)
     return person.astype(np.int32), table.indices("portal", portals), table.numbers("time", 0.0)
-
-
-def _dumped(table: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    return {name: use.model_dump(mode="json") for name, use in table.items()}
-
-
-def _with_infinity(value: Any) -> Any:
-    """Return a case from JSON with the infinities that are null there."""
-    if isinstance(value, dict):
-        return {key: _with_infinity(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_with_infinity(item) for item in value]
-    return float("inf") if value is None else value

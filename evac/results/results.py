@@ -3,18 +3,21 @@
 import importlib.metadata
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BeforeValidator, ConfigDict, Field, GetPydanticSchema, PlainSerializer
+from pydantic_core import core_schema
+from typing_extensions import TypedDict
 
-from evac.analysis.flows import exit_table
-from evac.analysis.lines import LineFlow, flow_rows, line_flows, link_flows, totals
-from evac.analysis.occupancy import Moves, moves_of
+from evac.analysis.flows import ExitUse, exit_table
+from evac.analysis.lines import FlowUse, LineFlow, flow_rows, line_flows, link_flows, totals
+from evac.analysis.occupancy import Moves, Occupancy, moves_of
 from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
@@ -31,12 +34,13 @@ from evac.folder.files import (
     TRAJECTORY_NAME,
     writing,
 )
-from evac.folder.jsonfile import plain, write_json
+from evac.folder.jsonfile import Amount, Count, adapter, plain, write_json
 from evac.folder.tables import write_csv
 from evac.people.places import PeopleAt
 from evac.people.population import Group
 from evac.physics.state import Crowd
 from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings, remarks_of
+from evac.results.recordedcase import CaseTable
 from evac.results.watch import Observation
 
 if TYPE_CHECKING:
@@ -45,9 +49,7 @@ if TYPE_CHECKING:
 
     from evac.case.case import Case
     from evac.results.answer import Answer
-    from evac.results.record import Summary
     from evac.trajectory.trajectory import Trajectory
-
 
 #: Packages whose version can affect results.
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
@@ -64,15 +66,69 @@ PEOPLE_COLUMNS = (
 #: Columns of people.csv in addition, of a case with conditions of the air: those of `Exposure`.
 EXPOSURE_COLUMNS = ("gas_dose", "heat_dose", "greatest_extinction", "greatest_irritants", "stopped_at")
 
+T = TypeVar("T")
 
-#: Attributes of results that summary.json has under their own names.
-AS_WRITTEN = (
-    *("warnings", "quality_warnings", "notes", "entered_barred", "waiting_outside", "steps", "seed", "source"),
-    *("metrics", "quickest", "conditions", "resumed", "keeps_distance", "plugins", "files", "plugin_files", "versions"),
-)
+#: A field of results that summary.json does not have.
+Unwritten = Annotated[T, GetPydanticSchema(lambda source, handler: core_schema.any_schema()), Field(exclude=True)]
 
-#: The same of tables by name.
-TABLES = ("exits", "portals", "levels", "stairs")
+
+class Derived(cached_property[T]):
+    """A key of summary.json that follows from other data: its name, docstring and type are those of a method."""
+
+    key = ""
+
+    def __set_name__(self, owner: type[Any], name: str) -> None:
+        super().__set_name__(owner, name)
+        self.key = self.key or name
+
+    @property
+    def kind(self) -> Any:
+        """Type of the value, with its bounds."""
+        return get_type_hints(self.func, include_extras=True)["return"]
+
+
+def derived(key: str) -> Callable[[Callable[[Any], T]], Derived[T]]:
+    """Return the decorator of a `Derived` value whose key is not the name of the method."""
+
+    def decorate(method: Callable[[Any], T]) -> Derived[T]:
+        value = Derived(method)
+        value.key = key
+        return value
+
+    return decorate
+
+
+class PortalUse(TypedDict):
+    """The levels that a portal connects, its width [m], and the number of passages in both directions."""
+
+    levels: tuple[str, str]
+    width: Amount
+    passages: Count
+
+
+class DoorRow(TypedDict):
+    """A door between rooms; its width [m] is clear."""
+
+    name: str
+    level: str
+    width: Amount
+
+
+class StuckPlace(TypedDict):
+    """Where a person is who no longer makes progress [m]."""
+
+    person: Count
+    level: str
+    x: float
+    y: float
+
+
+class PlanRow(NamedTuple):
+    """A part of the program that was needed (in) or left out (out), and why."""
+
+    part: str
+    state: str
+    why: str
 
 
 @cache
@@ -82,128 +138,131 @@ def versions() -> Mapping[str, str]:
     return MappingProxyType({"python": platform.python_version(), **installed})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Results:
     """The results of a run, as `evac.run` returns them or `Results.read` reads them from a result folder.
 
+    Every key of summary.json (docs/summary.md) is declared here once: it is a field, or a `Derived` value that follows
+    from others. Fields marked `Unwritten` are not in that file.
+
     Attributes
     ----------
-    title : str
-    settings : mapping
-        Every key of the case with its value, as plain data; None stands for infinity.
     crowd : Crowd
         Arrays of all people at the end. In results that were read, velocities, contact forces, contact radii, speed
         factors and extra directions are NaN, because they are not written.
     groups : sequence of Group
         Groups with ``name`` and ``rows``.
-    routes : sequence of Route
-        Routes to which ``crowd.route`` refers.
     start_position : (n, 2) float64 [m]
     start_level : (n,) int32
     crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
         Person, portal and time of every crossing of a portal, in the order of the log; see
         `evac.analysis.occupancy.moves_of`.
-    ended : str
-        ``"everybody out"``, ``"everybody out or at a safe place"``, ``"everybody out who can move"``,
-        ``"duration over"``, ``"no progress"``, ``"interrupted"`` or ``"failed"``.
-    time : float
-        Simulated time [s].
-    steps : int
-        Number of steps.
-    seed : int
-    exits, portals, levels, stairs : mapping of str to mapping
-        The use of each exit, portal, level and stair, by name, as in summary.json (docs/summary.md).
-    doors : sequence of mapping
-        Name, level and width [m] of the doors between rooms that the file of the building names.
-    places : sequence of PeopleAt
-        The refuges and assembly areas, with the people who were there at the end.
-    entered_barred : mapping of str to tuple of int
-        The people who entered each area while it was barred, because they had no other way.
-    notes : tuple of str
-        Messages of behaviours about people, such as who was missing when a class was counted.
     stuck : sequence of int
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
-    warnings : sequence of str
-        Warnings on building and people, from `Simulation.warnings`.
-    quality_warnings : sequence of str
-        Quality warnings (docs/results.md): numerical or physical problems of the results, one line each.
-    keeps_distance : sequence of str
-        Behaviours in use that make people keep distances.
-    report : mapping
-        Report of the contact model, with the keys described in docs/summary.md.
-    phases : mapping of str to float
-        Wall time of each phase [s].
-    plan : sequence of (part, in or out, why)
-    plugins : sequence of str
-        Name and version of each plugin used in the run.
-    versions : mapping of str to str
-        Versions of Python and of the packages that can affect results.
-    metrics : mapping
-        Results of the ``evac_metrics`` hooks, by plugin.
-    folder : Path or None
-        Result folder of the run.
-    files : sequence of str
-        Files that the run has read, besides its case.
-    plugin_files : sequence of str
-        Files that plugins have written to the result folder.
-    changes : sequence of Change
-        Changes of the scene during the run, in order.
-    waiting_outside : int
-        Number of people who had not entered the building at the end because there was no free place for them.
-    resumed : sequence of mapping
-        Checkpoints from which the run was resumed, in order.
-    quickest : mapping of str to number, optional
-        Updates of the routes with the strategy "quickest", see docs/summary.md; None without such routes.
-    conditions : mapping, optional
-        Smoke, gases and heat, see docs/summary.md; None in a case without them.
     exposure : mapping of str to (n,) float64
         The `EXPOSURE_COLUMNS` by name, in a case with conditions.
-    source : str
-        File of the case.
+    folder : Path or None
+        Result folder of the run.
     """
 
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
+
     title: str
-    settings: Mapping[str, Any]
-    case_or_reader: "Case | Callable[[], Case]" = field(repr=False, compare=False)
-    building_or_none: Building | None = field(repr=False)
-    crowd: Crowd
-    groups: Sequence[Group]
-    routes: Sequence[Route]
-    start_position: FloatArray
-    start_level: IntArray
-    crossings: tuple[IntArray, IntArray, FloatArray]
+    """Title of the case."""
     ended: str
-    time: float
-    steps: int
-    seed: int
-    exits: Mapping[str, Mapping[str, Any]]
-    portals: Mapping[str, Mapping[str, Any]]
-    levels: Mapping[str, Mapping[str, Any]]
-    stairs: Mapping[str, Mapping[str, Any]]
-    doors: Sequence[Mapping[str, Any]] = ()
+    """How the run ended: everybody out, everybody out or at a safe place (a refuge or an assembly area), everybody out
+    who can move, duration over, no progress, interrupted or failed."""
+    time: Annotated[Amount, Field(alias="simulated_time")]
+    """Simulated time [s]."""
+    steps: Count
+    """Number of steps."""
+    seed: Count
+    """Seed of all random numbers."""
     places: Sequence[PeopleAt] = ()
+    """For each refuge and assembly area: name, kind, capacity (null: unlimited), the people who were there at the end,
+    and when the `last` of them arrived [s] (null: nobody did); `evacuated` does not count them."""
     entered_barred: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """For each area, the people who entered it while it was barred, because they had no other way."""
     notes: tuple[str, ...] = ()
-    stuck: Sequence[int] = ()
-    warnings: Sequence[str] = ()
-    quality_warnings: Sequence[str] = ()
-    keeps_distance: Sequence[str] = ()
-    report: Mapping[str, Any] = field(default_factory=dict)
-    phases: Mapping[str, float] = field(default_factory=dict)
-    plan: Sequence[tuple[str, str, str]] = ()
-    plugins: Sequence[str] = ()
-    versions: Mapping[str, str] = field(default_factory=versions)
+    """Lines on people from behaviours, such as who was missing when a class was counted (docs/behaviours.md)."""
+    waiting_outside: Count = 0
+    """Number of the people of `not_arrived` who waited outside because there was no free place."""
+    warnings: tuple[str, ...] = ()
+    """The warnings that `evac check` shows: about the building, narrow places, people for whom no way is wide enough,
+    unusual people, response times beyond the end of the run."""
+    quality_warnings: tuple[str, ...] = ()
+    """The quality warnings of the run (docs/results.md), one line each."""
+    exits: Mapping[str, ExitUse]
+    """For each exit: people, last time [s], width [m], flow between the first and the last fifth of the people [1/s],
+    and this flow per metre of width. Flows need at least 20 people, not all at the same time."""
+    portals: Mapping[str, PortalUse]
+    """For each portal between levels: the levels, width [m], number of passages in both directions."""
+    levels: Mapping[str, Occupancy]
+    """For each level: number of people who used it, greatest number at one time, time at which the last person left it
+    [s]."""
+    stairs: Mapping[str, Occupancy]
+    """The same of each stair."""
+    doors: Sequence[DoorRow] = ()
+    """Name, level and clear width [m] of each door between rooms that the building file names, as plans do."""
+    routes: Annotated[Sequence[Route], Field(min_length=1)]
+    """For each route: `exits` (none: any exit), `strategy`, `steepest` (steepest stair or ramp that it uses, rise over
+    run; null: any) and `refuge` (the area in which it ends instead of at an exit)."""
+    report: Annotated[Mapping[str, Any], Field(alias="contact")] = field(default_factory=dict)
+    """The report of the contact model, see below."""
+    phases: Annotated[Mapping[str, Amount], Field(alias="wall_time")] = field(default_factory=dict)
+    """Wall time of each phase [s], after the case has been checked, until this file is written. kernels: loading or
+    compiling; physics: the compiled loop; output: everything that is displayed or written; preparation: the rest."""
+    plan: Annotated[Sequence[PlanRow], PlainSerializer(lambda rows: [PlanRow(*row)._asdict() for row in rows])] = ()
+    """Parts of the program that the case needs, and parts that were left out, with the reason."""
     metrics: Mapping[str, Any] = field(default_factory=dict)
-    folder: Path | None = None
-    files: Sequence[str] = ()
-    plugin_files: Sequence[str] = ()
-    changes: Sequence[Change] = ()
-    waiting_outside: int = 0
-    resumed: Sequence[Mapping[str, Any]] = ()
-    quickest: Mapping[str, float] | None = None
+    """Values added by plugins."""
+    quickest: Mapping[str, Amount] | None = None
+    """Null if nobody can take a route with the strategy "quickest". Otherwise: `updates`, the number of updates;
+    `levels_solved`, the number of levels solved in them, for each route and class of bodies; `cpu_seconds` [s], which
+    are part of the phase directions; `exit_changes`, how often a person's way ended at another exit than at the
+    previous update; `exit_returns`, how many of these changes led back to an earlier exit of the person."""
     conditions: Mapping[str, Any] | None = None
-    exposure: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Null in a case without `[[conditions]]`. Otherwise: `sources`; the `law` of speed; the `quantities` that are
+    read; the `findings` of the sources; for each of the `levels`, when the visibility at heads fell below 10 m
+    (`untenable`) and below the visibility at which people turn back; the `doses` over time (mean and greatest, every
+    two seconds); the solves of `routes` and their CPU time since the start or the last resumption [s]; the
+    `greatest_extinction` [1/m]; and, with `[dose]`, the entry `dose`: `form`, `heat`, `threshold` and `susceptibility`
+    of the dose, the required quantities that are `not_in_data`, the number of people with doses above 0.3 and 1, the
+    greatest doses, and the number `stopped`."""
+    changes: Annotated[
+        Sequence[Annotated[Change, BeforeValidator(Change.from_row)]],
+        PlainSerializer(lambda changes: [change.as_row() for change in changes]),
+    ] = ()
+    """Changes of the building during the run, in order (docs/recipes_events.md): `time` [s] from which each holds,
+    `kind`, `what`, `values`. The value `let_through` of a closing exit, portal or stair lists the people whose bodies
+    were on its line at that time, and whom alone it lets through; `warnings` lists them, too."""
+    resumed: Sequence[Mapping[str, Any]] = ()
+    """For each checkpoint from which the run was resumed: its `time` [s], and the permitted `differences` of versions,
+    kernels and files."""
+    files: Sequence[str] = ()
+    """Files that the run has read besides its case: of the building, plugins, and data of conditions and behaviours."""
+    plugin_files: Sequence[str] = ()
+    """Files written to the folder by plugins."""
     source: str = ""
+    """File of the case."""
+    keeps_distance: Sequence[str] = ()
+    """Names of the behaviours in use that make people keep distances."""
+    plugins: Sequence[str] = ()
+    """Name and version of each plugin used in the run."""
+    versions: Mapping[str, str] = field(default_factory=versions)
+    """Versions of Python and of the packages that can affect results."""
+    settings: Annotated[Mapping[str, Any], Field(alias="case")]
+    """Every key of the case with its value; null stands for infinity."""
+    case_or_reader: Unwritten[Any] = field(repr=False, compare=False)  # a Case, or a function that returns it
+    building_or_none: Unwritten[Building | None] = field(repr=False)
+    crowd: Unwritten[Crowd]
+    groups: Unwritten[Sequence[Group]]
+    start_position: Unwritten[FloatArray]
+    start_level: Unwritten[IntArray]
+    crossings: Unwritten[tuple[IntArray, IntArray, FloatArray]]
+    stuck: Unwritten[Sequence[int]] = ()
+    exposure: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
+    folder: Unwritten[Path | None] = None
 
     @classmethod
     def read(cls, folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> "Results":
@@ -221,7 +280,8 @@ class Results:
         EvacError
             The case cannot be loaded any more, for example because its plugin is missing.
         """
-        return self.case_or_reader() if callable(self.case_or_reader) else self.case_or_reader
+        case: Case = self.case_or_reader() if callable(self.case_or_reader) else self.case_or_reader
+        return case
 
     @property
     def building(self) -> Building:
@@ -264,8 +324,8 @@ class Results:
 
         return egress_figure(self)
 
-    @property
-    def number_of_people(self) -> int:
+    @derived("people")
+    def number_of_people(self) -> Count:
         """Number of people."""
         return len(self.crowd.level)
 
@@ -283,8 +343,8 @@ class Results:
         """Names of the columns of people.csv."""
         return PEOPLE_COLUMNS + (EXPOSURE_COLUMNS if self.exposure else ())
 
-    @property
-    def evacuated(self) -> int:
+    @Derived
+    def evacuated(self) -> Count:
         """Number of people who are out."""
         return int(np.isfinite(self.crowd.exit_time).sum())
 
@@ -297,6 +357,11 @@ class Results:
     def is_complete(self) -> bool:
         """Whether everybody who is to leave is out or at a safe place, and nobody is to arrive or has been stopped."""
         return self.evacuated + self.at_places + self.staying == self.number_of_people and not len(self.stopped)
+
+    @derived("stopped")
+    def number_stopped(self) -> Count:
+        """Number of people inside whom gases or heat have stopped; they are not counted as stuck or not started."""
+        return len(self.stopped)
 
     @cached_property
     def stopped(self) -> IntArray:
@@ -312,9 +377,9 @@ class Results:
         stays[np.concatenate([np.zeros(0, np.int32), *rows])] = True
         return stays & (self.crowd.level >= 0)
 
-    @property
-    def staying(self) -> int:
-        """Number of people inside at the end who do not leave, except those whom gases or heat have stopped."""
+    @Derived
+    def staying(self) -> Count:
+        """Number of people inside at the end who do not leave (`leave = false`), without those of `stopped`."""
         return int(np.delete(self._stays, self.stopped).sum())
 
     @cached_property
@@ -324,15 +389,20 @@ class Results:
         leaves[[row for place in self.places for row in place.people]] = False
         return np.flatnonzero(leaves).astype(np.int32)
 
-    @property
-    def not_arrived(self) -> int:
-        """Number of people who have not entered the building, including the `waiting_outside`."""
+    @Derived
+    def not_arrived(self) -> Count:
+        """Number of people of groups that arrive (docs/recipes.md) who had not entered the building at the end."""
         return int(np.isnan(self.crowd.arrival_time).sum())
 
-    @property
-    def last_out(self) -> float | None:
-        """Time at which the last of the people who are out left [s]; None if nobody left."""
+    @Derived
+    def last_out(self) -> Amount | None:
+        """Time at which the last of the people who are out left [s]; None (null) if nobody left."""
         return float(np.nanmax(self.crowd.exit_time)) if self.evacuated else None
+
+    @derived("left_by_other_exits")
+    def number_by_other_exits(self) -> Count:
+        """Number of people who left by an exit outside their route, for example because they were pushed across it."""
+        return len(self.left_by_other_exits)
 
     @property
     def left_by_other_exits(self) -> IntArray:
@@ -342,16 +412,16 @@ class Results:
         others: IntArray = out[~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]].astype(np.int32)
         return others
 
-    @property
-    def not_started(self) -> int:
+    @Derived
+    def not_started(self) -> Count:
         """Number of people inside at the end whose response time was not over."""
         waits = (self.crowd.level >= 0) & (self.crowd.start_time > self.time) & ~self._stays
         waits[self.stopped] = False
         return int(waits.sum())
 
-    @property
-    def exit_status(self) -> int:
-        """0 if everybody who is to leave is out or at a safe place, otherwise 3."""
+    @Derived
+    def exit_status(self) -> Count:
+        """0 if everybody who is to leave is out or at a safe place, otherwise 3; see docs/status.md for commands."""
         return 0 if self.is_complete else 3
 
     @property
@@ -374,9 +444,11 @@ class Results:
             self.building, self.start_level, self.crossings, crowd.exit_time, crowd.arrival_time, crowd.exit_used
         )
 
-    @cached_property
-    def flow_totals(self) -> Sequence[Mapping[str, Any]]:
-        """People and flow through each exit, portal, door and line, by direction, as in summary.json."""
+    @derived("flows")
+    def flow_totals(self) -> list[FlowUse]:
+        """For each exit, portal, door and line of the case, and each direction in which somebody passed: people, first
+        and last time [s], width [m], and the flow between the first and the last fifth of the people.
+        """
         return totals(self.flows)
 
     @cached_property
@@ -439,45 +511,33 @@ class Results:
                 names[row] = group.name
         return names
 
-    def summary(self) -> dict[str, Any]:
-        """Return the content of ``summary.json``: plain numbers, strings, lists and dictionaries."""
-        levels = list(self.levels)
-        stuck = zip(self.stuck, self.crowd.position[list(self.stuck)].tolist(), strict=True)
-        summary = {
-            "title": self.title,
-            "people": self.number_of_people,
-            "evacuated": self.evacuated,
-            "last_out": self.last_out,
-            "ended": self.ended,
-            "exit_status": self.exit_status,
-            "places": [asdict(place) for place in self.places],
-            "stuck": [
-                {"person": int(row), "level": levels[self.crowd.level[row]], "x": x, "y": y} for row, (x, y) in stuck
-            ],
-            "not_started": self.not_started,
-            "not_arrived": self.not_arrived,
-            "staying": self.staying,
-            "stopped": len(self.stopped),
-            "simulated_time": self.time,
-            "doors": self.doors,
-            "left_by_other_exits": len(self.left_by_other_exits),
-            "flows": self.flow_totals,
-            "routes": [asdict(route) for route in self.routes],
-            "contact": self.report,
-            "wall_time": self.phases,
-            "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
-            "changes": [change.as_row() for change in self.changes],
-            "case": self.settings,
-        }
-        summary |= {name: getattr(self, name) for name in (*TABLES, *AS_WRITTEN)}
-        return {key: plain(value) for key, value in summary.items()}
+    @derived("stuck")
+    def stuck_places(self) -> list[StuckPlace]:
+        """Person, level, x, y of the people inside at the end who had made no progress towards an exit for 10 s, or for
+        `no_progress` if that is shorter.
+        """
+        levels, crowd = list(self.levels), self.crowd
+        return [
+            StuckPlace(person=int(row), level=levels[crowd.level[row]], x=x, y=y)
+            for row, (x, y) in zip(self.stuck, crowd.position[list(self.stuck)].tolist(), strict=True)
+        ]
 
     @cached_property
-    def record(self) -> "Summary":
-        """The content of ``summary.json`` with its types."""
-        from evac.results.record import Summary
+    def case_table(self) -> CaseTable:
+        """The parts of the case that reports and replays name, with their types."""
+        return CaseTable.model_validate(self.settings)
 
-        return Summary.model_validate(self.summary())
+    def summary(self) -> dict[str, Any]:
+        """Return the content of ``summary.json``: plain numbers, strings, lists and dictionaries."""
+        values = {value.key: getattr(self, name) for name, value in DERIVED.items()}
+        fields = adapter(Results).dump_python(self, by_alias=True, warnings=False)
+        return {key: plain(value) for key, value in ({"title": self.title} | values | fields).items()}
+
+    def with_phases(self, phases: Mapping[str, float]) -> "Results":
+        """Return the results with other wall times [s]; what has been computed from the rest is kept."""
+        results = replace(self, phases=phases)
+        vars(results).update({name: value for name, value in vars(self).items() if name not in vars(results)})
+        return results
 
     def write(self, folder: str | Path) -> None:
         """Write summary.json and the tables to `folder`, which is created if missing.
@@ -522,6 +582,10 @@ class Results:
         write_json(folder / SUMMARY_NAME, self.summary(), "the results")
 
 
+#: The values of summary.json that follow from others, by the names of their attributes.
+DERIVED = {name: value for name, value in vars(Results).items() if isinstance(value, Derived)}
+
+
 def results_of(
     *,
     case: "Case",
@@ -564,12 +628,14 @@ def results_of(
         report=plain(report),
         exits=exits,
         portals={
-            portal.name: {"levels": [names[k] for k in portal.levels], "width": portal.width, "passages": passages[k]}
+            portal.name: PortalUse(
+                levels=(names[portal.levels[0]], names[portal.levels[1]]), width=portal.width, passages=passages[k]
+            )
             for k, portal in enumerate(building.portals)
         },
-        levels={level.name: asdict(moves.occupancy([level.index])) for level in building.levels},
-        stairs={name: asdict(moves.occupancy(levels)) for name, levels in building.stairs.items()},
-        doors=[{"name": door.name, "level": names[door.level], "width": door.width} for door in building.doors],
+        levels={level.name: moves.occupancy([level.index]) for level in building.levels},
+        stairs={name: moves.occupancy(levels) for name, levels in building.stairs.items()},
+        doors=[DoorRow(name=door.name, level=names[door.level], width=door.width) for door in building.doors],
         quality_warnings=tuple(quality),
         keeps_distance=case.keeps_distance,
         **others,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, note, warn
 from evac.base.interrupt import Interrupt, never
-from evac.base.phases import Phases, Progress
+from evac.base.phases import Progress
 from evac.case.loading import as_case
 from evac.folder.files import (
     ANIMATION_NAME,
@@ -21,7 +21,6 @@ from evac.folder.files import (
     PEOPLE_NAME,
     REPLAY_NAME,
     SUMMARY_NAME,
-    TRAJECTORY_NAME,
 )
 from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.results.ending import FAILED, INTERRUPTED
@@ -31,7 +30,6 @@ from evac.simulation.identity import differences_of, inputs_of, made_of
 from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recording import check_lengths
-from evac.trajectory.trajectory import read_trajectory
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -229,62 +227,88 @@ def run_into(
         try:
             results = simulation.run(progress)
             interrupt.may_break = never
-            results = replace(results, plugin_files=simulation.recording.plugin_files())
-            write_tables(results, place.running, simulation.phases)
-            _check_files(simulation, place)
-        except EvacError as error:
-            note(error, simulation.warnings())
-            _keep_failed_run(simulation, place, first, error)
-            raise
-        except KeyboardInterrupt as error:
+            results = _written(simulation, place, results)
+        except (EvacError, KeyboardInterrupt) as error:
             interrupt.may_break = never
-            if simulation.ended:
-                _keep_failed_run(simulation, place, first, error)
+            if isinstance(error, EvacError):
+                note(error, simulation.warnings())
+            with suppress(ResultError, OSError):  # the first failure is reported, not a later one
+                if simulation.step == first:
+                    if not first:
+                        place.check()
+                        place.discard()
+                elif simulation.ended or isinstance(error, EvacError):
+                    simulation.ended = simulation.ended or FAILED
+                    _written(simulation, place, simulation.results(), error)
             raise
-        folder = _published(simulation, place)
         writing()
         most = 1 if results.ended == INTERRUPTED else 0  # the signal that has ended the run does not stop its outputs
-        draw_pictures(results, folder, lambda: interrupt.count > most)
-        results = replace(results, folder=folder, phases=simulation.phases.seconds())
-        with _optional(folder / SUMMARY_NAME):  # again, with the wall time of the pictures
-            results.write_summary(folder)
-        if interrupt.count > most and (missing := _missing(results, folder)):
+        draw_pictures(results, lambda: interrupt.count > most)
+        if interrupt.count > most and (missing := _missing(results)):
             stopped = KeyboardInterrupt()
-            stopped.add_note(f"the results are in {folder}, without {', '.join(missing)}")
+            stopped.add_note(f"the results are in {results.folder}, without {', '.join(missing)}")
             raise stopped
         return results
 
 
-def _missing(results: Results | Simulation, folder: Path) -> list[str]:
+def _missing(results: Results) -> list[str]:
     """Return the outputs that the case asks for and the folder does not have."""
-    output = results.case.output
+    output, folder = results.case.output, results.folder
+    assert folder is not None
     names = {REPLAY_NAME: output.replay, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
     return [name for name, is_wanted in names.items() if is_wanted and not (folder / name).is_file()]
 
 
-def write_tables(results: Results, folder: Path, phases: Phases) -> None:
-    """Write summary.json and, if ``output.tables`` is true, the tables, to an existing folder."""
-    if results.case.output.tables:
-        results.write_tables(folder)
-    replace(results, phases=phases.seconds()).write_summary(folder)
+def _written(
+    simulation: Simulation, place: ResultFolder, results: Results, failure: BaseException | None = None
+) -> Results:
+    """Write the tables and the summary of a run that has ended or failed, and publish its folder."""
+    place.check()
+    results = replace(results, plugin_files=simulation.recording.plugin_files())
+    output = results.case.output
+    if output.tables:
+        results.write_tables(place.running)
+    results = results.with_phases(simulation.phases.seconds())
+    results.write_summary(place.running)
+    is_whole = results.ended not in (FAILED, INTERRUPTED)
+    try:
+        simulation.recording.check_files()
+        tables = (EGRESS_NAME, PEOPLE_NAME) if output.tables else ()
+        check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
+    except ResultError:
+        if failure is None:
+            raise
+        is_whole = False
+    folder = place.publish() if is_whole else place.publish_if_new()
+    if is_whole:
+        (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
+    results = replace(results, folder=folder)
+    if failure is not None:
+        missing = _missing(results)
+        without = f", without {', '.join(missing)}" if missing else ""
+        failure.add_note(f"the results {'' if is_whole else 'until then '}are in {folder}{without}")
+    return results
 
 
-def draw_pictures(results: Results, folder: Path, is_stopped: Callable[[], bool] = never) -> None:
+def draw_pictures(results: Results, is_stopped: Callable[[], bool] = never) -> None:
     """Write egress.png if ``output.picture`` is true, and the VTK animation if ``output.animation`` is, until stopped.
 
     The results are complete without them: one that cannot be made is a warning.
     """
+    folder = results.folder
+    assert folder is not None
     if results.case.output.picture and not is_stopped():
         with _optional(folder / EGRESS_PICTURE_NAME):
             from evac.pictures.pictures import egress_figure
             from evac.pictures.writing import save
 
             save(egress_figure(results), folder / EGRESS_PICTURE_NAME)
-    if results.case.output.animation and not is_stopped() and (folder / TRAJECTORY_NAME).is_file():
+    if results.case.output.animation and not is_stopped():
         with _optional(folder / ANIMATION_NAME):
             from evac.export.vtk import export_vtk
 
-            export_vtk(read_trajectory(folder), folder)
+            if results.trajectory is not None:
+                export_vtk(results.trajectory, folder)
 
 
 @contextmanager
@@ -295,52 +319,6 @@ def _optional(path: Path) -> Iterator[None]:
     except Exception as error:
         why = str(error) if isinstance(error, EvacError) else f"{path}: {in_one_line(error)}"
         warnings.warn(f"{why}; the tables of the run are complete", FolderWarning, stacklevel=3)
-
-
-def _check_files(simulation: Simulation, place: ResultFolder) -> None:
-    """Check that all files of the run exist."""
-    place.check()
-    simulation.recording.check_files()
-    tables = (EGRESS_NAME, PEOPLE_NAME) if simulation.case.output.tables else ()
-    check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
-
-
-def _is_whole(simulation: Simulation, place: ResultFolder) -> bool:
-    try:
-        _check_files(simulation, place)
-    except ResultError:
-        return False
-    return True
-
-
-def _published(simulation: Simulation, place: ResultFolder) -> Path:
-    """Publish a folder with all its files, of an interrupted run only if there is no earlier result; return it."""
-    if simulation.ended in (FAILED, INTERRUPTED):
-        return place.publish_if_new()
-    folder = place.publish()
-    (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
-    return folder
-
-
-def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, error: BaseException) -> None:
-    """Write the tables of a run that has failed, or whose outputs were interrupted, and note where they are.
-
-    If it has not made a step since `first`, its folder is removed.
-    """
-    with suppress(ResultError, OSError):  # the first failure is reported, not a later one
-        place.check()
-        if simulation.step > first:
-            simulation.ended = simulation.ended or FAILED
-            if not (place.running / SUMMARY_NAME).is_file():
-                results = replace(simulation.results(), plugin_files=simulation.recording.plugin_files())
-                write_tables(results, place.running, simulation.phases)
-            is_complete = simulation.ended not in (FAILED, INTERRUPTED) and _is_whole(simulation, place)
-            folder = _published(simulation, place) if is_complete else place.publish_if_new()
-            missing = _missing(simulation, folder)
-            without = f", without {', '.join(missing)}" if missing else ""
-            error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}{without}")
-        elif not first:
-            place.discard()
 
 
 def _check_interval(checkpoint: float | None) -> None:

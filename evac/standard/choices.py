@@ -74,7 +74,7 @@ def shorter_over_storeys(trial: Trial) -> Iterator[Check]:
 
 def _ever_on(results: Results, storey: str) -> int:
     levels = [level.index for level in results.building.levels if level.name == storey]
-    return results.moves.occupancy(levels).people
+    return results.moves.occupancy(levels)["people"]
 
 
 @standard_test("NIST-2.9", "a group with a slow member", runs=3)

@@ -15,7 +15,7 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, ResultError, in_one_line
 from evac.folder.files import STUDY_NAME
-from evac.results.reading import recorded_case
+from evac.results.recordedcase import recorded_case
 from evac.study.execute import Execution, Order, Row, Task, order_of
 from evac.study.points import STEP, Point, Seeds
 from evac.study.statistics import MEDIAN, Estimate, Statistics, Variation, difference, statistics, variation

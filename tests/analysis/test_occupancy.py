@@ -61,4 +61,4 @@ def test_occupancy_agrees_with_counting_at_every_moment():
         seen |= {person} if target in place else set()
         most = max(most, np.isin(now, place).sum())
     found = moves.occupancy(place)
-    assert (found.people, found.greatest_number) == (len(seen), most)
+    assert (found["people"], found["greatest_number"]) == (len(seen), most)

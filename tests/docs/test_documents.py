@@ -219,8 +219,13 @@ def test_the_presets_of_the_guide_are_taken(text, tmp_path):
     assert (crowd.speed[rows["class_a"], 0] >= 0.9).all()
 
 
-def test_the_document_of_results_names_every_key_and_column(text):
+def test_the_document_of_results_names_every_key_and_column(text, root, monkeypatch):
+    monkeypatch.syspath_prepend(root / "docs")
+    from summary_keys import keys
+
+    assert keys() in text("docs/summary.md")
     case = evac.load("square_room", {"simulation.duration": 0.5})
     summary = Simulation(case).run().summary()
+    assert re.findall(r"^\| `(\w+)`", keys(), re.MULTILINE) == list(summary)
     named = set(re.findall(r"`(\w+)`", text("docs/results.md") + text("docs/summary.md")))
     assert {*summary, *summary["contact"], *PEOPLE_COLUMNS, *EXPOSURE_COLUMNS, *EGRESS_COLUMNS} <= named

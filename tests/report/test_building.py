@@ -9,7 +9,7 @@ from shapely import box
 from evac import Plan
 from evac.report.pages import BLANK, Head, page
 from evac.report.sections import building_section
-from evac.results.record import BuildingTable
+from evac.results.recordedcase import BuildingTable
 
 from .conftest import Page
 
@@ -21,8 +21,9 @@ def section_of(with_door):
     plan.exit("out", "floor", [(0, 1), (0, 2)])
     building = plan.building()
     building = building if with_door else replace(building, doors=())
-    record = SimpleNamespace(table=SimpleNamespace(building=BuildingTable()))
-    return building_section(SimpleNamespace(trajectory=SimpleNamespace(building=building, changes=()), record=record))
+    trajectory = SimpleNamespace(building=building, changes=())
+    case_table = SimpleNamespace(building=BuildingTable())
+    return building_section(SimpleNamespace(trajectory=trajectory, case_table=case_table))
 
 
 @pytest.mark.parametrize("with_door", [True, False])

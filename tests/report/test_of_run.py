@@ -21,7 +21,7 @@ from evac.report.pages import Labels, shown
 from evac.report.sections import SHARES, Places
 from evac.report.verification import evidence, meaning, subject_like
 from evac.results.answer import time_of_share
-from evac.results.record import CaseTable
+from evac.results.recordedcase import CaseTable
 
 from .conftest import HOSTILE, Page
 
@@ -287,11 +287,12 @@ def test_a_run_in_which_nobody_is_to_leave_has_a_report(tmp_path):
 
 
 def test_an_interrupted_run_has_a_banner(result):
-    data = json.loads((result / "summary.json").read_text(encoding="utf-8"))
-    data |= {"ended": "interrupted", "evacuated": 10}
-    (result / "summary.json").write_text(json.dumps(data), encoding="utf-8")
     with (result / "people.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
+    data = json.loads((result / "summary.json").read_text(encoding="utf-8"))
+    last = max(float(row["exit_time"]) for row in rows[4:])
+    data |= {"ended": "interrupted", "evacuated": 10, "last_out": last, "exit_status": 3}
+    (result / "summary.json").write_text(json.dumps(data), encoding="utf-8")
     with (result / "people.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

@@ -62,7 +62,7 @@ def check_same(read, written, but=()):
         assert (group.name, group.rows.tolist()) == (other.name, other.rows.tolist())
         assert group.settings == other.settings
     assert read.summary() == written.summary()
-    assert read.record == written.record
+    assert read.case_table == written.case_table
     assert read.remarks == written.remarks
 
 
@@ -147,7 +147,7 @@ def in_column(name, value):
             "gate",
         ),
         ("people.csv", None, "people.csv"),
-        ("people.csv", lambda text: text.rstrip().rpartition("\n")[0], "11 people"),
+        ("people.csv", lambda text: text.rstrip().rpartition("\n")[0], "'people' is 11"),
         ("people.csv", lambda text: text.replace("exit_time", "left", 1), "exit_time"),
         ("people.csv", in_column("radius", "wide"), "radius"),
         ("people.csv", in_column("radius", "-0.2"), "radius"),

@@ -453,7 +453,7 @@ def test_a_kill_after_the_last_step_loses_no_more_than_others(tmp_path, duration
         raise Killed
 
     with monkeypatch.context() as patch:
-        patch.setattr("evac.simulation.running.write_tables", killed)
+        patch.setattr("evac.results.results.Results.write_tables", killed)
         with pytest.raises(Killed):
             evac.run(case, tmp_path / "r", checkpoint=0.0)
     assert find_checkpoint(tmp_path / "r").header.time < evac.read_trajectory(tmp_path / "whole").time[-1]
