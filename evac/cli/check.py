@@ -13,8 +13,9 @@ from evac.base.errors import BuildingError, EvacError, ResultError, in_order
 from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
-from evac.folder.files import CHECKPOINT_NAME, STUDY_NAME, TRAJECTORY_NAME
-from evac.folder.manifest import read_manifest
+from evac.folder.files import CHECKPOINT_NAME, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME
+from evac.folder.manifest import COMPLETE, read_manifest
+from evac.folder.resultfolder import is_within
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 #: Ending of plan files, which are TOML as cases are.
 PLAN = ".plan.toml"
+#: Beginnings of the names of files of a run that a command writes again from its trajectory.
+WRITTEN_AGAIN = {"replay.html": "replay", "report.html": "report", "map_": "map"}
 #: Kinds of findings in the list of assumptions.
 ASSUMED = ("assumed", "repaired", "left out")
 
@@ -42,9 +45,9 @@ def declare_check(parser: argparse.ArgumentParser) -> None:
 def execute_check(arguments: argparse.Namespace) -> int:
     """Read a case or a building file and show levels, exits, areas and warnings.
 
-    A building file can be given instead of a case. Of a result folder or a checkpoint, digests, trajectory and tables
-    are verified, and what is damaged is named. Plugin files named in a case are listed but not executed, so names that
-    they provide cannot be checked, unless --plugin FILE executes them.
+    A building file can be given instead of a case. Of a result, a study or a checkpoint, digests, trajectory, tables
+    and rows are verified; what is damaged or missing, and what can still be used, is named. Plugin files named in a
+    case are listed but not executed, so names that they provide cannot be checked, unless --plugin FILE executes them.
     """
     path = Path(arguments.case)
     if (path.is_dir() and read_manifest(path).state) or path.name == CHECKPOINT_NAME:
@@ -100,40 +103,100 @@ def execute_check(arguments: argparse.Namespace) -> int:
 
 
 def check_result(path: Path) -> int:
-    """Verify a result folder or a checkpoint: digests, trajectory, tables; tell what is damaged."""
-    from evac.folder.checkpoint import read_checkpoint
-    from evac.folder.digests import digest_of_file
-    from evac.results.reading import read_results
-    from evac.study.store import read_identity
-    from evac.trajectory.trajectory import read_trajectory
-
-    checks: dict[str, Callable[[], object]] = {}
-    if path.is_dir():
-        for name, digest in read_manifest(path).files.items():
-            if digest and (path / name).exists():
-                checks[name] = partial(_check_digest, path / name, digest, digest_of_file)
-        for name, read in {TRAJECTORY_NAME: read_trajectory, CHECKPOINT_NAME: read_checkpoint}.items():
-            if (path / name).exists():
-                checks[name] = partial(read, path / name)
-        whole = read_identity if (path / STUDY_NAME).exists() else read_results
-        checks["the tables together"] = partial(whole, path)
-    else:
-        checks[path.name] = partial(read_checkpoint, path)
-    rows, damaged = [], False
+    """Verify a result, a study or a checkpoint; tell which files are damaged or missing, and what can still be used."""
+    folder, manifest = path if path.is_dir() else path.parent, read_manifest(path)
+    is_complete = manifest.state == COMPLETE
+    checks: dict[str, Callable[[], str]] = {}
+    for name, digest in manifest.files.items():
+        is_checked = digest and name != CHECKPOINT_NAME and is_within(name)
+        if is_checked and (is_complete or (folder / name).exists()):
+            checks[name] = partial(_check_digest, folder, name, digest)
+    if TRAJECTORY_NAME in manifest.files and (is_complete or (folder / TRAJECTORY_NAME).exists()):
+        checks[TRAJECTORY_NAME] = partial(_check_trajectory, folder / TRAJECTORY_NAME, is_complete)
+    if (folder / CHECKPOINT_NAME).exists() or folder != path:
+        checks[CHECKPOINT_NAME] = partial(_check_checkpoint, folder / CHECKPOINT_NAME)
+    if STUDY_NAME in manifest.files:
+        checks["runs of the study"] = partial(_check_study, path, is_complete)
+    elif is_complete:
+        checks["files together"] = partial(_check_together, path)
+    rows, is_damaged = [], False
     for name, check in checks.items():
         try:
-            check()
-            rows.append((name, "whole"))
+            rows.append((name, f"whole{check()}"))
         except EvacError as error:
-            rows.append((name, f"damaged: {error}"))
-            damaged = True
+            is_missing = name in manifest.files and not (folder / name).exists()
+            rows.append((name, f"{'missing' if is_missing else 'damaged'}: {error}"))
+            is_damaged = True
     show_table("Files of the result", ("file", "state"), rows)
-    return 2 if damaged else 0
+    return 2 if is_damaged else 0
 
 
-def _check_digest(path: Path, digest: str, digest_of_file: "Callable[[Path], str]") -> None:
-    if digest_of_file(path) != digest:
-        raise ResultError(f"{path}: has changed since it was written; run the case again, or write the file again")
+def _check_digest(folder: Path, name: str, digest: str) -> str:
+    from evac.folder.digests import digest_of_file
+
+    what = next((command for start, command in WRITTEN_AGAIN.items() if name.startswith(start)), "")
+    remedy = f"evac {what} {folder} writes it again" if what else "run the case again"
+    if (folder / STUDY_NAME).exists() and not what and name != STUDY_NAME:
+        remedy = "the same command with --resume writes it again"
+    if not (folder / name).exists():
+        raise ResultError(f"{folder / name}: {remedy}")
+    if digest_of_file(folder / name) != digest:
+        raise ResultError(f"{folder / name}: has changed since it was written; {remedy}")
+    return ""
+
+
+def _check_trajectory(path: Path, is_complete: bool) -> str:
+    from evac.trajectory.trajectory import read_trajectory
+
+    trajectory = read_trajectory(path)
+    end = f"complete up to {trajectory.time[-1]:.2f} s" if len(trajectory) else "without a frame"
+    if is_complete and trajectory.dropped_bytes:
+        raise ResultError(
+            f"{path}: {end}, which evac replay, map and export can use; {trajectory.dropped_bytes} bytes after it are "
+            "not valid; run the case again"
+        )
+    return f", {end}"
+
+
+def _check_checkpoint(path: Path) -> str:
+    """Verify a checkpoint, and what the files of its folder contained when it was written."""
+    from evac.folder.digests import RunningDigest
+    from evac.simulation.checkpoints import checkpoint_at
+
+    checkpoint = checkpoint_at(path)
+    for name, (length, digest) in checkpoint.files.items():
+        if RunningDigest().extend(path.parent / name, length) != digest:
+            raise ResultError(
+                f"{path}: cannot be resumed, because {name} has changed before byte {length}; run the case again"
+            )
+    return f", at {checkpoint.header.time:.2f} s"
+
+
+def _check_study(path: Path, is_complete: bool) -> str:
+    """Verify the rows of a study, and their number by its summary."""
+    from evac.folder.jsonfile import read_json
+    from evac.study.study import read_study
+
+    study = read_study(path)
+    runs, lost = study.stored_runs, study.dropped_bytes
+    if lost:
+        raise ResultError(f"{path}: {runs} runs are whole, {lost} bytes after them are not; --resume makes these again")
+    if is_complete and (written := read_json(path / SUMMARY_NAME).get("runs")) != runs:
+        raise ResultError(f"{path}: {runs} runs are there, but {SUMMARY_NAME} has {written}; --resume writes it again")
+    return f", {runs} runs"
+
+
+def _check_together(path: Path) -> str:
+    """Verify that summary, tables and trajectory are of one run and end at the same time."""
+    from evac.results.ending import FAILED
+    from evac.results.reading import read_results
+
+    results = read_results(path)
+    trajectory = results.trajectory
+    if trajectory and results.ended != FAILED and trajectory.time[-1] < results.time:
+        end = f"ends at {trajectory.time[-1]:.2f} s, the run at {results.time:.2f} s"
+        raise ResultError(f"{trajectory.path}: {end}; run the case again")
+    return ""
 
 
 def _known_part(case: "Case", is_verbose: bool) -> "Case | None":

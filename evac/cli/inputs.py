@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.cli.streams import note
+from evac.cli.messages import note
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -87,8 +87,7 @@ def case_of(arguments: argparse.Namespace) -> "Case":
             raise ScenarioError(f"--set {shown}: not valid text in the encoding of this system; use UTF-8")
     if arguments.seed is not None:
         overrides.append(f"simulation.seed={arguments.seed}")
-    case = arguments.loaded = load_case(arguments.case, overrides, arguments.plugins)
-    return case
+    return load_case(arguments.case, overrides, arguments.plugins)
 
 
 def note_unused_plugins(case: "Case") -> None:
@@ -97,11 +96,6 @@ def note_unused_plugins(case: "Case") -> None:
 
     for path, tables in unused_files(case):
         note(f"note: plugin {path} is not used by the case: add {' or '.join(tables)}")
-
-
-def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
-    """Return the case that `case_of` has loaded; None if there is none."""
-    return getattr(arguments, "loaded", None)
 
 
 def case_to_run(arguments: argparse.Namespace) -> "Case":

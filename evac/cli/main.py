@@ -2,6 +2,7 @@
 
 import argparse
 import atexit
+import errno
 import gc
 import importlib
 import inspect
@@ -15,22 +16,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
 
-from evac.base.errors import EvacError, PluginError
+from evac.base.errors import EvacError, PluginError, in_one_line, text_of
 from evac.base.parameters import did_you_mean
-from evac.cli.crash import (
-    INTERNAL_ERROR,
-    catch_the_rest,
-    crash_file,
-    fault_of_path,
-    refuse_to_leave,
-    report_crash,
-    shown_warnings,
-)
-from evac.cli.inputs import loaded_case
-from evac.cli.streams import guard_streams, note, warn_lost_output
+from evac.cli.messages import crash_file, lasting, note, refuse_to_leave, shown_warnings, told_loss
 
-#: Exit status for bad input, and for an interrupt by Ctrl-C.
+#: Exit status for bad input, for an error in evac itself (EX_SOFTWARE of sysexits.h), and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
+INTERNAL_ERROR = 70
 INTERRUPTED_STATUS = 130
 
 #: Commands in the order of the help, and the modules with the functions that declare and execute them.
@@ -56,24 +48,22 @@ Exit status:
   70   internal error, or not enough memory; attach the file named in the message to a bug report
   130  interrupted by Ctrl-C; 128 + the number of the signal for SIGTERM and SIGHUP
 
-The status does not depend on whether standard output can be written."""
+The status does not depend on whether the reader of a pipe has closed it."""
 
 #: Number of allocated containers between two garbage collections, see `start_fast`.
 GARBAGE_EVERY = 50_000
 
 
 def program() -> int:
-    """Run `main` as a process of its own, with streams that never raise and errors reported without traceback."""
-    guard_streams()
-    catch_the_rest()
+    """Run `main` as a process of its own, which a closed pipe does not end, nor a plugin as if it had succeeded."""
+    sys.stdout, sys.stderr = output, _ = lasting(sys.stdout), lasting(sys.stderr)
     refuse_to_leave()
     try:
-        return main()
+        status = main()
     except KeyboardInterrupt:  # while another one was told
-        return INTERRUPTED_STATUS
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # only quick clean-up is left
-        warn_lost_output()
+        status = INTERRUPTED_STATUS
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only quick clean-up is left
+    return status or BAD_INPUT * told_loss(output)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -81,14 +71,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     start_fast()
     use_shipped_settings()
     arguments: argparse.Namespace | None = None
-    with shown_warnings() as hidden:
+    with shown_warnings():
         try:
             arguments = parsed(argv)
             return int(arguments.execute(arguments))
         except EvacError as error:
-            details = ""
-            if isinstance(error, PluginError) and error.__cause__ is not None:
-                details = f" ({crash_file(error, loaded_case(arguments), hidden)})"
+            is_plugin = isinstance(error, PluginError) and error.__cause__ is not None
+            details = f" ({crash_file(error)})" if is_plugin else ""
             for line in [*f"evac: {error}{details}".split("\n"), *getattr(error, "__notes__", ())]:
                 note(line)
             return BAD_INPUT
@@ -97,13 +86,21 @@ def main(argv: Sequence[str] | None = None) -> int:
                 note(line)
             return INTERRUPTED_STATUS
         except BaseException as error:
-            if place := fault_of_path(error):
-                note(f"evac: {place}")
-                return BAD_INPUT
             if isinstance(error, SystemExit) and arguments is None:
                 raise  # from argparse, which has printed the help or an error about the command line
-            report_crash(error, "internal error", loaded_case(arguments), hidden)
-            return INTERNAL_ERROR
+            return _status_of(error)
+
+
+def _status_of(error: BaseException) -> int:
+    """Tell an unexpected error in one line and return its status."""
+    if isinstance(error, OSError) and error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+        note(f"evac: {text_of(os.fsdecode(error.filename or ''))}: {error.strerror}; give another path")
+        return BAD_INPUT
+    what, advice = "internal error", "please report it"
+    if isinstance(error, MemoryError):
+        what, advice = "not enough memory", "use fewer people, a coarser directions.spacing or fewer processes"
+    note(f"evac: {what}: {in_one_line(error)}; {advice} ({crash_file(error)})")
+    return INTERNAL_ERROR
 
 
 def start_fast() -> None:

@@ -12,8 +12,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from evac.cli.inputs import declare_plugin
+from evac.cli.messages import note
 from evac.cli.screen import say, show_facts, shown
-from evac.cli.streams import note
 
 if TYPE_CHECKING:
     from evac.jit import Entry

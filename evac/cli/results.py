@@ -14,8 +14,8 @@ from evac.cli.inputs import (
     trajectory_of,
     values_of,
 )
+from evac.cli.messages import note
 from evac.cli.screen import show_table
-from evac.cli.streams import note
 from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME
 
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from evac.cli.streams import note, wrapped
+from evac.cli.messages import note, wrapped
 
 #: Width of tables written to a file or a pipe.
 PLAIN_WIDTH = 160

@@ -20,8 +20,8 @@ from evac.cli.inputs import (
     positive,
     with_plugin_files,
 )
+from evac.cli.messages import note
 from evac.cli.screen import show_facts, show_table, show_warnings
-from evac.cli.streams import note
 
 if TYPE_CHECKING:
     from evac.case.case import Case

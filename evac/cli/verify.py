@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.cli.inputs import declare_plugin, declare_set, note_unused_plugins
+from evac.cli.messages import note
 from evac.cli.screen import say
-from evac.cli.streams import note
 from evac.evidence import KINDS
 
 if TYPE_CHECKING:

@@ -203,13 +203,17 @@ class Checkpoint:
         )
 
 
+def checkpoint_at(path: Path) -> Checkpoint:
+    """Return the checkpoint of a file."""
+    header, arrays = read_checkpoint(path)
+    return Checkpoint(path, checked(Header, header, path), arrays)
+
+
 def find_checkpoint(folder: Path) -> Checkpoint:
     """Return the checkpoint in a result folder, of a running, killed or stopped run."""
     for place in dict.fromkeys((ResultFolder(folder).running, find_result(folder))):
         if (place / CHECKPOINT_NAME).is_file():
-            path = place / CHECKPOINT_NAME
-            header, arrays = read_checkpoint(path)
-            return Checkpoint(path, checked(Header, header, path), arrays)
+            return checkpoint_at(place / CHECKPOINT_NAME)
     if not find_result(folder).exists():
         raise ResultError(f"{folder}: no such result folder; check the path")
     raise ResultError(

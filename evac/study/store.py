@@ -109,6 +109,8 @@ class RowStore:
     ----------
     entries : dict of (int, int) to StoredRun
         Entries by point and run. Nothing else is kept in memory, independent of the number of people.
+    dropped_bytes : int
+        Number of bytes of incomplete or damaged rows at the end of the stream, which are ignored.
     """
 
     def __init__(self, folder: Path, points: Sequence[Point]) -> None:
@@ -117,6 +119,7 @@ class RowStore:
         self.schema = schema_of(points)
         self.entries: dict[tuple[int, int], StoredRun] = {}
         self._file: Any = None
+        self.dropped_bytes = 0
         self._end, self._synced = 0, 0.0
         self._digest = ""  # of the Parquet file
         with writing("the rows", folder):
@@ -234,6 +237,7 @@ class RowStore:
         """Read the rows of the stream up to the first one that is incomplete or damaged."""
         size = self._stream_path.stat().st_size
         with self._stream_path.open("rb") as file:
+            self.dropped_bytes = size
             record = read_sealed(file, 0, size)
             if record is None:
                 return
@@ -245,6 +249,7 @@ class RowStore:
             while (batch := self._batch_at(file, self._end, size)) is not None:
                 self._index(batch, self._end)
                 self._end = file.tell()
+            self.dropped_bytes = size - self._end
 
     def _batch_at(self, file: BinaryIO, place: int, end: int) -> pa.RecordBatch | None:
         """Return the row of the stream at a place; None if it is incomplete, damaged or not of this study."""

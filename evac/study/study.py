@@ -97,8 +97,18 @@ class Study:
         study._there = [rule.first - len(study._missing(point.index, range(rule.first))) for point in points]
         return study
 
+    @property
+    def stored_runs(self) -> int:
+        """Number of runs that are stored, failed ones included."""
+        return len(self._store.entries)
+
+    @property
+    def dropped_bytes(self) -> int:
+        """Number of bytes of incomplete or damaged rows of an interrupted study; their runs are made again."""
+        return self._store.dropped_bytes
+
     def __repr__(self) -> str:
-        return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
+        return f"<Study of {len(self.points)} points, {self.stored_runs} runs in {self.folder}>"
 
     def _repr_html_(self) -> str:
         """Return the evacuation times of all points as a table, and their picture, for notebooks."""

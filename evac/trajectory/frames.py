@@ -159,7 +159,9 @@ class FrameReader:
 
     def _damaged(self, what: str) -> ResultError:
         number = len(self.frames)
-        cut = f"a copy cut to {self.end} bytes holds the {number} frames" if number else "no frame is"
+        cut = "no frame is"
+        if number:
+            cut = f"a copy cut to {self.end} bytes holds the {number} frames up to {self.frames[-1].time:.2f} s"
         return damaged(self._path, f"frame {number} at byte {self.end} is damaged ({what}; {cut} before it)")
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import evac
 import evac_buildings
 from evac.cli.main import main
+from evac.results.ending import Stopped
 
 
 def _lines(text, start):
@@ -221,14 +223,117 @@ def test_warns_of_a_gap_that_some_fit_through_and_of_people_without_another(evac
         assert "inf" in times["wide"][0]
 
 
-@pytest.mark.parametrize("name", ["", "people.csv", "summary.json", "trajectory.evac"])
-def test_a_result_is_verified_whole(tmp_path, capsys, name):
-    evac.run(evac.load("square_room", {"simulation.duration": 0.3, "output.picture": False}), tmp_path / "r")
+def states(path, capsys):
+    """The status of `evac check`, and the first word of the state of each file that it lists."""
+    status = main(["check", str(path)])
+    found: dict[str, str] = {}
+    for line in capsys.readouterr().out.splitlines()[4:]:
+        name, _, state = line.strip().partition("  ")
+        if line.startswith("   ") and line.strip():  # the state continues
+            found[list(found)[-1]] += f" {line.strip()}"
+        elif name:
+            found[name] = state.strip()
+    return status, found
+
+
+def change(path, place):
+    data = bytearray(path.read_bytes())
+    data[place] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    settings = {"simulation.duration": 0.3, "output.picture": False, "output.every": 0.1}
+    return evac.run(evac.load("square_room", settings), tmp_path_factory.mktemp("whole") / "r").folder
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "words"),
+    [
+        ("", 0, ""),
+        ("people.csv", 20, "damaged"),
+        ("people.csv", None, "missing"),
+        ("summary.json", 20, "damaged"),
+        ("trajectory.evac", 20, "damaged"),
+        ("trajectory.evac", -20, "damaged: .* complete up to 0.20 s"),
+        ("trajectory.evac", None, "missing"),
+        ("replay.html", 20, "damaged: .* evac replay"),
+    ],
+)
+def test_a_result_is_verified_whole(result, tmp_path, capsys, name, place, words):
+    folder = shutil.copytree(result, tmp_path / "r")
+    if place is None:
+        (folder / name).unlink()
+    elif name:
+        change(folder / name, place)
+    status, found = states(folder, capsys)
+    assert status == (2 if name else 0)
+    assert found["egress.csv"] == "whole"
     if name:
-        data = bytearray((tmp_path / "r" / name).read_bytes())
-        data[20] ^= 1
-        (tmp_path / "r" / name).write_bytes(data)
-    assert main(["check", str(tmp_path / "r")]) == (2 if name else 0)
-    lines = capsys.readouterr().out.splitlines()
-    assert name in {line.split()[0] for line in lines if "damaged" in line} | ({""} if not name else set())
-    assert any(line.split()[:2] == ["egress.csv", "whole"] for line in lines)
+        assert re.match(words, found[name])
+    else:
+        assert set(found.values()) == {"whole", "whole, complete up to 0.30 s"}
+
+
+def test_a_trajectory_that_is_cut_between_two_frames_is_not_that_of_the_run(result, tmp_path, capsys):
+    folder = shutil.copytree(result, tmp_path / "r")
+    path = folder / "trajectory.evac"
+    data = bytearray(path.read_bytes())
+    data[-20] ^= 1
+    path.write_bytes(data)
+    path.write_bytes(data[: evac.read_trajectory(path).end])
+    status, found = states(folder, capsys)
+    assert status == 2
+    assert re.match("damaged: .* 0.20 s, the run at 0.30 s", found["files together"])
+
+
+def test_a_study_is_verified_and_its_tables_are_written_again(tmp_path, capsys):
+    case, folder = evac.load("square_room", {"simulation.duration": 0.3}), tmp_path / "s"
+    evac.repeat(case, 3, folder=folder)
+    status, found = states(folder, capsys)
+    assert (status, found["runs of the study"]) == (0, "whole, 3 runs")
+    (folder / "egress.csv").unlink()
+    change(folder / "statistics.csv", 20)
+    status, found = states(folder, capsys)
+    assert status == 2
+    assert re.match("missing: .* --resume", found["egress.csv"])
+    assert re.match("damaged: .* --resume", found["statistics.csv"])
+    evac.repeat(case, 3, folder=folder, resume=True)
+    assert states(folder, capsys)[0] == 0
+    change(folder / "runs.parquet", 300)
+    status, found = states(folder, capsys)
+    assert status == 2
+    assert found["runs of the study"].startswith("damaged")
+
+
+def test_the_rows_of_a_stopped_study_are_counted(tmp_path, capsys):
+    def stop(progress):
+        if progress.done == 2:
+            raise KeyboardInterrupt
+
+    case = evac.load("square_room", {"simulation.duration": 0.3})
+    with pytest.raises(KeyboardInterrupt):
+        evac.repeat(case, 3, folder=tmp_path / "s", workers=1, progress=stop)
+    folder = tmp_path / "s.running"
+    assert states(folder, capsys)[1]["runs of the study"] == "whole, 2 runs"
+    change(folder / "runs.arrows", -20)
+    status, found = states(folder, capsys)
+    assert status == 2
+    assert re.match("damaged: .* 1 runs are whole, .* --resume", found["runs of the study"])
+
+
+@pytest.mark.parametrize(("name", "place"), [("", 0), ("checkpoint.evac", 300), ("trajectory.evac", 20)])
+def test_a_checkpoint_is_verified_with_the_files_that_it_continues(tmp_path, capsys, name, place):
+    def stop(progress):
+        if progress.time >= 0.2:
+            raise Stopped
+
+    evac.run(evac.load("square_room"), tmp_path / "r", progress=stop, checkpoint=60)
+    folder = next(tmp_path.glob("r*/checkpoint.evac")).parent
+    if name:
+        change(folder / name, place)
+    for path in (folder, folder / "checkpoint.evac"):
+        status, found = states(path, capsys)
+        assert status == (2 if name else 0)
+        assert found["checkpoint.evac"].startswith("damaged" if name else "whole, at 0.2")

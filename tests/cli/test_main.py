@@ -1,6 +1,5 @@
 """The parser, errors, and what is imported."""
 
-import errno
 import os
 import subprocess
 import sys
@@ -149,24 +148,3 @@ def test_settings_of_matplotlib_in_the_current_folder_neither_steer_nor_break_pi
     for folder in ("settings", "none"):
         subprocess.run(words, cwd=tmp_path / folder, capture_output=True, check=True, timeout=120)
     assert len({path.read_bytes() for path in tmp_path.glob("*/levels.png")}) == 1
-
-
-@pytest.mark.skipif(os.name == "nt", reason="a folder in use cannot be removed on Windows")
-def test_a_current_folder_that_is_gone_is_named(evac, tmp_path, monkeypatch, capsys):
-    (tmp_path / "gone").mkdir()
-    monkeypatch.chdir(tmp_path / "gone")
-    (tmp_path / "gone").rmdir()
-    assert evac("run", "square_room") == 2
-    assert "current folder" in capsys.readouterr().err
-
-
-def test_a_lack_of_processes_or_files_is_told_in_one_line(evac, monkeypatch, capsys):
-    lacks = [OSError(number, os.strerror(number)) for number in (errno.EAGAIN, errno.EMFILE)]
-    for error in (*lacks, RuntimeError("can't start new thread")):
-
-        def fail(arguments, error=error):
-            raise error
-
-        monkeypatch.setattr("evac.cli.cases.execute_list", fail)
-        assert evac("list") == 2
-        assert "ulimit" in capsys.readouterr().err
