@@ -1,12 +1,20 @@
-"""Digests of files and data, by which runs, studies and imports are told from others; what differs between two."""
+"""Digests of files and data, by which runs, studies and imports are told from others, and of records of Arrow streams.
+
+A record is an Arrow message in its encapsulated form: four bytes FF, the length of the metadata, the metadata, and the
+body. `sealed` appends a seal to the metadata, where readers of Arrow expect padding: the length of the record, and a
+digest of the record and its place in the stream. Without it, a changed byte could be read as another number, or crash
+Arrow.
+"""
 
 import errno
 import hashlib
 import json
 import os
+import struct
 from collections.abc import Iterator, Mapping
+from mmap import mmap
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from evac.base.errors import EvacError, ResultError
 from evac.folder.files import writing
@@ -71,3 +79,70 @@ class RunningDigest:
                     self._hash.update(data)
                     self.length += len(data)
         return self._hash.hexdigest()
+
+
+#: Four bytes with which a record begins, and the size of these and the length of the metadata.
+MARK = b"\xff\xff\xff\xff"
+PREFIX = 8
+
+#: Sizes of the length and the digest in a seal; their sum is a multiple of 8, to which Arrow aligns bodies.
+LENGTH, DIGEST = 8, 16
+SEAL = LENGTH + DIGEST
+
+#: Content of an Arrow message: field of its table, its value for rows, and the field of rows for their compression.
+HEADER_TYPE, HEADER, ROWS, COMPRESSION = 1, 2, 3, 3
+
+
+def sealed(message: bytes, place: int) -> bytes:
+    """Return an encapsulated Arrow message as a record that begins at a place in the stream [bytes]."""
+    end = PREFIX + int.from_bytes(message[4:PREFIX], "little")
+    length = len(message) + SEAL
+    head = MARK + (end - PREFIX + SEAL).to_bytes(4, "little") + message[PREFIX:end] + length.to_bytes(LENGTH, "little")
+    body = message[end:]
+    return head + _digest(head, body, place) + body
+
+
+def read_sealed(file: BinaryIO | mmap, place: int, end: int) -> bytes | None:
+    """Return the record that begins at a place in a stream of `end` bytes; None if it is incomplete or damaged.
+
+    Compressed rows are taken for damage, since a few bytes could then become any number of them.
+    """
+    file.seek(place)
+    prefix = file.read(PREFIX)
+    size = int.from_bytes(prefix[4:], "little")
+    if len(prefix) < PREFIX or prefix[:4] != MARK or not SEAL <= size <= end - place - PREFIX:
+        return None
+    metadata = file.read(size)
+    head, seal = prefix + metadata[:-DIGEST], metadata[-DIGEST:]
+    length = int.from_bytes(head[-LENGTH:], "little")
+    if not PREFIX + size <= length <= end - place:
+        return None
+    body = file.read(length - PREFIX - size)
+    return head + seal + body if seal == _digest(head, body, place) and not _is_compressed(metadata) else None
+
+
+def _digest(head: bytes, body: bytes, place: int) -> bytes:
+    digest = hashlib.blake2b(head, digest_size=DIGEST, salt=place.to_bytes(16, "little"))
+    digest.update(body)
+    return digest.digest()
+
+
+def _is_compressed(metadata: bytes) -> bool:
+    """Return whether the metadata of a message say that its rows are compressed, or cannot be read."""
+
+    def place_of(table: int, field: int) -> int:
+        """Return where a field of a table of FlatBuffers is; 0 if the table does not have it."""
+        fields = table - struct.unpack_from("<i", metadata, table)[0]
+        if 6 + 2 * field > struct.unpack_from("<H", metadata, fields)[0]:
+            return 0
+        offset: int = struct.unpack_from("<H", metadata, fields + 4 + 2 * field)[0]
+        return table + offset if offset else 0
+
+    try:
+        (message,) = struct.unpack_from("<I", metadata, 0)
+        kind, header = place_of(message, HEADER_TYPE), place_of(message, HEADER)
+        if not header or metadata[kind] != ROWS:
+            return False
+        return place_of(header + struct.unpack_from("<I", metadata, header)[0], COMPRESSION) > 0
+    except (struct.error, IndexError):
+        return True

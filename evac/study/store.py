@@ -28,7 +28,7 @@ import pyarrow.ipc
 import pyarrow.parquet as pq
 
 from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_path
-from evac.folder.digests import differences, digest_of_data
+from evac.folder.digests import differences, digest_of_data, read_sealed, sealed
 from evac.folder.files import (
     RUNS_DIGEST_NAME,
     RUNS_PARQUET_NAME,
@@ -40,7 +40,6 @@ from evac.folder.files import (
 )
 from evac.folder.jsonfile import plain
 from evac.folder.manifest import note_written
-from evac.folder.records import read_sealed, sealed
 from evac.results.ending import FAILED
 from evac.results.results import versions
 from evac.simulation.assembly import providers

@@ -14,7 +14,7 @@ from evac.base.change import Change
 from evac.base.errors import BuildingError, ResultError
 from evac.building.model.building import Building
 from evac.building.model.links import building_at
-from evac.folder.records import MARK, read_sealed
+from evac.folder.digests import MARK, read_sealed
 from evac.trajectory.layout import FIELDS_WITH_DOSE, HEADER_BYTES_MAX, damaged
 
 #: Positions farther than this outside the bounding rectangle of the building are treated as damage [m].

@@ -11,8 +11,8 @@ import pyarrow.ipc
 
 from evac.base.errors import ResultError
 from evac.building.model.cells import LevelField
+from evac.folder.digests import MARK, PREFIX, read_sealed, sealed
 from evac.folder.files import TRAJECTORY_NAME
-from evac.folder.records import MARK, PREFIX, read_sealed, sealed
 
 FORMAT = 4
 

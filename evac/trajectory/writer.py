@@ -13,9 +13,9 @@ from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import SimulationError
 from evac.building.model.cells import LevelField
+from evac.folder.digests import sealed
 from evac.folder.files import writing
 from evac.folder.manifest import check_replaceable, note_written
-from evac.folder.records import sealed
 from evac.physics.state import Crowd
 from evac.trajectory.header import fields_to_json
 from evac.trajectory.layout import FIELDS, FIELDS_WITH_DOSE, FORMAT, columns, damaged, pack_start

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.ipc
 import pytest
 
-from evac.folder.records import read_sealed, sealed
+from evac.folder.digests import read_sealed, sealed
 
 TABLE = pa.table({"run": [3], "times": [[1.5, 2.5, 3.5]], "words": ["deep"]})
 

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.ipc
 
-from evac.folder.records import PREFIX, SEAL, sealed
+from evac.folder.digests import PREFIX, SEAL, sealed
 from evac.trajectory.layout import columns
 
 #: Columns of two people on five levels.

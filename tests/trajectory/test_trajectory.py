@@ -14,8 +14,8 @@ from evac.base.change import Change
 from evac.base.errors import ResultError, SimulationError
 from evac.building.model.cells import LevelField
 from evac.building.model.links import close_links
+from evac.folder.digests import sealed
 from evac.folder.files import TRAJECTORY_NAME
-from evac.folder.records import sealed
 from evac.trajectory.header import building_from_json, building_to_json
 from evac.trajectory.layout import FIELDS, columns
 from evac.trajectory.trajectory import read_trajectory

@@ -10,8 +10,8 @@ import pytest
 
 from evac.base.errors import ResultError
 from evac.building.model.cells import LevelField
+from evac.folder.digests import sealed
 from evac.folder.files import TRAJECTORY_NAME
-from evac.folder.records import sealed
 from evac.trajectory.header import fields_to_json
 from evac.trajectory.layout import columns
 from evac.trajectory.trajectory import read_trajectory
