@@ -279,10 +279,8 @@ def test_a_result_is_verified_whole(result, tmp_path, capsys, name, place, words
 def test_a_trajectory_that_is_cut_between_two_frames_is_not_that_of_the_run(result, tmp_path, capsys):
     folder = shutil.copytree(result, tmp_path / "r")
     path = folder / "trajectory.evac"
-    data = bytearray(path.read_bytes())
-    data[-20] ^= 1
-    path.write_bytes(data)
-    path.write_bytes(data[: evac.read_trajectory(path).end])
+    change(path, -20)
+    path.write_bytes(path.read_bytes()[: evac.read_trajectory(path).end])
     status, found = states(folder, capsys)
     assert status == 2
     assert re.match("damaged: .* 0.20 s, the run at 0.30 s", found["files together"])
