@@ -1,5 +1,7 @@
 """The list of what happens at ticks, to which others may add."""
 
+import time
+
 import pytest
 
 import evac
@@ -52,3 +54,13 @@ def test_a_run_can_be_stopped_by_an_operation(case):
     simulation.loop.operations.append(Operation("stop", "output", simulation.stop, lambda: simulation.time > 0.45))
     results = simulation.run()
     assert (results.ended, results.time) == (INTERRUPTED, pytest.approx(0.5))
+
+
+def test_a_step_is_made_by_one_thread():
+    """The CPU time of the process is that of its main thread."""
+    simulation = Simulation(evac.load("square_room"))
+    simulation.advance_tick()
+    process, thread = time.process_time(), time.thread_time()
+    while not simulation.ended:
+        simulation.advance_tick()
+    assert time.process_time() - process < 1.1 * (time.thread_time() - thread)
