@@ -66,10 +66,22 @@ def fixed(monkeypatch):
         },
     )
     monkeypatch.setattr(comparison, "QUICK_SIZES", (50, 200))
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "pyrvo" else name)
+    install(monkeypatch, lambda package: package != "pyrvo")
     monkeypatch.delitem(sys.modules, "pyrvo", raising=False)
     for package in ("jupedsim", "cromosim"):
         monkeypatch.setitem(sys.modules, package, ModuleType(package))
+
+
+def install(monkeypatch, is_installed):
+    """Let packages of other programs be installed, or not."""
+    real, packages = importlib.util.find_spec, {peer.package for peer in PEERS}
+
+    def find_spec(name, package=None):
+        if name in packages:
+            return name if is_installed(name) else None
+        return real(name, package)
+
+    monkeypatch.setattr(importlib.util, "find_spec", find_spec)
 
 
 def written(evidence):
@@ -91,7 +103,7 @@ def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixe
 
 
 def test_without_other_programs_there_is_no_section(monkeypatch, tmp_path):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    install(monkeypatch, lambda package: False)
     for peer in PEERS:
         monkeypatch.delitem(sys.modules, peer.package, raising=False)
     page = written(Evidence("scaling", tmp_path, quick=True))
@@ -126,7 +138,7 @@ class JupedsimStandIn:
         return len(self.agents)
 
 
-@pytest.mark.parametrize("model", ["CollisionFreeSpeedModel", "SocialForceModel"])
+@pytest.mark.parametrize("model", ["CollisionFreeSpeedModel", "AnticipationVelocityModel", "SocialForceModel"])
 def test_jupedsim_is_given_the_hall_and_its_people(monkeypatch, model):
     parts = {f"{model}AgentParameters": lambda **given: SimpleNamespace(**given), model: lambda: model}
     package = SimpleNamespace(Simulation=JupedsimStandIn, JourneyDescription=list, **parts)

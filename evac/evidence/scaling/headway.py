@@ -6,7 +6,7 @@ import numpy as np
 
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scaling.halls import Hall, make_hall
-from evac.evidence.scaling.peers.programs import HeadwayWalk
+from evac.evidence.scaling.peers.programs import BehaviourWalk
 from evac.evidence.scaling.walks import Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
 from evac.evidence.verdicts import reported
 
@@ -40,7 +40,7 @@ def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> Itera
 
 def compare(hall: Hall, variant: Variant) -> Row:
     """Return the costs without and with headway and of the minimal kernel, taken alternately [ns per person-step]."""
-    plain, kept = Walk(hall, variant.step), HeadwayWalk(hall, variant.step, variant.model)
+    plain, kept = Walk(hall, variant.step), BehaviourWalk(hall, variant.step, variant.model)
     costs = []
     for tick in range(WARM + TIMED):
         if tick == WARM:
@@ -48,7 +48,7 @@ def compare(hall: Hall, variant: Variant) -> Row:
         people = [plain.inside, kept.inside, kept.inside]
         spans = [cpu_time(lambda: plain.advance(variant.model))]
         decided = cpu_time(kept.act)
-        spans += [cpu_time(lambda: kept.walk.advance(variant.model)), decided]
+        spans += [cpu_time(kept.step), decided]
         if tick >= WARM:
             least = minimal_cost(minimal, plain.per_tick, plain.step)
             costs.append(1e9 * np.array([*(np.array(spans) / plain.per_tick / np.maximum(people, 1)), least]))

@@ -48,8 +48,11 @@ class Program(Protocol):
 Maker = Callable[[Hall, float], Program]
 
 
-def _own(model: str, walk: type[programs.EvacWalk] = programs.EvacWalk) -> Maker:
-    return lambda hall, step: walk(hall, step, make_model(model))
+def _own(model: str, behaviour: str = "") -> Maker:
+    """Return the maker of a walk with a model of evac, and with a behaviour if one is named."""
+    if behaviour:
+        return lambda hall, step: programs.BehaviourWalk(hall, step, make_model(model), behaviour)
+    return lambda hall, step: programs.EvacWalk(hall, step, make_model(model))
 
 
 OWN: Mapping[str, Maker] = {
@@ -57,7 +60,9 @@ OWN: Mapping[str, Maker] = {
     BASE: _own("DEM"),
     "evac, NSM1": _own("NSM1 inertial"),
     "evac, NSM1 overdamped": _own("NSM1 overdamped"),
-    "evac, DEM with headway": _own("DEM", programs.HeadwayWalk),
+    "evac, DEM with headway": _own("DEM", "headway"),
+    "evac, DEM with walking": _own("DEM", "walking"),
+    "evac, NSM2 with walking": _own("NSM2", "walking"),
 }
 
 
@@ -75,7 +80,11 @@ class Peer:
 #: Most people whom cromosim is given.
 FEW = 1_000
 
-JUPEDSIM = {"collision-free speed": "CollisionFreeSpeedModel", "social force": "SocialForceModel"}
+JUPEDSIM = {
+    "collision-free speed": "CollisionFreeSpeedModel",
+    "anticipation velocity": "AnticipationVelocityModel",
+    "social force": "SocialForceModel",
+}
 
 PEERS = (
     Peer(

@@ -48,19 +48,23 @@ class MinimalWalk:
         return cpu_time(lambda: walk_minimal(self.minimal, round(TICK / self.step), self.step))
 
 
-class HeadwayWalk(EvacWalk):
-    """A contact model of evac with the behaviour headway, which acts at the start of every tick."""
+class BehaviourWalk(EvacWalk):
+    """A contact model of evac with a behaviour that keeps distances, which acts at the start of every tick."""
 
-    def __init__(self, hall: Hall, step: float, model: ContactModel) -> None:
+    def __init__(self, hall: Hall, step: float, model: ContactModel, behaviour: str = "headway") -> None:
         super().__init__(hall, step, model)
-        self.behaviour = plugins().get("behaviour", "headway")()
+        crowd = self.walk.crowd
+        self.behaviour = plugins().get("behaviour", behaviour)()
+        crowd.contact_radius[:] = self.behaviour.contact_radius(crowd.radius, {})
         scene = Scene(make_ground(hall.building, hall.fields))
-        outside = make_outside(len(self.walk.crowd.level))
-        self.behaviour.prepare(BehaviourScene(self.walk.crowd, scene, (), np.random.default_rng(0), TICK, outside))
+        self.moved, outside = np.zeros((len(crowd.level), 2)), make_outside(len(crowd.level))
+        self.behaviour.prepare(
+            BehaviourScene(crowd, scene, (), np.random.default_rng(0), TICK, outside, displacement_velocity=self.moved)
+        )
 
     def advance(self) -> float:
         """Let the behaviour act and make the steps of a tick; return the CPU time of both [s]."""
-        return cpu_time(self.act) + super().advance()
+        return cpu_time(self.act) + cpu_time(self.step)
 
     def act(self) -> None:
         """Let the behaviour decide."""
@@ -68,6 +72,12 @@ class HeadwayWalk(EvacWalk):
         crowd.speed_factor[:] = 1.0
         crowd.extra_direction[:] = 0.0
         self.behaviour.act(crowd, self.walk.time)
+
+    def step(self) -> None:
+        """Make the steps of a tick."""
+        before = self.walk.crowd.position.copy()
+        self.walk.advance(self.model)
+        np.divide(self.walk.crowd.position - before, TICK, out=self.moved)
 
 
 #: Depth of the ground outside the doors, on which the exits are [m].
