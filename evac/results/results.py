@@ -178,7 +178,7 @@ class Results:
     """Number of steps."""
     seed: Count
     """Seed of all random numbers."""
-    places: Sequence[PeopleAt] = ()
+    places: tuple[PeopleAt, ...] = ()
     """For each refuge and assembly area: name, kind, capacity (null: unlimited), the people who were there at the end,
     and when the `last` of them arrived [s] (null: nobody did); `evacuated` does not count them."""
     entered_barred: Mapping[str, tuple[int, ...]] = field(default_factory=dict)

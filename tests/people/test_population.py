@@ -25,7 +25,6 @@ def events(*rows):
     # Two places more than events, as in a buffer: what lies beyond the count is of no interest.
     return Events(
         number=len(rows),
-        failed=0,
         number_before=0,
         row=np.array([*row, 0, 0], np.int32),
         kind=np.array([*kind, 1, 1], np.int32),
