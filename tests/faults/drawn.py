@@ -106,7 +106,7 @@ class Mutant(NamedTuple):
         if path.parts[0] == "plugins":
             own = CHECKOUT / "tests/plugins" / f"test_{path.name}"
             return [str(own.relative_to(CHECKOUT))] if own.exists() else ["tests/plugins"]
-        room = CHECKOUT / "tests" / (path.parts[1] if len(path.parts) > 2 else "")
+        room = CHECKOUT / "tests" / (path.parts[1] if len(path.parts) > 2 else "test_api.py")
         own = sorted(room.rglob(f"test_{path.name}"))
         return [str(found.relative_to(CHECKOUT)) for found in [*own, room]]
 
