@@ -1,4 +1,8 @@
-"""A lock of the operating system on a file, which is released when the process that holds it ends for any reason."""
+"""A lock of the operating system on a file, which is released when the process that holds it ends for any reason.
+
+The package filelock (4.2.11) does not serve: it leaves its file beside the result, does not name the process that holds
+the lock, takes a file of somebody else as a lock, and uses a lock that outlives a killed process where there are none.
+"""
 
 import json
 import os

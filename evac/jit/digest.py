@@ -1,4 +1,8 @@
-"""Digests of everything that a kernel is compiled from; changes of comments and documentation do not affect them."""
+"""Digests of everything that a kernel is compiled from; changes of comments and documentation do not affect them.
+
+These are byte code, constants and layouts of structs of all functions that an entry reaches, the versions of Python,
+numba and llvmlite, options of numba, and the processor. Object code with this key is loaded without numba.
+"""
 
 import hashlib
 import os

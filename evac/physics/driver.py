@@ -3,7 +3,7 @@
     advance                for each step, subdivided into parts if necessary
         open_step          save the state, to undo the step if it fails
         prepare_step       neighbour lists, desired directions, forces, free velocities, contact search
-        (the law)          sets bodies.solved and contacts.percussion, or requests another search or a separation
+        apply_law          the law: sets bodies.solved and contacts.percussion, after searches and separations
         finish_step        contact forces, energy, motion, crossings of portals and exits
         undo_step          undo the step; return the number of parts to try next
 

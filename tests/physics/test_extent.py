@@ -85,7 +85,7 @@ def test_ellipses_need_no_other_function():
 
 def test_the_documents_list_where_the_radius_is_a_number():
     """Of all that computes, but for evidence."""
-    section = (ROOT / "docs/architecture.md").read_text(encoding="utf-8").partition("## The shape of bodies")[2]
+    section = (ROOT / "docs/contributing.md").read_text(encoding="utf-8").partition("## Another shape of bodies")[2]
     listed = set(re.findall(r"`([\w/]+\.py)`", section.partition("\n## ")[0].partition("|---|---|")[2]))
     rooms = [(ROOT / "evac", "*/**/*.py"), (ROOT, "plugins/*.py")]
     read = {
