@@ -353,6 +353,22 @@ def test_openings_and_shafts_are_no_exits(tmp_path):
     assert building.exits == ()
 
 
+@pytest.mark.parametrize(("width", "is_outside"), [(0.5, False), (0.58, False), (0.62, True), (1.5, True)])
+def test_a_door_into_a_recess_is_an_exit_unless_the_recess_is_narrower_than_60_cm(tmp_path, width, is_outside):
+    """Ground within 0.3 m of the walls on both sides belongs to the building."""
+    ifc, left, right = IfcFile(), 5.0, 5.0 + width
+    ifc.storey("L0", 0)
+    boxes = [((0, 6.2), (10.4, 6.4)), ((0, 0.2), (0.2, 6.2)), ((10.2, 0.2), (10.4, 6.2)), ((0, 0), (left, 0.2))]
+    boxes += [((right, 0), (10.4, 0.2)), ((left - 0.2, 0.2), (left, 3)), ((right, 0.2), (right + 0.2, 3))]
+    boxes.append(((left - 0.2, 3), (right + 0.2, 3.2)))
+    made = [ifc.box("IFCWALL", f"W{k}", (*low, 0), (*high, 3)) for k, (low, high) in enumerate(boxes)]
+    ifc.opening((left - 0.2, 1.2, 0), (left, 2.2, 2.1), wall=made[5], door="side")
+    recess = [(right + 0.2, 0.2), (right + 0.2, 3.2), (left - 0.2, 3.2), (left - 0.2, 0.2)]
+    ifc.space("hall", [(0.2, 0.2), (0.2, 6.2), (10.2, 6.2), (10.2, 0.2), *recess], 0)
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
+    assert [way.name for way in building.exits] == ["side"] * is_outside
+
+
 def test_a_curtain_wall_does_not_close_its_doors(tmp_path):
     ifc = IfcFile()
     ifc.storey("L0", 0.0)
