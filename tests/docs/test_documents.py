@@ -103,7 +103,7 @@ def test_figures_of_the_readme_are_those_of_the_evidence(text, root):
     with open(root / "docs/evidence/scaling/peers.csv", newline="", encoding="utf-8") as file:
         measured = {(one["start"], one["program"]): one for one in csv.DictReader(file) if one["people"] == "1000"}
     rows = re.findall(r"^\| (.+) \| ([\d,]+) \| ([\d,]+) \|$", readme, re.MULTILINE)
-    assert len(rows) == 6
+    assert len(rows) == 8
     for program, *times in rows:
         for start, time in zip(("free", "dense"), times, strict=True):
             assert time == f"{float(measured[start, program]['ns per person-step']):,.0f}"
