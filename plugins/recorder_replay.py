@@ -32,7 +32,7 @@ class ReplayRecorder(Recorder):
             from evac.pictures.palette import SMOKE
             from evac.replay.motion import MotionPacker
 
-            people, building = len(simulation.population.crowd.radius), simulation.scene.ground.building
+            people, building = len(simulation.population.crowd.radius), simulation.scene.shared_scene.building
             self.motion = MotionPacker(
                 people, building, simulation.scene.fields_of_behaviours.get(SMOKE), simulation.case.smoke.contrast
             )

@@ -30,7 +30,7 @@ class TrajectoryRecorder(Recorder):
         if simulation.folder is not None and simulation.case.output.trajectory:
             from evac.trajectory.writer import TrajectoryWriter
 
-            corners = simulation.scene.ground.building.vertices[:, :2]
+            corners = simulation.scene.shared_scene.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
             path, fields = simulation.folder / TRAJECTORY_NAME, simulation.scene.fields_of_behaviours.values()
@@ -110,5 +110,5 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
         "radius": population.crowd.radius.tolist(),
         "height": population.crowd.height.tolist(),
         "contrast": simulation.case.smoke.contrast,
-        "building": building_to_json(simulation.scene.ground.building),
+        "building": building_to_json(simulation.scene.shared_scene.building),
     }

@@ -17,7 +17,7 @@ from evac.people.ways import check_ways
 from evac.physics.contact.model import BorderScene, border_scene
 from evac.physics.engine import CompiledEngine, Engine
 from evac.simulation.needed import solve_fields
-from evac.simulation.scene import Ground, make_ground
+from evac.simulation.scene import SharedScene
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -128,24 +128,33 @@ def make_contact_model(case: "Case") -> "ContactModel":
     return made
 
 
-def make_shared(case: "Case") -> Ground:
+def make_shared_scene(case: "Case") -> SharedScene:
     """Return building and directions of a case, as its simulation computes them in one process."""
     building = make_building(case)
     check_people(case, building)
     with naming(case.source):
-        return make_ground(building, solve_fields(case, building, make_behaviours(case), full=False, workers=1))
+        return SharedScene(building, solve_fields(case, building, make_behaviours(case), full=False, workers=1))
 
 
 def make_population(
-    case: "Case", ground: Ground, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
+    case: "Case", shared_scene: SharedScene, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
 ) -> tuple[Population, Places, tuple[Finding, ...], BorderScene]:
     """Draw the people of a case, and check all that depends on them before a run."""
-    building = ground.building
-    people = build_population(case, building, ground.fields, case.simulation.seed, behaviours)
-    places = Places(case, building, ground.fields.routes, people.crowd)
-    places.assign(ground.fields)
+    building = shared_scene.building
+    people = build_population(case, building, shared_scene.fields, case.simulation.seed, behaviours)
+    places = Places(case, building, shared_scene.fields.routes, people.crowd)
+    places.assign(shared_scene.fields)
     may_wait = any(one.kind in ("open", "strategy") or one.value is False for one in case.event)
-    ways = case.source, building, ground.fields, ground.world, people.crowd, people.groups, places.full, may_wait
+    ways = (
+        case.source,
+        building,
+        shared_scene.fields,
+        shared_scene.world,
+        people.crowd,
+        people.groups,
+        places.full,
+        may_wait,
+    )
     stopping = check_ways(*ways)
     border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
     with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):

@@ -1,5 +1,6 @@
 """Checkpoints: save the last state of a run in its folder, and resume the run from it."""
 
+import os
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -18,15 +19,21 @@ from evac.base.saved import Saved, SavedError, part_of, taken
 from evac.case.loading import case_from
 from evac.case.trust import named_files, run_plugin_files
 from evac.folder.checkpoint import Header, read_checkpoint, write_checkpoint
+from evac.folder.digests import differences, digest_of_data, digest_of_file
 from evac.folder.files import CHECKPOINT_NAME
 from evac.folder.jsonfile import checked, plain
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
+from evac.jit.digest import digest_of
+from evac.jit.kernels import INTERPRETED
+from evac.jit.processor import host
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.results.ending import INTERRUPTED
-from evac.simulation.identity import inputs_of, made_of
+from evac.results.results import versions
+from evac.simulation import needed
 from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
+from evac.trajectory.header import building_to_json
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -240,3 +247,46 @@ def without_state(simulation: Simulation) -> list[str]:
                 "state() and restore() to the plugin (state() may return {} if they are recomputed before each use)"
             )
     return lines
+
+
+def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
+    """Return versions, processor and file digests that the results depend on besides the case and the kernels."""
+    files = {str(path): path for path in case.plugin_files}
+    if case.mesh is not None:
+        files[case.mesh.name] = case.mesh
+    packages = [source for source in case.registry.provenance if source.source == "distribution"]
+    return {
+        "version": {**versions(), **{source.plugin: source.version for source in packages}},
+        "processor": {"": f"{host()}"},
+        "file": {name: digest_of_file(path)[:16] for name, path in files.items()},
+    }
+
+
+def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
+    """Return digests of the building, independent of its files, of data files that are read, and of the kernels."""
+    folder = simulation.case.folder.resolve()
+    data = {
+        Path(os.path.relpath(path, folder)).as_posix(): digest_of_file(path)[:16] for path in simulation.data_files()
+    }
+    # Links that were closed during the run are open before it is restored, and warnings follow from them.
+    building = digest_of_data({**building_to_json(simulation.building), "closed": [], "warnings": []})
+    return {"building": {"": building}, "data": data, "kernel": kernels_of(simulation)}
+
+
+def kernels_of(simulation: Simulation) -> dict[str, str]:
+    """Return digests of the kernels that a run uses or may need later, by name."""
+    behaviours = [behaviour for behaviour, _ in simulation.behaviours]
+    parts = type(simulation.engine), simulation.building, simulation.contact, simulation.forces, behaviours
+    entries = [*needed.SET_UP, *needed.run_kernels(simulation.case, *parts, full=True)]
+    digests = {entry.label: digest_of(entry, f"{host()}") for entry in entries}
+    return digests | {"interpreted": str(INTERPRETED)}
+
+
+def differences_of(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Return a line for each difference; of kernels and data only where both have them."""
+    return [
+        f"{f'{kind} {name}'.strip()}: {old or 'missing'} when the checkpoint was written, {new or 'missing'} now"
+        for kind, values in now.items()
+        for (name,), old, new in sorted(differences(before.get(kind, {}), values))
+        if kind not in ("kernel", "data") or None not in (old, new)
+    ]

@@ -25,8 +25,7 @@ from evac.folder.files import (
 from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.results.ending import FAILED, INTERRUPTED
 from evac.results.results import Results
-from evac.simulation.checkpoints import Checkpoints, find_checkpoint
-from evac.simulation.identity import differences_of, inputs_of, made_of
+from evac.simulation.checkpoints import Checkpoints, differences_of, find_checkpoint, inputs_of, made_of
 from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recording import check_lengths

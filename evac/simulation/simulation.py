@@ -33,9 +33,8 @@ from evac.results.results import Results, results_of
 from evac.results.watch import Watch
 from evac.simulation import assembly, needed
 from evac.simulation.deciding import Deciding
-from evac.simulation.doorways import doorway_warning
 from evac.simulation.loop import Loop
-from evac.simulation.scene import Ground, Scene, make_ground
+from evac.simulation.scene import Scene, SharedScene, doorway_warning
 from evac.simulation.timetable import Timetable
 from evac.trajectory.recorder import Recorder
 from evac.trajectory.recording import Recording, metrics
@@ -57,8 +56,8 @@ class Simulation(Saved):
         summary.json are written by `Results.write`, a whole result folder by `evac.run`.
     full : bool
         Include the parts that the scene does not need: identical results, slower.
-    ground : Ground, optional
-        Ground of a simulation whose case has the same `evac.simulation.identity.ground_key`; computed if not given.
+    shared_scene : SharedScene, optional
+        That of a simulation whose case has the same `evac.simulation.shared.shared_key`; computed if not given.
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
     workers : int, optional
@@ -117,7 +116,7 @@ class Simulation(Saved):
         folder: str | Path | None = None,
         full: bool = False,
         *,
-        ground: Ground | None = None,
+        shared_scene: SharedScene | None = None,
         will_run: bool = True,
         workers: int | None = 1,
         compiling: Compiling | None = None,
@@ -129,9 +128,9 @@ class Simulation(Saved):
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
         with self.phases.enter("preparation"):
-            self._make(ground, will_run, compiling)
+            self._make(shared_scene, will_run, compiling)
 
-    def _make(self, ground: Ground | None, will_run: bool, compiling: Compiling | None) -> None:
+    def _make(self, shared_scene: SharedScene | None, will_run: bool, compiling: Compiling | None) -> None:
         """Create all parts of the run and call the hooks and `prepare` methods of the plugins."""
         case, full = self.case, self.full
         self.registry.call_all("evac_configure", case=case, registry=self.registry)
@@ -140,7 +139,7 @@ class Simulation(Saved):
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
         self.forces = needed.needed_forces(forces, full)
         with self.phases.enter("building"):
-            building = ground.building if ground else assembly.make_building(case)
+            building = shared_scene.building if shared_scene else assembly.make_building(case)
             check_people(case, building)
         with self.phases.enter("kernels"):
             kernels = [*needed.SET_UP]
@@ -148,25 +147,25 @@ class Simulation(Saved):
                 used = assembly.ENGINE, building, self.contact, self.forces, behaviours
                 kernels += needed.run_kernels(case, *used, full)
             addresses_of(kernels, compiling)
-        self._build(building, ground, behaviours)
+        self._build(building, shared_scene, behaviours)
         self._watch_people()
         self.deciding.prepare()
         self.loop = Loop(self)
         self.plan = needed.explain(self, forces, behaviours)
         self.registry.call_all("evac_prepare", simulation=self)
 
-    def _build(self, building: Building, ground: Ground | None, behaviours: list[Behaviour]) -> None:
+    def _build(self, building: Building, shared_scene: SharedScene | None, behaviours: list[Behaviour]) -> None:
         """Create scene, population, forces and engine for a building."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
             solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=self._workers)
-            ground = ground or make_ground(building, solve(building))
+            shared_scene = shared_scene or SharedScene(building, solve(building))
         with noting(building.warnings), self.phases.enter("people"):
             self.population, self.places, self.stopping, border = assembly.make_population(
-                case, ground, self.contact, behaviours
+                case, shared_scene, self.contact, behaviours
             )
             everywhere = partial(solve, anywhere=True)
-            self.scene = Scene(ground, self.population, self.places, everywhere, case.directions.quickest)
+            self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest)
             with naming(case.source):
                 self.timetable = Timetable(case.event, self.scene)
             self.exposure = self._exposure()

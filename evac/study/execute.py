@@ -25,7 +25,7 @@ from evac.base.phases import Progress
 from evac.base.processes import Pool
 from evac.results.ending import EVERYBODY_OUT, EVERYBODY_SAFE, FAILED, INTERRUPTED, Stopped
 from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
-from evac.simulation.shared import GroundFile, shared_ground, simulation_of, write_ground
+from evac.simulation.shared import SharedSceneFile, shared_scene, simulation_of, write_shared_scene
 from evac.study.points import SEEDS, Point, Seeds
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ class Order:
     source: Path
     plugin_files: tuple[Path, ...]
     seeds: Seeds
-    key: str  # of the ground
-    ground: GroundFile | None = None  # if it has been written
+    key: str  # of the shared scene
+    shared_scene: SharedSceneFile | None = None  # if it has been written
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Execution:
     def __init__(self, points: Sequence[Point], workers: int, executor: Executor | None = None) -> None:
         self._points, self._workers, self._executor = points, workers, executor
         self._pool: Pool | None = None
-        self._grounds: dict[str, GroundFile | None] = {}
+        self._files: dict[str, SharedSceneFile | None] = {}
         self._folder = TemporaryDirectory(prefix="evac-study-", ignore_cleanup_errors=True)
 
     def __enter__(self) -> Self:
@@ -195,8 +195,8 @@ class Execution:
         self._pool = None
 
     def _submitted(self, task: Task) -> "Future[Row | None]":
-        """Submit a task to the pool or the executor, with the file of its ground."""
-        task = replace(task, order=replace(task.order, ground=self._shared(task.order)))
+        """Submit a task to the pool or the executor, with the file of its shared scene."""
+        task = replace(task, order=replace(task.order, shared_scene=self._shared(task.order)))
         if self._executor is None and self._pool is None:
             self._pool = Pool(self._workers)
         try:
@@ -212,14 +212,14 @@ class Execution:
                 f"the executor accepts no task: {in_one_line(error)}; continue with --resume"
             ) from error
 
-    def _shared(self, order: Order) -> GroundFile | None:
-        """Return the file of a ground, written when it is first needed; None if the ground cannot be made."""
-        if order.key not in self._grounds:
-            self._grounds[order.key] = None
+    def _shared(self, order: Order) -> SharedSceneFile | None:
+        """Return the file of a shared scene, written when it is first needed; None if the scene cannot be made."""
+        if order.key not in self._files:
+            self._files[order.key] = None
             with suppress(EvacError):  # the worker tells why
-                ground = shared_ground(self._points[order.point].case, order.key)
-                self._grounds[order.key] = write_ground(ground, Path(self._folder.name))
-        return self._grounds[order.key]
+                scene = shared_scene(self._points[order.point].case, order.key)
+                self._files[order.key] = write_shared_scene(scene, Path(self._folder.name))
+        return self._files[order.key]
 
 
 def _row_of(future: "Future[Row | None]", task: Task) -> Row | None:
@@ -241,11 +241,11 @@ def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], 
     try:
         case = base.change(order.seeds.changes(task.run))
         if task.only_check:
-            ground = shared_ground(base, order.key, order.ground)
+            scene = shared_scene(base, order.key, order.shared_scene)
             case.registry.call_all("evac_configure", case=case, registry=case.registry)
-            make_population(case, ground, make_contact_model(case), make_behaviours(case))
+            make_population(case, scene, make_contact_model(case), make_behaviours(case))
             return None
-        results = simulation_of(case, order.key, order.ground).run(tick)
+        results = simulation_of(case, order.key, order.shared_scene).run(tick)
     except EvacError as error:
         return _failed_row(task, error)
     crowd = results.crowd

@@ -43,7 +43,7 @@ from evac.folder.manifest import note_written
 from evac.results.ending import FAILED
 from evac.results.results import versions
 from evac.simulation.assembly import providers
-from evac.simulation.identity import ground_key
+from evac.simulation.shared import shared_key
 from evac.study.execute import Row
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
@@ -366,9 +366,9 @@ def digest_of(case: "Case", key: str) -> str:
 
 
 def key_of(case: "Case") -> str:
-    """Return the key of the ground of a point."""
+    """Return the key of the shared scene of a point."""
     with naming(case.source):
-        return ground_key(case)
+        return shared_key(case)
 
 
 def definition_of(points: Sequence[Point], rule: Rule) -> dict[str, Any]:

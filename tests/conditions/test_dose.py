@@ -111,7 +111,7 @@ def exposed(people, dose=None, seed=1, groups=None, **air):
     crowd = make_crowd(np.full((people, 2), 1.0))
     groups = {"p": np.arange(people)} if groups is None else groups
     own = [Group(name, np.array(rows, np.int32), {}) for name, rows in groups.items()]
-    return Exposure(case, Scene(simulation.scene.ground), crowd, own), simulation.fields
+    return Exposure(case, Scene(simulation.scene.shared_scene), crowd, own), simulation.fields
 
 
 def test_the_share_of_people_who_are_stopped_is_that_of_the_distribution():

@@ -6,7 +6,7 @@ import pytest
 import evac
 from evac.case.toml import toml_value
 from evac.cli.main import main
-from evac.simulation.identity import differences_of, made_of
+from evac.simulation.checkpoints import differences_of, made_of
 from evac.simulation.simulation import Simulation
 from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
 

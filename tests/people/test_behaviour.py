@@ -118,7 +118,7 @@ def test_what_a_behaviour_may_not_do_with_a_field_is_told(smoky, more, words):
 
 @pytest.mark.parametrize("spacing", [0.0001, float("nan"), float("inf"), 1e300, 10**400, -1.0])
 def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
-    scene = Scene(Simulation(smoky(), will_run=False).scene.ground)
+    scene = Scene(Simulation(smoky(), will_run=False).scene.shared_scene)
     with pytest.raises(ValueError, match=r"'fog'.* use 0\.05 m or more"):
         scene.add_field("fog", "1/m", spacing)
     scene.add_field("smoke", "1/m", 1.0)
@@ -128,7 +128,7 @@ def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
 
 @pytest.mark.parametrize(("name", "unit"), [("a\0b", "m"), ("\ud800", "m"), ("x" * 201, "m"), (5, "m"), ("fog", None)])
 def test_names_and_units_that_files_cannot_contain_are_refused(smoky, name, unit):
-    scene = Scene(Simulation(smoky(), will_run=False).scene.ground)
+    scene = Scene(Simulation(smoky(), will_run=False).scene.shared_scene)
     with pytest.raises(ValueError, match="one line of at most 200 characters"):
         scene.add_field(name, unit, 1.0)
 

@@ -9,7 +9,7 @@ from shapely import box
 from evac.base.errors import PluginError, ScenarioError
 from evac.building.model.building import Area
 from evac.people.behaviour import BehaviourScene
-from evac.simulation.scene import Ground, Scene
+from evac.simulation.scene import Scene, SharedScene
 from evac_plugins.behaviour_response_time import ResponseTime
 
 UNIFORM = {"uniform": [0.0, 10.0]}
@@ -31,7 +31,7 @@ def scene(*groups, positions=None, levels=0, areas=AREAS, seed=1):
         group=np.repeat(np.arange(len(groups), dtype=np.int32), [number for _, number, _ in groups]),
         start_time=np.zeros(count),
     )
-    scene = Scene(Ground(SimpleNamespace(areas=areas, levels=range(2)), SimpleNamespace(grids=()), None))
+    scene = Scene(SharedScene(SimpleNamespace(areas=areas, levels=range(2)), SimpleNamespace(grids=())))
     return BehaviourScene(crowd, scene, tuple(made), np.random.default_rng(seed), 0.1)
 
 

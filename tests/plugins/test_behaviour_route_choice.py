@@ -14,7 +14,7 @@ from evac.building.model.building import Building, Exit, Level, Portal
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from evac.people.behaviour import BehaviourScene
-from evac.simulation.scene import Ground, Scene
+from evac.simulation.scene import Scene, SharedScene
 from evac_plugins.behaviour_route_choice import RouteChoice, route_costs
 
 STEEP = math.atan(3.0 / 4.0)
@@ -78,7 +78,7 @@ def scene(building, behaviour, groups, routes=ANY, route=None):
         speed=np.column_stack((np.ones(len(x)), up, up)),
         route=np.zeros(len(x), dtype=np.int32) if route is None else np.array(route, dtype=np.int32),
     )
-    return BehaviourScene(crowd, Scene(Ground(building, fields, None)), tuple(made), np.random.default_rng(0), 0.1)
+    return BehaviourScene(crowd, Scene(SharedScene(building, fields)), tuple(made), np.random.default_rng(0), 0.1)
 
 
 def chosen(of):

@@ -13,7 +13,7 @@ from evac.evidence.mobility.page import flow_through
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
-from evac.simulation.scene import Scene, make_ground
+from evac.simulation.scene import Scene, SharedScene
 from evac.simulation.simulation import Simulation
 from evac_plugins.behaviour_walking import Walking
 from tests.physics.scenes import make_building, uniform_fields
@@ -31,7 +31,7 @@ def acted(position, velocity=0.0, ticks=1, fields=None, route=None, contact_radi
     if route is not None:
         crowd.route[:] = route
     building = building or make_building()
-    scene = Scene(make_ground(building, fields or uniform_fields(len(building.levels))))
+    scene = Scene(SharedScene(building, fields or uniform_fields(len(building.levels))))
     moved = np.array(np.broadcast_to(velocity, crowd.position.shape), dtype=np.float64)
     behaviour = Walking(**parameters)
     outside = make_outside(len(crowd.level))
@@ -267,7 +267,7 @@ def passed(standing, walls=(), velocity=(0.0, 0.0)):
     crowd = make_crowd([[0.0, 0.0], *standing], speed=1.2, radius=0.22, contact_radius=0.14)
     crowd.start_time[1:] = 60.0
     building = make_building(walls=walls)
-    scene = Scene(make_ground(building, uniform_fields(1)))
+    scene = Scene(SharedScene(building, uniform_fields(1)))
     moved = np.zeros_like(crowd.position)
     moved[0] = velocity
     behaviour = Walking(reaction_time=0.0)

@@ -55,7 +55,7 @@ def simulation(tmp_path):
         case=SimpleNamespace(
             title="A room", people=(), output=SimpleNamespace(trajectory=True), smoke=SimpleNamespace(contrast=3.0)
         ),
-        scene=SimpleNamespace(ground=SimpleNamespace(building=building), changes=[], fields_of_behaviours={}),
+        scene=SimpleNamespace(shared_scene=SimpleNamespace(building=building), changes=[], fields_of_behaviours={}),
         population=SimpleNamespace(crowd=crowd, groups=groups),
         displacement_velocity=np.array([[0.5, 0.0], [0.0, 0.25], [0.0, 0.0]]),
         dose=None,
@@ -86,7 +86,7 @@ def test_file_tells_all_that_a_picture_needs(simulation):
     assert trajectory.radius.tolist() == [0.2, 0.21, 0.22]
     assert trajectory.height.tolist() == [1.2, 1.6, 1.8]
     assert trajectory.time.tolist() == [0.0, 0.5]
-    np.testing.assert_array_equal(trajectory.building.vertices, simulation.scene.ground.building.vertices)
+    np.testing.assert_array_equal(trajectory.building.vertices, simulation.scene.shared_scene.building.vertices)
     expected = np.array([[1.0, 1.5], [2.0, 1.5], [3.0, 1.5]]) + CORNER
     np.testing.assert_allclose(trajectory.position[1], expected, rtol=0.0, atol=1e-6)
     assert (trajectory.z == 1.5).all()

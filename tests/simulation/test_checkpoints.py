@@ -248,7 +248,7 @@ def test_a_plugin_that_was_given_is_to_be_given_again_and_unchanged(tmp_path, cl
 
 def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, monkeypatch):
     kill(evac.load(hall), tmp_path / "r", 1.5)
-    monkeypatch.setattr("evac.simulation.identity.versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr("evac.simulation.checkpoints.versions", lambda: {"numpy": "0.1"})
     mesh = tmp_path / "hall.obj"
     mesh.write_text(mesh.read_text() + "# changed\n")
     with pytest.raises(ResultError) as caught:
@@ -262,7 +262,7 @@ def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, mon
 
 def test_other_kernels_are_refused(tmp_path, hall, monkeypatch):
     kill(evac.load(hall), tmp_path / "r", 1.5)
-    monkeypatch.setattr("evac.simulation.identity.digest_of", lambda entry, processor: "changed")
+    monkeypatch.setattr("evac.simulation.checkpoints.digest_of", lambda entry, processor: "changed")
     with pytest.raises(ResultError, match=r"kernel .*advance.*changed now"):
         evac.resume(tmp_path / "r")
 

@@ -11,7 +11,19 @@ from evac.simulation.simulation import Simulation
 
 #: Attributes that differ between two runs, or are computed again before they are used.
 OTHERS = {
-    *("phases", "recording", "loop", "engine", "registry", "contact", "plan", "_seconds", "world", "ground", "fields"),
+    *(
+        "phases",
+        "recording",
+        "loop",
+        "engine",
+        "registry",
+        "contact",
+        "plan",
+        "_seconds",
+        "world",
+        "shared_scene",
+        "fields",
+    ),
     *("_log", "_nodes", "_sights", "_motion", "_wanted", "_ways", "waves"),
 }
 
@@ -123,7 +135,7 @@ def test_every_part_goes_on_from_any_tick_to_the_same_bits():
             resumed.advance_tick()
             assert_same(whole, resumed, f"after tick {tick}, resumed after {tick - tick % 4}")
         else:
-            resumed = Simulation(case, ground=whole.scene.ground)
+            resumed = Simulation(case, shared_scene=whole.scene.shared_scene)
             resumed.restore(whole.state())
             met |= assert_same(whole, resumed, f"when resumed after tick {tick}")
     assert [change.kind for change in whole.scene.changes] == ["bar", "close", "bar", "open", "strategy"]

@@ -151,7 +151,9 @@ def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):
     results = simulation.run()
     assert list(results.changes) == simulation.scene.changes
     assert results.summary()["changes"] == [change.as_row() for change in results.changes]
-    assert [building_at(simulation.scene.ground.building, results.changes, k * tick).closed for k in (1, 2, 3, 6)] == [
+    assert [
+        building_at(simulation.scene.shared_scene.building, results.changes, k * tick).closed for k in (1, 2, 3, 6)
+    ] == [
         frozenset(),
         {1},
         {0, 1},
@@ -212,9 +214,9 @@ def gap():
 
 
 def test_people_too_wide_for_a_gap_or_an_exit_take_another_and_go_on_to_the_same_bits(gap):
-    """Behind a closure too, and on a ground that runs share."""
-    ground = Simulation(gap, will_run=False).scene.ground
-    one, other = Simulation(gap, ground=ground), Simulation(gap)
+    """Behind a closure too, and in a scene that runs share."""
+    shared = Simulation(gap, will_run=False).scene.shared_scene
+    one, other = Simulation(gap, shared_scene=shared), Simulation(gap)
     ticks(one, 10)
     one.scene.set_open("west", False)
     ticks(one, 10)

@@ -9,8 +9,7 @@ import pytest
 
 import evac
 from evac.case.loading import case_from
-from evac.simulation.identity import ground_key
-from evac.simulation.shared import read_ground, write_ground
+from evac.simulation.shared import read_shared_scene, shared_key, write_shared_scene
 from evac.simulation.simulation import Simulation
 
 
@@ -38,11 +37,11 @@ def bits(results):
     ],
 )
 def test_the_key_differs_exactly_where_building_or_directions_do(case, changes, is_same):
-    """A case whose key is that of another makes the same ground by itself."""
+    """A case whose key is that of another makes the same scene by itself."""
     changed = case.change(changes)
-    assert (ground_key(changed) == ground_key(case)) == is_same
+    assert (shared_key(changed) == shared_key(case)) == is_same
     if is_same:
-        one, other = (Simulation(of, will_run=False).scene.ground for of in (case, changed))
+        one, other = (Simulation(of, will_run=False).scene.shared_scene for of in (case, changed))
         assert one.fields.packed.direction.tobytes() == other.fields.packed.direction.tobytes()
         assert one.world.wall.tobytes() == other.world.wall.tobytes()
 
@@ -50,9 +49,9 @@ def test_the_key_differs_exactly_where_building_or_directions_do(case, changes, 
 def test_another_building_in_the_same_file_has_another_key(tmp_path, case):
     text = case.mesh.read_text()
     (tmp_path / "room.msh").write_text(text)
-    one = ground_key(case.change({"building.mesh": str(tmp_path / "room.msh")}))
+    one = shared_key(case.change({"building.mesh": str(tmp_path / "room.msh")}))
     (tmp_path / "room.msh").write_text(text + "\n")
-    assert ground_key(case.change({"building.mesh": str(tmp_path / "room.msh")})) != one
+    assert shared_key(case.change({"building.mesh": str(tmp_path / "room.msh")})) != one
 
 
 @pytest.mark.parametrize("named", ["in a plan file", "in the case"])
@@ -67,37 +66,37 @@ def test_a_changed_file_of_a_storey_changes_the_key(tmp_path, named):
     (tmp_path / "case.toml").write_text("")
     content = {"title": "hall", "building": building, "people": [{"name": "a", "level": "ground", "number": 2}]}
     case = case_from(content | {"contact": {"model": "dem"}}, tmp_path / "case.toml")
-    before = ground_key(case)
-    assert ground_key(case) == before
+    before = shared_key(case)
+    assert shared_key(case) == before
     (tmp_path / "ground.wkt").write_text("POLYGON ((0 0, 7 0, 7 4, 0 4, 0 0))")
-    assert ground_key(case) != before
+    assert shared_key(case) != before
 
 
 @pytest.mark.parametrize("kind", [None, "close", "one_way"])
-def test_a_run_on_a_ground_from_a_file_has_the_same_bits(tmp_path, case, kind):
+def test_a_run_on_a_scene_from_a_file_has_the_same_bits(tmp_path, case, kind):
     if kind is not None:
         more = {"value": "out"} if kind == "one_way" else {}
         change = {"time": 1.0, "kind": kind, "target": "door", **more}
         case = case.change({"event": [change], "simulation.no_progress": 2.0})
     alone = Simulation(case).run()
-    ground = read_ground(write_ground(Simulation(case, will_run=False).scene.ground, tmp_path))
-    again = [Simulation(case, ground=ground).run() for _ in range(2)]
+    shared = read_shared_scene(write_shared_scene(Simulation(case, will_run=False).scene.shared_scene, tmp_path))
+    again = [Simulation(case, shared_scene=shared).run() for _ in range(2)]
     assert bits(again[0]) == bits(again[1]) == bits(alone)
 
 
 def test_arrays_are_mapped_and_cannot_be_written(tmp_path, case):
-    ground = read_ground(write_ground(Simulation(case, will_run=False).scene.ground, tmp_path))
-    array = ground.fields.packed.direction
+    shared = read_shared_scene(write_shared_scene(Simulation(case, will_run=False).scene.shared_scene, tmp_path))
+    array = shared.fields.packed.direction
     while array.base is not None and not isinstance(array.base, memoryview | mmap.mmap):
         array = array.base
     assert isinstance(array.base.obj if isinstance(array.base, memoryview) else array.base, mmap.mmap)
     with pytest.raises(ValueError, match="read-only"):
-        ground.fields.packed.direction[0] = 0.0
+        shared.fields.packed.direction[0] = 0.0
 
 
 def test_a_door_that_closes_in_one_run_is_open_in_the_next(case):
-    ground = Simulation(case, will_run=False).scene.ground
-    one, other = Simulation(case, ground=ground), Simulation(case, ground=ground)
+    shared = Simulation(case, will_run=False).scene.shared_scene
+    one, other = Simulation(case, shared_scene=shared), Simulation(case, shared_scene=shared)
     one.scene.set_open("door", False)
     assert one.building.closed
     assert not other.building.closed
@@ -105,7 +104,7 @@ def test_a_door_that_closes_in_one_run_is_open_in_the_next(case):
 
 
 def test_a_file_that_was_changed_is_not_read(tmp_path, case):
-    file = write_ground(Simulation(case, will_run=False).scene.ground, tmp_path)
+    file = write_shared_scene(Simulation(case, will_run=False).scene.shared_scene, tmp_path)
     Path(file.path).write_bytes(b"other")
     with pytest.raises(OSError, match="changed"):
-        read_ground(file)
+        read_shared_scene(file)

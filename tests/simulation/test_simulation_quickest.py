@@ -119,7 +119,7 @@ def test_a_change_between_two_updates_is_followed_at_once():
 
 def test_groups_with_another_strategy_keep_their_directions():
     simulation = run_ticks(Simulation(case_of(**{"people.b.strategy": "fastest"})), 60)
-    fields, before = simulation.fields, simulation.scene.ground.fields
+    fields, before = simulation.fields, simulation.scene.shared_scene.fields
     place = np.array([[9.0, 3.0]])
     differs = [
         (fields.directions_at(0, place, route, 0.2) != before.directions_at(0, place, route, 0.2)).any()
@@ -132,13 +132,13 @@ def test_without_the_strategy_nothing_follows_the_crowd():
     simulation = Simulation(case_of("fastest"))
     assert simulation.scene.quickest is None
     assert "quickest" not in [operation.name for operation in simulation.loop.operations]
-    assert simulation.fields is simulation.scene.ground.fields
+    assert simulation.fields is simulation.scene.shared_scene.fields
     assert not [key for key in simulation.state() if "quickest." in key]
 
 
-def test_runs_on_the_same_ground_do_not_disturb_each_other():
+def test_runs_in_the_same_scene_do_not_disturb_each_other():
     first = run_ticks(Simulation(case_of()), 60)
-    second = run_ticks(Simulation(case_of(), ground=first.scene.ground), 60)
+    second = run_ticks(Simulation(case_of(), shared_scene=first.scene.shared_scene), 60)
     assert_same_bits(first, second)
 
 

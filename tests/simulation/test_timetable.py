@@ -293,8 +293,8 @@ def test_an_event_follows_another_and_a_resumed_run_has_the_same_events():
     closing, opening = results[0].changes
     assert (closing.kind, opening.kind) == ("close", "open")
     assert opening.time == pytest.approx(closing.time + 2.0)
-    start, ground = one.scene.ground.building, one.scene.ground.building.closed
-    assert building_at(start, results[0].changes, opening.time).closed == ground
+    start = one.scene.shared_scene.building
+    assert building_at(start, results[0].changes, opening.time).closed == start.closed
 
 
 def long_hall(model="nsm2"):

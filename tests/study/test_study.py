@@ -74,7 +74,7 @@ def test_buildings_are_made_once(case, monkeypatch):
     made = []
     make_building = assembly.make_building
     monkeypatch.setattr(assembly, "make_building", lambda case: made.append(case) or make_building(case))
-    monkeypatch.setattr(shared, "GROUNDS", type(shared.GROUNDS)())
+    monkeypatch.setattr(shared, "SCENES", type(shared.SCENES)())
     evac.sweep(case, {"contact.model": ["nsm2", "dem"], "directions.spacing": [0.1, 0.12]}, 2, workers=1)
     assert len(made) == 2
 
