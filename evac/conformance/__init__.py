@@ -14,7 +14,7 @@ from evac.case.case import Case
 from evac.case.loading import load_case
 from evac.conditions.law import SmokeLaw
 from evac.conditions.source import ConditionSource
-from evac.conformance import cases, contact_models, laws
+from evac.conformance import cases, physics
 from evac.conformance.failures import CheckError, examining, require, run_check
 from evac.contract.registry import Registry
 from evac.contract.requirements import HOOKS, check_class, check_interface, kind_of
@@ -30,10 +30,10 @@ __all__ = ["check_plugin"]
 
 #: Checks of a plugin by itself, and of one that a case uses for a number of ticks, by base class.
 ALONE: tuple[tuple[type, Callable[..., None]], ...] = (
-    (PairContact, contact_models.check_pair_law),
-    (Solver, contact_models.check_solver),
-    (Force, laws.check_force),
-    (SmokeLaw, laws.check_speeds),
+    (PairContact, physics.check_pair_law),
+    (Solver, physics.check_solver),
+    (Force, physics.check_force),
+    (SmokeLaw, cases.check_speeds),
     (Importer, cases.check_damaged_files),
 )
 IN_A_CASE: tuple[tuple[type, Callable[..., None]], ...] = (
@@ -49,26 +49,25 @@ IN_A_CASE: tuple[tuple[type, Callable[..., None]], ...] = (
 
 def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int = 20, **values: Any) -> None:
     """Run all checks that apply to a plugin class."""
-    check: Callable[..., None]
-    for check in (check_contract, check_parameters, check_construction):
-        run_check(cls, check, cls, values)
+    run_check(cls, check_contract, cls)
+    run_check(cls, check_construction, cls, values)
     for kind, check in ALONE:
         if issubclass(cls, kind):
             run_check(cls, check, cls(**values))
-    pace = contact_models.PLAIN
+    pace = physics.PLAIN
     if issubclass(cls, ContactModel):
-        pace = run_check(cls, contact_models.check_pace, cls(**values))
-        for check in contact_models.CHECKS:
+        pace = run_check(cls, physics.check_pace, cls(**values))
+        for check in physics.CHECKS:
             run_check(cls, check, cls(**values), pace)
-    if case is None and issubclass(cls, Importer):
-        return
-    case = case or run_check(cls, check_registration, cls, values, pace)
+    if case is None and (issubclass(cls, Importer) or pace != physics.PLAIN):
+        return  # no shipped case has such files, or such soft or stiff contacts
+    case = case or run_check(cls, check_registration, cls, values)
     for kind, check in IN_A_CASE:
         if issubclass(cls, kind):
             run_check(cls, check, cls(**values), case, ticks)
 
 
-def check_contract(cls: Any, values: dict[str, Any]) -> None:
+def check_contract(cls: Any) -> None:
     """Check the interface version, the base class, the name and the docstring."""
     if not isinstance(cls, type):
         raise CheckError(f"{cls!r} is not a class; pass a class, such as {type(cls).__name__}")
@@ -77,20 +76,16 @@ def check_contract(cls: Any, values: dict[str, Any]) -> None:
         with examining(f"the module {cls.__module__}"):
             check_interface(module, cls.__module__)
     check_class(cls, cls.__module__)
-    told = f"{cls.__name__} has no docstring; add one, `evac plugins` shows its first line"
-    require(bool((cls.__doc__ or "").strip()), told)
+    failure = f"{cls.__name__} has no docstring; add one, `evac plugins` shows its first line"
+    require(bool((cls.__doc__ or "").strip()), failure)
 
 
-def check_parameters(cls: type[Configurable], values: dict[str, Any]) -> None:
-    """Check that all parameters are described, and the defaults of distributions."""
+def check_construction(cls: type[Configurable], values: dict[str, Any]) -> None:
+    """Check that a plugin can be made with its defaults and with given parameters, which are described."""
     for key, parameter in cls.declared().items():
         with examining(f"the parameter {key}", "change its default or its range"):
             require(bool(parameter.doc.strip()), "it has no description; add doc to its declaration")
             parameter.check(f"{cls.name}.{key}", parameter.default)
-
-
-def check_construction(cls: type[Configurable], values: dict[str, Any]) -> None:
-    """Check that a plugin can be made with its defaults and with given parameters, which it keeps."""
     with examining("the class with its defaults"):
         is_set = not any(isinstance(value, Parameter) for value in cls().values().values())
         require(is_set, "__init__ does not set the parameters; call super().__init__(**values) first")
@@ -99,11 +94,11 @@ def check_construction(cls: type[Configurable], values: dict[str, Any]) -> None:
         cls(**values)
 
 
-def check_registration(cls: type[Configurable], values: dict[str, Any], pace: contact_models.Pace) -> Case:
-    """Check that a plugin can be registered; return a shipped case at a pace, changed to use the plugin."""
+def check_registration(cls: type[Configurable], values: dict[str, Any]) -> Case:
+    """Check that a plugin can be registered; return a shipped case, changed to use the plugin."""
     registry = Registry()
     registry.add_class(cls)
-    kind, solved = kind_of(cls), contact_models.solved_model().name
+    kind, solved = kind_of(cls), physics.SOLVED.name
     smoke = {"source": "prescribed", "values": {"extinction": 1.0}}
     using: dict[str, dict[str, Any]] = {
         "contact_model": {"contact.model": cls.name, f"contact.{cls.name}": values},
@@ -112,14 +107,4 @@ def check_registration(cls: type[Configurable], values: dict[str, Any], pace: co
         "condition_source": {"smoke.law": "none", "conditions": [{"source": cls.name, **values}]},
         "exporter": {},
     }
-    changes = using.get(kind, {f"{kind}s.{cls.name}": values})
-    if pace != contact_models.PLAIN:
-        changes |= {
-            "simulation.step": pace.step,
-            "simulation.tick": 0.1 * pace.slow,
-            "simulation.duration": 60.0 * pace.slow,
-            "output.every": 0.5 * pace.slow,
-            "people.people.speed": {"uniform": [1.5 / pace.slow, 2.0 / pace.slow]},
-            "people.people.tau": {"uniform": [0.1 * pace.slow, 0.5 * pace.slow]},
-        }
-    return load_case("square_room", changes, registry=registry)
+    return load_case("square_room", using.get(kind, {f"{kind}s.{cls.name}": values}), registry=registry)

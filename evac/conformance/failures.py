@@ -20,16 +20,16 @@ class CheckError(PluginError):
     place = ""
 
 
-def require(holds: bool | np.bool_, told: str) -> None:
+def require(holds: bool | np.bool_, failure: str) -> None:
     """Raise a `CheckError` with a text, what is wrong and the remedy, if something does not hold."""
     if not holds:
-        raise CheckError(told)
+        raise CheckError(failure)
 
 
-def require_close(first: ArrayLike, second: ArrayLike, tolerance: float, told: str) -> None:
-    """Raise a `CheckError` if arrays are not finite, or further apart than a tolerance; `told` has a field for it."""
+def require_close(first: ArrayLike, second: ArrayLike, tolerance: float, failure: str) -> None:
+    """Raise a `CheckError` if arrays are not finite, or further apart than a tolerance; the text has a field for it."""
     apart = float(np.abs(np.subtract(first, second)).max())
-    require(apart <= tolerance, told.format(apart))
+    require(apart <= tolerance, failure.format(apart))
 
 
 @contextmanager
@@ -43,9 +43,14 @@ def examining(what: str, remedy: str = "correct the plugin") -> Iterator[None]:
     except (KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        failure = error if isinstance(error, CheckError) else _failure_of(error, remedy)
+        failure, cause = error, error.__cause__
+        if not isinstance(failure, CheckError):
+            is_own = isinstance(error, EvacError)  # its text without the advice to check the plugin
+            text = text_of(Exception.__str__(error)) if is_own else f"raises {in_one_line(error)} ({place_of(error)})"
+            failure = CheckError(text if is_own and "; " in text else f"{text}; {remedy}")
+            cause = (is_own and cause) or error
         failure.place = failure.place or what
-        raise failure from failure.__cause__
+        raise failure from cause
 
 
 def scene(title: str) -> AbstractContextManager[None]:
@@ -63,26 +68,9 @@ def run_check(plugin: Any, check: Callable[..., Any], *arguments: Any) -> Any:
         with examining("the class"):
             return check(*arguments)
     except CheckError as failure:
-        name, place = getattr(plugin, "name", None), place_of(plugin)
-        if not (isinstance(name, str) and name):
-            name = getattr(plugin, "__name__", repr(plugin))
+        names, place = [getattr(plugin, key, None) for key in ("name", "__name__")], place_of(plugin)
+        name = next((name for name in names if isinstance(name, str) and name), repr(plugin))
         wrong, _, remedy = failure.args[0].rpartition("; ")
         where = "" if ", line " in wrong or place == "no file" else f" ({place})"
-        told = f"{name}: {check.__name__}, {failure.place}: {wrong}{where}; {remedy}"
-        raise PluginError(told) from failure.__cause__
-
-
-def _failure_of(error: BaseException, remedy: str) -> CheckError:
-    """Return the failure for an exception, with the exception that the plugin raised as its cause."""
-    if not isinstance(error, EvacError):
-        failure, cause = CheckError(f"raises {in_one_line(error)} ({place_of(error)}); {remedy}"), error
-    else:
-        text = text_of(error.args[0]) if isinstance(error, PluginError) else text_of(error)  # no advice to check it
-        failure, cause = CheckError(text if "; " in text else f"{text}; {remedy}"), error.__cause__ or error
-    failure.__cause__ = cause
-    return failure
-
-
-def with_remedy(error: EvacError, remedy: str) -> CheckError:
-    """Return the failure for an error with another remedy than the stated one."""
-    return CheckError(f"{text_of(error).rpartition('; ')[0]}; {remedy}")
+        text = f"{name}: {check.__name__}, {failure.place}: {wrong}{where}; {remedy}"
+        raise PluginError(text) from failure.__cause__

@@ -157,7 +157,7 @@ def takes_chances(self, crowd, time):
     crowd.speed_factor *= np.random.default_rng().random()
 
 
-ROOM, TICK, TICKS = "scene 'Twenty people", "scene 't = .* s of Twenty people", "scene '20 ticks of Twenty people"
+ROOM, TICK, TICKS = "scene 'Twenty people", "scene 'the start of Twenty people", "scene '20 ticks of Twenty people"
 EXIT = "scene 'three people at an exit of Twenty people"
 
 BROKEN = [

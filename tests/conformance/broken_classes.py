@@ -50,7 +50,7 @@ def declaring(*given, **named):
 
 CONTRACT, SOFTNESS, MODULE = (
     ("check_contract", "the class"),
-    ("check_parameters", "the parameter softness"),
+    ("check_construction", "the parameter softness"),
     "the module",
 )
 MADE = ("check_construction", "the class with its defaults")

@@ -7,7 +7,7 @@ import pytest
 
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence
-from evac.evidence.scenes import Scene, one_direction, room
+from evac.evidence.scenes import Scene
 from evac.evidence.stability.crowds import restitution
 from evac.evidence.stability.dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
 from evac.evidence.stability.maps import Curve, _dense, _places
@@ -34,6 +34,7 @@ from evac.evidence.stability.trials import (
     judge,
     make_model,
 )
+from evac.physics.scenes import one_direction, room
 from evac.physics.state import make_crowd
 
 ROOM = (0.0, 0.0, 8.0, 4.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.evidence.scenes import Scene, one_direction, packed, room
+from evac.evidence.scenes import Scene, packed
 from evac.evidence.stability.extremes import ROOM, extremes, try_extreme, try_triangle
 from evac.evidence.stability.trials import (
     BEYOND,
@@ -17,6 +17,7 @@ from evac.evidence.stability.trials import (
     judge,
     make_model,
 )
+from evac.physics.scenes import one_direction, room
 from evac.physics.state import make_crowd
 
 QUICK = extremes(quick=True)

@@ -7,9 +7,8 @@ from shapely.geometry import box
 
 from evac.building.model.building import Building, Exit, Level, Portal
 from evac.contract.registry import Registry
-from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
-from evac.directions.routes import Route
 from evac.physics.engine import CompiledEngine
+from evac.physics.scenes import one_direction, towards
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem
@@ -59,22 +58,7 @@ def make_building(bounds=((-10.0, -10.0, 10.0, 10.0),), walls=(), wall_level=Non
 
 def uniform_fields(levels=1, *directions, extent=20.0):
     """The same direction everywhere, +x unless told, one for each route; the travel time falls along it."""
-    direction = np.array(directions or [(1.0, 0.0)], dtype=float)
-    node = np.array([[-extent, -extent], [-extent, extent], [extent, -extent], [extent, extent]])
-    return Fields(
-        routes=(Route(),) * len(direction),
-        packed=PackedFields(
-            origin=np.full((levels, 2), -extent),
-            shape=np.full((levels, 2), 2, np.int32),
-            spacing=2.0 * extent,
-            width=np.zeros(0),
-            field_of=np.tile(np.arange(len(direction), dtype=np.int32), (levels, 1)),
-            offset=4 * np.arange(len(direction)),
-            direction=np.repeat(direction, 4, axis=0),
-            travel_time=100.0 - (direction @ node.T).ravel(),
-            walls=NO_CELL_WALLS,
-        ),
-    )
+    return one_direction((-extent, -extent, extent, extent), *directions, levels=levels)
 
 
 def make_engine(crowd, building=None, fields=None, forces=(), full=False):
@@ -93,25 +77,7 @@ def walk(model, crowd, steps, h=0.01, engine=None, explicit=True, report=False, 
 
 def fields_towards(point, levels=1, extent=12.0, spacing=0.5):
     """Directions that converge on a point, the same for all levels; the travel time is the distance."""
-    nodes = round(2 * extent / spacing) + 1
-    axis = -extent + spacing * np.arange(nodes)
-    x, y = np.meshgrid(axis, axis, indexing="ij")
-    away = np.stack([x - point[0], y - point[1]], axis=2).reshape(-1, 2)
-    distance = np.hypot(*away.T)
-    return Fields(
-        routes=(Route(),),
-        packed=PackedFields(
-            origin=np.full((levels, 2), -extent),
-            shape=np.full((levels, 2), nodes, np.int32),
-            spacing=spacing,
-            width=np.zeros(0),
-            field_of=np.zeros((levels, 1), np.int32),
-            offset=np.zeros(1, np.int64),
-            direction=-away / np.maximum(distance, 1e-9)[:, None],
-            travel_time=distance,
-            walls=NO_CELL_WALLS,
-        ),
-    )
+    return towards((-extent, -extent, extent, extent), point, spacing, levels)
 
 
 def cut_wall(x1, y1, x2, y2, pieces):

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from evac.directions.fields import Fields
-from evac.evidence.scenes import fields_of, make_engine, packed, room
+from evac.evidence.scenes import make_engine, packed
 from evac.physics.contact.model import ContactModel
 from evac.physics.engine import CompiledEngine
+from evac.physics.scenes import fields_of, room
 from evac.physics.state import Crowd, copy_of, make_crowd
 from evac.physics.world import make_world, set_open
 

@@ -11,9 +11,10 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
 from evac.evidence.accuracy.orders import CLOSE, DRIVES, drives_compared, order_rows, orders_off
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.scenes import Scene, one_direction, plugins, room
+from evac.evidence.scenes import Scene, plugins
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact.model import ContactModel
+from evac.physics.scenes import one_direction, room
 from evac.physics.state import make_crowd
 
 #: Bound of the error of positions over the path of a step, v h, for steps of at most 0.01 s.

@@ -12,7 +12,7 @@ from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.evidence.evidence import Row
-from evac.evidence.scenes import room
+from evac.physics.scenes import room
 from evac.physics.state import Crowd, make_crowd
 
 #: Bodies fit a hexagonal lattice of 5 per m2, 0.48 m apart [m].

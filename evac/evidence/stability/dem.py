@@ -7,11 +7,12 @@ import numpy as np
 
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.scenes import Scene, room
+from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, step_limit, uncut_speed
 from evac.evidence.stability.trials import Trial, Verdict, attempt, judge, make_model
 from evac.evidence.verdicts import all_of
+from evac.physics.scenes import room, towards
 from evac.physics.state import make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
@@ -43,7 +44,7 @@ def ring_around_big() -> Scene:
         mass=60.0,
         speed=np.array([0.0] + 40 * [PRESS]),
     )
-    return Scene(bounds, room(bounds), scenes.towards(bounds, (4.0, 4.0), 0.05), crowd)
+    return Scene(bounds, room(bounds), towards(bounds, (4.0, 4.0), 0.05), crowd)
 
 
 def settled(scene: Scene, stiffness: float) -> Scene:

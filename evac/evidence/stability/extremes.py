@@ -10,8 +10,9 @@ import numpy as np
 from evac.base.errors import EvacError
 from evac.evidence import scenes
 from evac.evidence.evidence import Evidence, Row
-from evac.evidence.scenes import Scene, room
+from evac.evidence.scenes import Scene
 from evac.evidence.stability import trials
+from evac.physics.scenes import room, towards
 from evac.physics.state import make_crowd
 
 ROOM = (0.0, 0.0, 6.0, 4.0)
@@ -51,7 +52,7 @@ def closed_door(people: int) -> Scene:
     middle = 0.5 * bounds[3]
     door = (bounds[2], middle - 0.5, bounds[2], middle + 0.5)
     places = scenes.packed(people, rows, 0.2, bounds[2] - 0.02, 0.02, 0.02)
-    building, fields = room(bounds, exits=(door,)), scenes.towards(bounds, (bounds[2] + 0.1, middle))
+    building, fields = room(bounds, exits=(door,)), towards(bounds, (bounds[2] + 0.1, middle))
     return Scene(bounds, building, fields, make_crowd(places, speed=1.5), is_closed=True)
 
 
@@ -59,7 +60,7 @@ def narrow_door() -> Scene:
     """Return twelve people at an open door of 0.3 m, narrower than their bodies of 0.4 m."""
     building = room(ROOM, exits=((6.0, 1.85, 6.0, 2.15),))
     crowd = make_crowd(scenes.packed(12, 4, 0.2, 5.0, 1.0, 0.01), speed=1.5)
-    return Scene(ROOM, building, scenes.towards(ROOM, (6.2, 2.0)), crowd)
+    return Scene(ROOM, building, towards(ROOM, (6.2, 2.0)), crowd)
 
 
 def far_from_origin(gap: float, east: float = 5e5, north: float = 5e6) -> Scene:

@@ -7,9 +7,10 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure
-from evac.evidence.scenes import make_engine, make_model, one_direction, room
+from evac.evidence.scenes import make_engine, make_model
 from evac.evidence.verdicts import reported
 from evac.physics.contact.model import ContactModel
+from evac.physics.scenes import one_direction, room
 from evac.physics.state import Crowd, World, make_crowd
 from evac.physics.world import make_world
 
