@@ -8,10 +8,10 @@ from pydantic.fields import FieldInfo
 
 from evac.base.distributions import KINDS, Distribution
 from evac.base.keys import Factor, Table, table_of
+from evac.base.toml import toml_value
 from evac.case.case import Case
 from evac.case.presets import DESCRIPTION, shipped_presets
 from evac.case.schema import GroupSettings, PeopleSettings
-from evac.case.toml import toml_value
 
 #: Title of the first table of the reference, which is the end of its page.
 FIRST = "At the top of the file"

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from evac.case.toml import toml_value
+from evac.base.toml import toml_value
 from evac.contract.registry import Registry
 
 #: Pages with descriptions of plugins, in the folder of this file.

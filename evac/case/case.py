@@ -9,6 +9,7 @@ from typing import Any, Self
 from pydantic import PrivateAttr, field_validator, model_validator
 
 from evac.base.keys import Key, Parameters, Table, Title, key, wrong
+from evac.base.toml import case_text
 from evac.building.options import MOST_ITEMS
 from evac.case.events import EventSettings
 from evac.case.fire import ConditionSettings, DoseSettings, SmokeSettings
@@ -193,6 +194,13 @@ class Case(Table):
                 if values is not False and (f"{kind}s", name) not in self.unchecked:
                     plugins[name] = _filled(registry.get(kind, name), values)
         return table
+
+    def write(self, path: str | Path) -> None:
+        """Write the case, with its overrides and its plan, as a case.toml that is read as an equal case.
+
+        Files that it names are found from the folder of `path`, as from the folder of the case.
+        """
+        Path(path).write_text(case_text(self.table), encoding="utf-8")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the content of the file; the case is checked again with the plugins of the other process."""

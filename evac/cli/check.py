@@ -307,7 +307,7 @@ def show_people(simulation: "Simulation") -> None:
 
 def show_course(case: "Case") -> None:
     """Show who arrives when and where, who stays, and the events."""
-    from evac.case.toml import toml_value
+    from evac.base.toml import toml_value
 
     rows = []
     for group in in_order(case.people):

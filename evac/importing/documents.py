@@ -4,9 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from evac.base.toml import toml_lines, toml_value
 from evac.building.model.findings import KINDS, repaired
-from evac.building.plan.plantable import SECTIONS
-from evac.case.toml import toml_lines, toml_value
 
 if TYPE_CHECKING:
     from evac.importing.importing import Imported
@@ -81,20 +80,6 @@ def case_text(
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())
-
-
-def plan_text(table: Mapping[str, Any], comments: Sequence[str] = (), head: str = PLAN_HEAD) -> str:
-    """Return a table of `evac.building.plan.plantable` as TOML, followed by comments."""
-    lines = [head, *toml_lines({key: value for key, value in table.items() if key not in SECTIONS})]
-    for section in SECTIONS:
-        for item in table.get(section, ()):
-            lines += ["", f"[[{section}]]"]
-            for key, value in item.items():
-                if key in ("polygon", "polygons") and isinstance(value, list) and len(value) > 1:
-                    lines += [f"{key} = [", *(f"{toml_value(one)}," for one in value), "]"]
-                else:
-                    lines += toml_lines({key: value})
-    return "\n".join([*lines, *(f"# {line}" for line in comments), ""])
 
 
 def report_text(made: "Imported", digests: Mapping[str, str]) -> str:

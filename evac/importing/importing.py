@@ -17,7 +17,8 @@ from evac.building.model.building import Building
 from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
-from evac.building.plan.plantable import plan_of_building, table_of
+from evac.building.plan.plantable import plan_of_building, plan_text, table_of
+from evac.building.plan.rooms import people_of
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
@@ -26,9 +27,9 @@ from evac.folder.digests import digest_of_file
 from evac.folder.lock import FileLock
 from evac.folder.manifest import RUNNING, mark, read_manifest
 from evac.folder.resultfolder import is_empty
-from evac.importing.documents import MOST_OPENINGS, case_text, plan_text, report_text
+from evac.importing.documents import MOST_OPENINGS, PLAN_HEAD, case_text, report_text
 from evac.importing.rooms import Opening, Room, fill, find_openings, find_rooms, with_missing
-from evac.simulation.assembly import read_file, read_storeys, read_surface
+from evac.simulation.assembly import read_file, read_storeys
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -145,7 +146,8 @@ def import_building(
             findings.append(Finding("assumed", text))
         if CASE in changed:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
-        rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density)
+        stated = building.people if density is None else {}
+        rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density, stated)
         findings = sorted(with_missing(written, [*findings, *assumed]), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)
         missing = tuple(str(finding) for finding in findings if finding.kind == "missing")
@@ -217,6 +219,8 @@ class _Draft:
         Openings that the file names.
     findings : list of Finding
         Those of the importer and on the building.
+    people : dict of str to float
+        People of rooms whose number the plan states, by area.
     """
 
     def __init__(self, folder: Path, own: SurfaceOptions, registry: Registry) -> None:
@@ -260,7 +264,7 @@ class _Draft:
         if plan is not None:
             self._table, proposed = table_of(plan), [given for _, given in plan.proposals]
             # What an importer has seen and left out.
-            self._comments = plan_text({"stairs": proposed}, head="").splitlines()[1:]
+            self._comments = [f"# {line}\n" for line in plan_text({"stairs": proposed}).splitlines()]
             self._write_plan()
         self._build(self._folder / self.name)
 
@@ -278,13 +282,15 @@ class _Draft:
             self._build(self._folder / PLAN)
 
     def _write_plan(self) -> None:
-        text = plan_text(self._table, self._comments)
+        text = "".join([PLAN_HEAD, plan_text(self._table), *self._comments])
         (self._folder / PLAN).write_text(text, encoding="utf-8", errors="replace")
 
     def _build(self, file: Path, more: Mapping[str, Any] | None = None) -> None:
         """Read the building as a case does."""
         (importer,), _, _ = _options([file], {}, self._registry)
-        mesh = read_surface(importer, file, self._registry)
+        read = read_file(importer, file)
+        mesh = read if isinstance(read, SurfaceMesh) else read_storeys(read, self._registry).surface()
+        self.people = people_of(read) if isinstance(read, Plan) else {}
         surface = clean(mesh, file, SurfaceOptions(**self.kept))
         self.written = building_of(surface, file, BuildingOptions.model_validate(more or {}), need_exit=False)
         self.openings = self.openings or [(name, np.asarray(ends)) for name, ends in mesh.openings]

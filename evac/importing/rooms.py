@@ -1,6 +1,6 @@
 """What an import finds in a building: openings that may be exits, rooms with people, and what the building lacks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -123,26 +123,30 @@ def find_rooms(building: Building) -> list[Room]:
     return sorted(rooms, key=lambda room: (room.level, room.name))
 
 
-def fill(building: Building, rooms: list[Room], people: int | None, density: float) -> tuple[list[Room], list[Finding]]:
+def fill(
+    building: Building, rooms: list[Room], people: int | None, density: float, stated: Mapping[str, float]
+) -> tuple[list[Room], list[Finding]]:
     """Return the rooms with their numbers of people, 0 where no exit can be reached, and what was assumed.
 
-    `people`: total number, divided among the rooms by area; `density` [1/m2]: used if `people` is not given.
+    `people`: total number, divided among the rooms by area; `density` [1/m2]: used if `people` is not given, where the
+    plan does not state the number of an area, as in `stated`.
     """
     open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
     used = [room for room in rooms if room.level in open_levels]
     closed = [replace(room, number=0) for room in rooms if room not in used]
     if people is None:
-        counts = [max(int(density * room.ground + 0.5), 1) for room in used]
-        return [replace(room, number=count) for room, count in zip(used, counts, strict=True)] + closed, []
+        held = {(room.key, room.name): max(density * room.ground, 1.0) for room in used}
+        held |= {("area", name): number for name, number in stated.items()}
+        return [replace(room, number=int(held[room.key, room.name] + 0.5)) for room in used] + closed, []
     areas = [room for room in used if room.key == "area"]
     around = _around(building, areas)
     if not around or people <= FULL * sum(room.ground for room in used):
         return _divided(people, used) + closed, []
     areas = [replace(room, number=int(FULL * room.ground)) for room in areas]
-    held = sum(room.number for room in areas)
-    text = f"{held} people start in areas, {FULL:g} per square metre; the other {people - held} start on the floors"
+    placed = sum(room.number for room in areas)
+    text = f"{placed} people start in areas, {FULL:g} per square metre; the other {people - placed} start on the floors"
     note = Finding("assumed", text, building.levels[areas[0].level].name)
-    return areas + _divided(people - held, [room for room in used if room.key == "level"] + around) + closed, [note]
+    return areas + _divided(people - placed, [room for room in used if room.key == "level"] + around) + closed, [note]
 
 
 def _around(building: Building, areas: list[Room]) -> list[Room]:

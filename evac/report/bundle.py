@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from evac.base.errors import ResultError
-from evac.case.toml import case_text
+from evac.base.toml import case_text
 from evac.folder.files import REPORT_NAME, SUMMARY_NAME, replacing
 from evac.results.results import Results
 

@@ -21,10 +21,10 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import TENABLE
 from evac.base.distributions import as_text
 from evac.base.errors import in_order
+from evac.base.toml import case_text
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
 from evac.building.model.storeys import storeys
-from evac.case.toml import case_text
 from evac.pictures.colouring import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, Cell, Section, fixed, section

@@ -13,9 +13,8 @@ import pytest
 
 import evac
 from evac.base.errors import EvacError, SimulationError
-from evac.building.plan.plantable import table_of
+from evac.building.plan.plantable import plan_text, table_of
 from evac.contract.registry import Registry, built_in
-from evac.importing.documents import plan_text
 from evac.replay.writer import replay_trajectory
 from evac.report.of_run import run_report
 from evac.report.sections import Places

@@ -355,8 +355,8 @@ def test_a_turned_flight_whose_edges_are_rounded_meets_its_floor():
     assert len(plan.building(need_exit=False).portals) == 2
 
 
-@pytest.mark.parametrize("name", ["house.plan.toml", "house.obj", "house"])
-def test_a_plan_is_not_written_as_a_mesh_of_another_name(tmp_path, name):
+@pytest.mark.parametrize("name", ["house.toml", "house.obj", "house"])
+def test_a_plan_is_written_neither_as_a_plan_file_nor_as_a_mesh_under_another_name(tmp_path, name):
     plan = Plan()
     plan.storey("ground", box(0, 0, 6, 6))
     with pytest.raises(BuildingError, match=r"\.msh"):

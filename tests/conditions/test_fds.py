@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.case.toml import toml_value
+from evac.base.toml import toml_value
 from evac.cli.main import main
 from evac.simulation.checkpoints import differences_of, made_of
 from evac.simulation.simulation import Simulation

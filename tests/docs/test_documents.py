@@ -1,7 +1,6 @@
 """What the documents say is there, is there; what they show, runs."""
 
 import csv
-import json
 import re
 import subprocess
 import sys
@@ -179,16 +178,13 @@ def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
     (tmp_path / "house.plan.toml").write_text(plan, encoding="utf-8")
     rooms = "POLYGON ((0 0, 9 0, 9 6, 0 6, 0 0))\nPOLYGON ((9 0, 14 0, 14 6, 9 6, 9 0))"
     (tmp_path / "ground.wkt").write_text(rooms, encoding="utf-8")
-    corners = [[[0, 0], [9000, 0], [9000, 6000], [0, 6000], [0, 0]]]
-    shape = {"type": "Polygon", "coordinates": corners}
-    (tmp_path / "first.geojson").write_text(json.dumps(shape), encoding="utf-8")
     building = evac.read_building(tmp_path / "house.plan.toml")
-    assert [level.name for level in building.levels if level.kind == "floor"] == ["ground", "first"]
-    assert len(building.portals) == 2
+    assert [level.name for level in building.levels if level.kind == "floor"] == ["ground", "first", "second"]
+    assert len(building.portals) == 4
     (ground,) = (level for level in building.levels if level.name == "ground")
     assert [ground.polygon.contains(Point(9.0, y)) for y in (1.9, 2.1, 2.9, 3.1)] == [False, True, True, False]
-    (office,) = (area for area in building.areas if area.name == "office")
-    assert office.polygon.area == pytest.approx(1.8 * 3.0 - 0.5 * 1.0)
+    areas = {area.name: area.polygon.area for area in building.areas}
+    assert areas == {name: pytest.approx(6.95 * 8.0 + 0.05 - 0.5) for name in ("office", "second office")}
 
 
 def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):

@@ -12,8 +12,8 @@ import pytest
 import evac
 from evac.analysis.queues import find_queues
 from evac.base.errors import ResultError
+from evac.base.toml import case_text
 from evac.case.loading import load_case
-from evac.case.toml import case_text
 from evac.evidence.validation.page import SUBJECTS
 from evac.pictures.colouring import colouring
 from evac.report.of_run import run_report

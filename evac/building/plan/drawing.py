@@ -33,6 +33,7 @@ from evac.building.plan.outlines import (
     written,
 )
 from evac.building.plan.plan import Item, Stair, Storey
+from evac.building.plan.rooms import expanded
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ MOST_BESIDE = 0.05
 def draw(plan: "Plan") -> SurfaceMesh:
     """Return the tagged surface of a plan; see `evac.building.plan.plan.Plan.surface`."""
     try:
-        return _Drawing(plan).mesh()
+        return _Drawing(expanded(plan)).mesh()
     except BuildingError as error:
         raise BuildingError(_with_cause(str(error), plan.source, plan.findings)) from error
 
@@ -135,7 +136,7 @@ class _Drawing:
         if double.area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
             self._find("assumed", text, name, max(shapely.get_parts(double), key=lambda part: part.area))
-        if storey.wall > 0.0:
+        if storey.wall:
             rooms = with_walls(rooms, storey.wall)
         self.floors[name] = united(rooms)
 

@@ -110,6 +110,14 @@ def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> lis
     return shapes
 
 
+def outline_of(given: Shape) -> BaseGeometry:
+    """Return the one polygon of a shape on the grid of plans, with its corners in their order."""
+    parts = list(geometries(given))
+    if len(parts) != 1 or parts[0].geom_type != "Polygon":
+        raise ValueError("must be one polygon; divide it, or add its parts to the polygons of its storey")
+    return shapely.transform(shapely.force_2d(parts[0]), lambda corners: np.round(corners, 6) + 0.0)
+
+
 def inclined_of(given: Shape) -> tuple[BaseGeometry, ...]:
     """Return polygons whose corners have heights [m]."""
     parts = list(geometries(given))

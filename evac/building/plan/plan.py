@@ -12,11 +12,15 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding
-from evac.building.plan.outlines import Shape, inclined_of, is_point, naming_part, polygons_of, segment_of
+from evac.building.plan.outlines import Shape, inclined_of, is_point, naming_part, outline_of, polygons_of, segment_of
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building
     from evac.building.surface.surfacemesh import SurfaceMesh
+#: Ending of the names of plan files.
+PLAN = ".plan.toml"
+#: Least height and depth of a step [m].
+LEAST_STEP = 0.05
 #: Options for a door with a room on one side only.
 OUTSIDE = ("refuse", "exit", "opening")
 
@@ -29,8 +33,9 @@ class Storey:
     z: float
     polygons: tuple[BaseGeometry, ...] = ()
     file: Path | None = None
-    wall: float = 0.0
+    wall: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    like: str | None = None
 
 
 @dataclass(frozen=True)
@@ -51,8 +56,46 @@ class Stair:
 
 
 @dataclass(frozen=True)
+class Shaft(Stair):
+    """Stairs above each other; see `evac.building.plan.plan.Plan.shaft`."""
+
+    kind: str | None = None
+    rise: float | None = None
+    going: float | None = None
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room of a storey; see `evac.building.plan.plan.Plan.room`."""
+
+    name: str
+    storey: str
+    outline: BaseGeometry  # with its corners in the order in which they are given
+    polygons: tuple[BaseGeometry, ...]
+    use: str | None
+    people: int | None
+    density: float | None
+
+    @property
+    def is_area(self) -> bool:
+        """Whether people can start in it."""
+        return (self.use, self.people, self.density) != (None, None, None)
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A segment on the wall of one room or between two, or the ground of one room; see `Plan.door`."""
+
+    rooms: tuple[str, ...]
+    side: int | None = None
+    at: float | None = None
+    width: float | None = None
+    inset: float | None = None
+
+
+@dataclass(frozen=True)
 class Item:
-    """A door, exit, opening, area or obstacle on a storey: a segment (2, 2) or polygons."""
+    """A door, exit, opening, area or obstacle on a storey: a segment (2, 2), polygons, or a tie to walls of rooms."""
 
     name: str
     storey: str
@@ -60,6 +103,7 @@ class Item:
     polygons: tuple[BaseGeometry, ...] = ()
     reach: float = DOOR_REACH
     outside: str = "refuse"
+    tie: Tie | None = None
 
 
 class Plan:
@@ -79,7 +123,9 @@ class Plan:
     ----------
     storeys : dict of str to Storey
         By name, in the order in which they were added.
+    rooms : list of Room
     stairs : list of Stair
+    shafts : list of Shaft
     doors, exits, openings, areas, obstacles : list of Item
     pieces : list of (str, str, tuple)
         Flights and landings added one by one: the stair, the kind and the shape.
@@ -103,7 +149,9 @@ class Plan:
         self.source = Path(source)
         self.headroom = self._number("plan", "headroom", headroom, least=0.0)
         self.storeys: dict[str, Storey] = {}
+        self.rooms: list[Room] = []
         self.stairs: list[Stair] = []
+        self.shafts: list[Shaft] = []
         self.doors: list[Item] = []
         self.exits: list[Item] = []
         self.openings: list[Item] = []
@@ -116,7 +164,7 @@ class Plan:
     def __repr__(self) -> str:
         parts = {
             "storey": len(self.storeys),
-            "stair": len({*(stair.name for stair in self.stairs), *(piece[0] for piece in self.pieces)}),
+            "stair": len({*(one.name for one in (*self.stairs, *self.shafts)), *(piece[0] for piece in self.pieces)}),
             "exit": len(self.exits),
         }
         return f"<Plan {str(self.source)!r}: {', '.join(counted(number, what) for what, number in parts.items())}>"
@@ -127,9 +175,10 @@ class Plan:
         polygons: Shape | None = None,
         z: float = 0.0,
         *,
-        wall: float = 0.0,
+        wall: float | None = None,
         file: str | Path | None = None,
         options: Mapping[str, Any] | None = None,
+        like: str | None = None,
     ) -> None:
         """Add a storey.
 
@@ -137,16 +186,22 @@ class Plan:
         ----------
         name : str
         polygons : shape
-            Ground that people can walk on; holes are obstacles. Polygons that overlap or touch are joined.
+            Ground that people can walk on; holes are obstacles. Polygons that overlap or touch are joined. Not needed
+            in a storey with rooms.
         z : float [m]
             Height of its floor.
         wall : float [m]
-            If greater than 0, polygons that touch are rooms with walls of this thickness between them.
+            If greater than 0, polygons that touch are rooms with walls of this thickness between them. 0 by default, or
+            as in the storey that this one is like.
         file : str or Path
             Instead of polygons: a file with one storey in any format that an importer reads as a plan. Other items in
             the file, such as exits, are added too.
         options : mapping
             Parameters of the importer of the file.
+        like : str
+            Instead of polygons: another storey, whose polygons, rooms, doors, areas and obstacles this one repeats. The
+            copies are named by this storey: a room ``office`` of a storey like it becomes ``NAME office``, where the
+            name of the other storey at its beginning is left out.
 
         Raises
         ------
@@ -155,16 +210,56 @@ class Plan:
         """
         what = f"storey {name!r}"
         self._check_new("storeys", name, self.storeys)
-        if (polygons is None) == (file is None):
-            raise BuildingError(f"{self.source}: {what}: give either polygons or file, and not both")
+        if sum(given is not None for given in (polygons, file, like)) > 1:
+            raise BuildingError(f"{self.source}: {what}: give only one of polygons, file and like")
         self._number(what, "z", z)
-        self._number(what, "wall", wall, least=0.0)
+        wall = None if wall is None else self._number(what, "wall", wall, least=0.0)
         if not isinstance(options or {}, Mapping):
             raise BuildingError(f"{self.source}: {what}: options must be a table, not {options!r}")
         shapes = () if polygons is None else self._polygons(what, name, polygons)
         self.storeys[name] = Storey(
-            name, float(z), shapes, Path(file) if file is not None else None, float(wall), dict(options or {})
+            name, float(z), shapes, Path(file) if file is not None else None, wall, dict(options or {}), like
         )
+
+    def room(
+        self,
+        name: str,
+        storey: str,
+        polygon: Shape,
+        *,
+        use: str | None = None,
+        people: int | None = None,
+        density: float | None = None,
+    ) -> None:
+        """Add a room to a storey. If its use or its people are given, it is also an area in which people can start.
+
+        Parameters
+        ----------
+        name, storey : str
+        polygon : shape
+            Its ground, one polygon; a part of the ground of the storey, as if it were among its polygons.
+        use : str
+            What it is used for, such as ``"office"``.
+        people : int
+            Number of people, which `evac import` writes to the case.
+        density : float [1/m2]
+            People per square metre, instead of their number.
+
+        Raises
+        ------
+        BuildingError
+            The name is already used, or the shape is invalid.
+        """
+        what = f"room {name!r}"
+        self._check_new("rooms", name, [room.name for room in self.rooms])
+        if people is not None and density is not None:
+            raise BuildingError(f"{self.source}: {what}: give people or density, and not both")
+        for key, value in (("people", people), ("density", density)):
+            if value is not None:
+                self._number(what, key, value, least=0.0)
+        with naming_part(self.source, what):
+            outline = outline_of(polygon)
+        self.rooms.append(Room(name, storey, outline, self._polygons(what, storey, outline), use, people, density))
 
     def stair(
         self,
@@ -213,8 +308,97 @@ class Plan:
         BuildingError
             The name is already used, or the arguments do not define a stair.
         """
-        what = f"stair {name!r}"
-        self._check_new("stairs", name, [stair.name for stair in self.stairs])
+        values = (name, lower, lower_edge, upper, upper_edge, length, direction, landing, landings, turn, gap)
+        self.stairs.append(self._stair("stair", *values))
+
+    def shaft(
+        self,
+        name: str,
+        lower: str,
+        upper: str,
+        lower_edge: Shape | None = None,
+        upper_edge: Shape | None = None,
+        *,
+        foot: Sequence[float] | None = None,
+        width: float | None = None,
+        kind: str | None = None,
+        length: float | None = None,
+        rise: float | None = None,
+        going: float | None = None,
+        direction: Sequence[float] | None = None,
+        landing: float | None = None,
+        landings: int | None = None,
+        turn: str | None = None,
+        gap: float = 0.1,
+    ) -> None:
+        """Add a stair through several storeys: a stair from each storey to the next, above each other.
+
+        The storeys are those from `lower` to `upper` in the order in which they were added. The stairs are named by
+        the shaft and a number from 0 on; one alone has the name of the shaft.
+
+        Parameters
+        ----------
+        name : str
+        lower, upper : str
+            Names of the lowest and of the highest storey.
+        lower_edge, upper_edge, length, direction, landing, landings, turn, gap
+            Of each stair, as for `stair`.
+        foot : (x, y) [m]
+            Instead of `lower_edge`: its middle, with `width` and `direction`.
+        width : float [m]
+            Width of the stair.
+        kind : "straight" or "dog-leg"
+            Dog-leg stairs are U-shaped, and need `turn` or both edges. By default what the other arguments say.
+        rise, going : float [m]
+            Instead of `length`: height of a step and its depth in plan, from which the length follows for each storey.
+
+        Raises
+        ------
+        BuildingError
+            The name is already used, or the arguments do not define stairs.
+        """
+        what = f"shaft {name!r}"
+        if (foot is None) == (lower_edge is None) or (foot is None) != (width is None):
+            raise BuildingError(f"{self.source}: {what}: give either lower_edge, or foot and width")
+        if foot is not None:
+            if direction is None:
+                raise BuildingError(f"{self.source}: {what}: foot requires direction = [x, y]")
+            way, middle = self._vector(what, "direction", direction), self._vector(what, "foot", foot, may_be_zero=True)
+            half = self._number(what, "width", width, least=0.0) / 2 * np.array([-way[1], way[0]]) / np.hypot(*way)
+            lower_edge = [(middle + half).tolist(), (middle - half).tolist()]
+        if (rise is None) != (going is None) or (rise is not None and length is not None):
+            raise BuildingError(f"{self.source}: {what}: give either length, or rise and going")
+        for key, value in (("rise", rise), ("going", going)):
+            if value is not None:
+                self._number(what, key, value, least=LEAST_STEP)
+        is_bent = turn is not None or (upper_edge is not None and (length or rise) is not None)
+        if kind not in (None, "straight", "dog-leg") or (kind is not None and (kind == "dog-leg") != is_bent):
+            raise BuildingError(
+                f"{self.source}: {what}: kind must be 'straight', or 'dog-leg' with turn or with upper_edge and length"
+            )
+        run = length if rise is None else 1.0
+        values = (name, lower, lower_edge, upper, upper_edge, run, direction, landing, landings, turn, gap)
+        stair = replace(self._stair("shaft", *values), length=length)
+        self.shafts.append(Shaft(**vars(stair), kind=kind, rise=rise, going=going))
+
+    def _stair(
+        self,
+        section: str,
+        name: str,
+        lower: str,
+        lower_edge: Shape | None,
+        upper: str,
+        upper_edge: Shape | None,
+        length: float | None,
+        direction: Sequence[float] | None,
+        landing: float | None,
+        landings: int | None,
+        turn: str | None,
+        gap: float,
+    ) -> Stair:
+        """Return a stair, or what a shaft has of one, with checked values."""
+        what = f"{section} {name!r}"
+        self._check_new(f"{section}s", name, [one.name for one in getattr(self, f"{section}s")])
         if upper_edge is None and length is None:
             raise BuildingError(f"{self.source}: {what}: give upper_edge or length")
         if turn not in (None, "left", "right") or (turn is not None and upper_edge is not None):
@@ -228,7 +412,7 @@ class Plan:
         if count and landing is None:
             raise BuildingError(f"{self.source}: {what}: landings requires a landing depth, such as landing = 1.5")
         foot = self._segment(what, "lower_edge", lower_edge)
-        self.stairs.append(Stair(name, lower, foot, upper, edge, length, way, landing, count, turn, gap))
+        return Stair(name, lower, foot, upper, edge, length, way, landing, count, turn, gap)
 
     def flight(
         self,
@@ -288,6 +472,10 @@ class Plan:
         segment : segment
             Along the wall, as long as the opening is wide, anywhere within the thickness of the wall. It is moved to a
             wall at most 0.15 m beside it, and turned along a wall that it crosses at a small angle; both are findings.
+            Or a table that ties it to walls of rooms, which it then follows: ``{"rooms": ["office", "corridor"],
+            "at": 3.0, "width": 0.9}`` on the wall between two rooms, at 3 m along it from its end with the least x (of
+            equal ones, y); or ``{"rooms": ["hall"], "side": 2}`` on the wall from corner 2 to corner 3 of a room,
+            counted from 0. By default, it is in the middle of the wall, and as wide as the wall is long.
         reach : float [m]
             Largest distance between the segment and the rooms.
         outside : "refuse", "exit" or "opening"
@@ -303,7 +491,7 @@ class Plan:
         if outside not in OUTSIDE:
             raise BuildingError(f"{self.source}: {what}: outside must be one of {', '.join(OUTSIDE)}, not {outside!r}")
         self._number(what, "reach", reach, least=0.0)
-        self.doors.append(Item(name, storey, self._segment(what, "segment", segment), (), float(reach), outside))
+        self.doors.append(replace(self._line(what, name, storey, segment), reach=float(reach), outside=outside))
 
     def exit(self, name: str, storey: str, segment: Shape | None = None, *, polygon: Shape | None = None) -> None:
         """Add an exit; people leave the building when their centre crosses it.
@@ -313,7 +501,8 @@ class Plan:
         name, storey : str
         segment : segment
             Along the outer outline of the floor, at most 0.15 m from it; or on the outer face of a wall at most 0.6 m
-            thick, through which the floor is then extended. Several segments, as a list, are one exit.
+            thick, through which the floor is then extended. Several segments, as a list, are one exit. It may be tied
+            to walls as that of a door.
         polygon : shape
             Instead of a segment: ground outside. It is cut out of the floor, and every edge that it then shares with
             the floor is part of the exit.
@@ -331,7 +520,7 @@ class Plan:
             self.exits.append(Item(name, storey, None, self._polygons(what, storey, polygon)))
             return
         several = segment if isinstance(segment, list) and segment and not any(map(is_point, segment)) else [segment]
-        self.exits += [Item(name, storey, self._segment(what, "segment", one)) for one in several]
+        self.exits += [self._line(what, name, storey, one) for one in several]
 
     def opening(self, storey: str, segment: Shape, name: str = "") -> None:
         """Add an opening to the outside that is not declared as an exit; `evac import` suggests it as an exit.
@@ -341,10 +530,13 @@ class Plan:
         BuildingError
             The segment is invalid.
         """
-        self.openings.append(Item(name, storey, self._segment("an opening", "segment", segment)))
+        self.openings.append(self._line("an opening", name, storey, segment))
 
     def area(self, name: str, storey: str, polygon: Shape) -> None:
         """Add an area in which people can start: the part of a polygon that is on the floor of its storey.
+
+        The polygon may be a table that ties it to a room: ``{"rooms": ["office"], "inset": 0.5}`` is the ground of the
+        room without a rim of 0.5 m, by default all of it.
 
         Raises
         ------
@@ -352,6 +544,9 @@ class Plan:
             The name is already used, or the shape is invalid.
         """
         self._check_new("areas", name, [area.name for area in self.areas])
+        if _is_tie(polygon):
+            self.areas.append(Item(name, storey, tie=self._tie(f"area {name!r}", polygon, ("inset",))))
+            return
         self.areas.append(Item(name, storey, polygons=self._polygons(f"area {name!r}", storey, polygon)))
 
     def obstacle(self, name: str, storey: str, polygon: Shape) -> None:
@@ -372,7 +567,7 @@ class Plan:
         BuildingError
             The other plan does not have exactly one storey, or a name in it is already used.
         """
-        if len(other.storeys) != 1 or other.stairs or other.pieces:
+        if len(other.storeys) != 1 or other.stairs or other.shafts or other.pieces:
             raise BuildingError(
                 f"{other.source}: has {len(other.storeys)} storeys ({', '.join(other.storeys)}); the file of a storey "
                 "must have exactly one storey and no stairs"
@@ -380,10 +575,10 @@ class Plan:
         (taken,) = other.storeys.values()
         own = self.storeys[name]
         self.storeys[name] = replace(own, polygons=taken.polygons, file=None, wall=own.wall or taken.wall, options={})
-        for kind in ("doors", "exits", "openings", "areas", "obstacles"):
+        for kind in ("rooms", "doors", "exits", "openings", "areas", "obstacles"):
             items, names = getattr(self, kind), {one.name for one in getattr(self, kind)}
             for item in getattr(other, kind):
-                if kind in ("exits", "areas") and item.name in names:
+                if kind in ("rooms", "exits", "areas") and item.name in names:
                     raise BuildingError(
                         f"{self.source}: two {kind} are named {item.name!r}, one of them in {other.source}; rename one"
                     )
@@ -428,18 +623,25 @@ class Plan:
         return build_building(self.surface(), self.source, own, need_exit=need_exit)
 
     def write(self, path: str | Path) -> None:
-        """Write the surface to a Gmsh 2.2 file, with tags as physical groups; equal plans give identical files.
+        """Write the plan to a plan file, or its surface to a Gmsh 2.2 file; equal plans give identical files.
+
+        A plan file (.plan.toml) has the rooms, shafts, ties and repeated storeys as they were given, and is read as an
+        equal plan; findings and proposals are not written. A mesh (.msh) has tags as physical groups.
 
         Raises
         ------
         BuildingError
-            As `surface`; or the name does not end in .msh.
+            The name ends neither in .plan.toml nor in .msh; or as `surface`.
         """
+        from evac.building.plan.plantable import plan_text, table_of
         from evac.building.surface.meshfile import write_surface
 
-        if Path(path).suffix.lower() != ".msh":
-            raise BuildingError(f"{path}: a plan is written as a mesh of Gmsh; give a name that ends in .msh")
-        write_surface(self.surface(), Path(path))
+        if Path(path).name.lower().endswith(PLAN):
+            Path(path).write_text(plan_text(table_of(self)), encoding="utf-8")
+        elif Path(path).suffix.lower() == ".msh":
+            write_surface(self.surface(), Path(path))
+        else:
+            raise BuildingError(f"{path}: give a name that ends in {PLAN}, or in .msh for a mesh of Gmsh")
 
     def _check_new(self, kind: str, name: str, known: Collection[str]) -> None:
         if name in known:
@@ -453,12 +655,33 @@ class Plan:
         with naming_part(self.source, f"{what}: {key}"):
             return segment_of(given if given is not None else [])
 
-    def _vector(self, what: str, key: str, value: Any) -> FloatArray:
+    def _line(self, what: str, name: str, storey: str, given: Shape) -> Item:
+        """Return a door, exit or opening from its segment, or from its tie to walls."""
+        if _is_tie(given):
+            return Item(name, storey, tie=self._tie(f"{what}: segment", given, ("side", "at", "width")))
+        return Item(name, storey, self._segment(what, "segment", given))
+
+    def _tie(self, what: str, given: Any, known: tuple[str, ...]) -> Tie:
+        rooms, values = given["rooms"], {key: value for key, value in given.items() if key != "rooms"}
+        most = 1 if "inset" in known else 2
+        is_list = (
+            isinstance(rooms, list | tuple) and 0 < len(rooms) <= most and all(isinstance(one, str) for one in rooms)
+        )
+        if not is_list or set(values) - set(known) or (most == 2 and (len(rooms) == 1) != ("side" in values)):
+            raise BuildingError(
+                f"{self.source}: {what}: a tie must have rooms = [NAME, NAME], or rooms = [NAME] and side = NUMBER, "
+                f"and may have {', '.join(key for key in known if key != 'side')}; not {given!r}"
+            )
+        for key, value in values.items():
+            self._number(what, key, value, least=0.0)
+        return Tie(tuple(rooms), **values)
+
+    def _vector(self, what: str, key: str, value: Any, *, may_be_zero: bool = False) -> FloatArray:
         try:
             vector = np.asarray(value, np.float64)
         except (TypeError, ValueError, OverflowError):
             vector = np.empty(0)
-        if vector.shape != (2,) or not (np.abs(vector) <= FARTHEST).all() or not vector.any():
+        if vector.shape != (2,) or not (np.abs(vector) <= FARTHEST).all() or not (may_be_zero or vector.any()):
             raise BuildingError(f"{self.source}: {what}: {key} must be a vector [x, y], not {value!r}")
         return vector
 
@@ -469,3 +692,7 @@ class Plan:
         if value < least:
             raise BuildingError(f"{self.source}: {what}: {key} must be at least {least:g}, not {value:g}")
         return float(value)
+
+
+def _is_tie(given: Any) -> bool:
+    return isinstance(given, Mapping) and "rooms" in given

@@ -2,7 +2,7 @@
 
 import inspect
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,21 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.defaults import HEADROOM
+from evac.base.defaults import DOOR_REACH, HEADROOM
 from evac.base.errors import BuildingError, escaped, quoted_line
 from evac.base.parameters import did_you_mean
+from evac.base.toml import toml_lines, toml_value
 from evac.building.model.building import Building, Level
-from evac.building.plan.plan import Item, Plan, Stair
+from evac.building.plan.outlines import is_point
+from evac.building.plan.plan import OUTSIDE, Item, Plan, Stair, Storey
 from evac.building.plan.stairs import LEVEL
 from evac.building.surface.patches import patches_of
 
 #: Lists of tables; the keys of a table are the arguments of the method of `Plan` with the name in the singular.
-SECTIONS = ("storeys", "stairs", "flights", "landings", "doors", "exits", "openings", "areas", "obstacles")
+SECTIONS = (
+    *("storeys", "rooms", "stairs", "shafts", "flights", "landings"),
+    *("doors", "exits", "openings", "areas", "obstacles"),
+)
 
 
 def read_table(path: Path) -> dict[str, Any]:
@@ -62,23 +67,28 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
 def table_of(plan: Plan) -> dict[str, Any]:
     """Return a plan as a table of plain data; `plan_of` is the inverse."""
     table: dict[str, Any] = {"headroom": plan.headroom}
-    table["storeys"] = [
-        {"name": one.name, "z": one.z, "wall": one.wall}
-        | ({"file": str(one.file), "options": dict(one.options)} if one.file else {"polygons": _wkt(one.polygons)})
-        for one in plan.storeys.values()
+    table["storeys"] = [_storey(one) for one in plan.storeys.values()]
+    table["rooms"] = [
+        _given(room, "name", "storey") | {"polygon": _corners(room.outline)} | _given(room, "use", "people", "density")
+        for room in plan.rooms
     ]
     table["stairs"] = [_stair(one) for one in plan.stairs]
+    table["shafts"] = [_stair(one) for one in plan.shafts]
     table["flights"], table["landings"] = [], []
     for stair, kind, values in plan.pieces:
         if kind == "flight":
             lower, lower_z, upper, upper_z = values
-            piece = {"lower_edge": lower.tolist(), "lower_z": lower_z, "upper_edge": upper.tolist(), "upper_z": upper_z}
+            piece = {"lower_edge": _plain(lower), "lower_z": lower_z, "upper_edge": _plain(upper), "upper_z": upper_z}
             table["flights"].append({"stair": stair, **piece})
         elif kind == "slope":
-            table["flights"].append({"stair": stair, "polygon": _wkt(values[0])})
+            table["flights"].append({"stair": stair, "polygon": [_wkt(one) for one in values[0]]})
         else:
-            table["landings"].append({"stair": stair, "polygon": _wkt(values[0]), "z": values[1]})
-    table["doors"] = [_item(door) | {"reach": door.reach, "outside": door.outside} for door in plan.doors]
+            table["landings"].append({"stair": stair, "polygon": _shape(values[0]), "z": values[1]})
+    usual = {"reach": DOOR_REACH, "outside": OUTSIDE[0]}
+    table["doors"] = [
+        _item(door) | {key: value for key, value in _given(door, *usual).items() if value != usual[key]}
+        for door in plan.doors
+    ]
     table["exits"] = [
         _exit([one for one in plan.exits if one.name == name]) for name in dict.fromkeys(one.name for one in plan.exits)
     ]
@@ -98,34 +108,88 @@ def _check_keys(what: str, item: Any, method: Any) -> None:
     for key, parameter in known.items():
         if parameter.default is inspect.Parameter.empty and key not in item:
             raise BuildingError(f"{what}.{key}: missing; the known keys are {', '.join(known)}")
-    for key in ("name", "storey", "lower", "upper", "stair", "turn", "outside", "file"):
+    for key in ("name", "storey", "lower", "upper", "stair", "turn", "outside", "file", "like", "use", "kind"):
         if key in item and not (isinstance(item[key], str) and item[key]):
             raise BuildingError(f"{what}.{key}: must be a string, not {item[key]!r}")
 
 
+def _storey(storey: Storey) -> dict[str, Any]:
+    table = {"name": storey.name, "z": storey.z} | _given(storey, "wall", "like")
+    if storey.file is not None:
+        table |= {"file": str(storey.file)} | ({"options": dict(storey.options)} if storey.options else {})
+    return table | ({"polygons": _shape(storey.polygons)} if storey.polygons else {})
+
+
+def _given(item: Any, *names: str) -> dict[str, Any]:
+    """Return the values of some attributes as plain data, without those that are None."""
+    return {name: _plain(value) for name in names if (value := getattr(item, name)) is not None}
+
+
 def _stair(stair: Stair) -> dict[str, Any]:
-    given = {one.name: getattr(stair, one.name) for one in fields(stair)}
+    """Return a stair or a shaft."""
+    given = _given(stair, *(one.name for one in fields(stair)))
     if stair.landing is None:
         del given["landings"]
-    values = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in given.items()}
-    return {key: value for key, value in values.items() if value is not None}
+    if stair.turn is None:
+        del given["gap"]
+    return given
 
 
 def _exit(items: list[Item]) -> dict[str, Any]:
     """Return an exit, which may have several segments."""
-    table = _item(items[0])
-    segments = [item.segment.tolist() for item in items if item.segment is not None]
-    return table | ({"segment": segments} if len(segments) > 1 else {})
+    tables = [_item(item) for item in items]
+    return tables[0] | ({"segment": [table["segment"] for table in tables]} if len(items) > 1 else {})
 
 
 def _item(item: Item) -> dict[str, Any]:
-    shape = {"polygon": _wkt(item.polygons)} if item.segment is None else {"segment": item.segment.tolist()}
-    return {"name": item.name or "unnamed", "storey": item.storey, **shape}
+    is_line = item.segment is not None or (item.tie is not None and (item.tie.side, *item.tie.rooms[1:]) != (None,))
+    if item.tie is not None:
+        shape: Any = _given(item.tie, "rooms", "side", "at", "width", "inset")
+    else:
+        shape = _plain(item.segment) if item.segment is not None else _shape(item.polygons)
+    return {"name": item.name or "unnamed", "storey": item.storey, "segment" if is_line else "polygon": shape}
 
 
-def _wkt(polygons: tuple[Any, ...]) -> list[str]:
-    """Return polygons, whose coordinates are on the grid of plans, as WKT without loss of digits."""
-    return [str(shapely.to_wkt(polygon, rounding_precision=6)) for polygon in polygons]
+def _plain(value: Any) -> Any:
+    """Return a value as plain data, with whole coordinates as integers."""
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [int(one) if isinstance(one, float) and one.is_integer() else _plain(one) for one in value]
+    return value
+
+
+def _shape(polygons: Sequence[BaseGeometry]) -> Any:
+    """Return polygons as corners: one as its list, several as a list of theirs."""
+    corners = [_corners(polygon) for polygon in polygons]
+    return corners[0] if len(corners) == 1 else corners
+
+
+def _corners(polygon: BaseGeometry) -> Any:
+    """Return a polygon as the list of its corners, or as WKT if it has holes."""
+    return _wkt(polygon) if len(polygon.interiors) else _plain(shapely.get_coordinates(polygon)[:-1])
+
+
+def _wkt(polygon: BaseGeometry) -> str:
+    """Return a polygon, whose coordinates are on the grid of plans, as WKT without loss of digits."""
+    return str(shapely.to_wkt(polygon, rounding_precision=6))
+
+
+def plan_text(table: Mapping[str, Any]) -> str:
+    """Return the table of a plan as the text of a plan file."""
+    lines = toml_lines({key: value for key, value in table.items() if key not in SECTIONS})
+    for section in SECTIONS:
+        for item in table.get(section, ()):
+            lines += ["", f"[[{section}]]"]
+            for key, value in item.items():
+                is_several = key in ("polygon", "polygons") and isinstance(value, list) and not is_point(value[0])
+                if is_several:
+                    lines += [f"{key} = [", *(f"    {toml_value(one)}," for one in value), "]"]
+                elif isinstance(value, str):
+                    lines.append(f"{key} = {toml_value(value)}")
+                else:
+                    lines += toml_lines({key: value})
+    return "\n".join([*lines, ""])
 
 
 def plan_of_building(building: Building) -> Plan:

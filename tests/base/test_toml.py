@@ -2,7 +2,7 @@
 
 import tomllib
 
-from evac.case.toml import case_text
+from evac.base.toml import case_text
 
 
 def test_infinity_and_odd_names_of_a_case_are_kept():

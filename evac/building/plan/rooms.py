@@ -1,0 +1,172 @@
+"""A plan without its short forms: rooms become ground and areas, shafts stairs; storeys are repeated, ties resolved."""
+
+import copy
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
+from evac.base.errors import BuildingError
+from evac.base.parameters import did_you_mean
+from evac.building.geometry import GRID, flat_parts, segment_lengths, sides
+from evac.building.plan.outlines import along, naming_part
+from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
+
+Named = TypeVar("Named", Item, Room)
+#: What a storey that is like another repeats.
+REPEATED = ("doors", "areas", "obstacles")
+
+
+def expanded(plan: Plan) -> Plan:
+    """Return the plan in which all ground is in polygons of storeys, and each stair leads from storey to storey."""
+    flat = copy.copy(plan)
+    order = {name: _originals(plan, name) for name in plan.storeys}
+    rooms = {name: _rooms(plan, name, order[name]) for name in plan.storeys}
+    for kind in (*REPEATED, "exits", "openings"):
+        own = [_tied(plan, kind.removesuffix("s"), item, rooms) for item in getattr(plan, kind)]
+        if kind in REPEATED:
+            own += [
+                _copied(item, original, name)
+                for name, originals in order.items()
+                for original in originals
+                for item in own
+                if item.storey == original
+            ]
+        setattr(flat, kind, own)
+    flat.areas += [
+        Item(one.name, name, polygons=one.polygons) for name, own in rooms.items() for one in own if one.is_area
+    ]
+    for name, number in Counter(area.name for area in flat.areas).items():
+        if number > 1:
+            raise BuildingError(f"{plan.source}: two areas or rooms are named {name!r}; rename one")
+    flat.storeys = {name: _storey(plan, name, order[name], rooms[name]) for name in plan.storeys}
+    flat.stairs = [*plan.stairs, *(stair for shaft in plan.shafts for stair in _stairs(plan, shaft))]
+    return flat
+
+
+def people_of(plan: Plan) -> dict[str, float]:
+    """Return the number of people of each room that states it or their density, by the name of its area."""
+    rooms = [one for name in plan.storeys for one in _rooms(plan, name, _originals(plan, name))]
+    held = {one.name: one.people if one.density is None else one.density * one.outline.area for one in rooms}
+    return {name: float(number) for name, number in held.items() if number is not None}
+
+
+def _originals(plan: Plan, name: str) -> list[str]:
+    """Return the storeys that a storey is like, directly or through others."""
+    found: list[str] = []
+    while (like := plan.storeys[found[-1] if found else name].like) is not None:
+        if like not in plan.storeys:
+            hint = did_you_mean(like, list(plan.storeys))
+            raise BuildingError(f"{plan.source}: storey {name!r}: like: no storey is named {like!r}; {hint}")
+        if like in (name, *found):
+            raise BuildingError(f"{plan.source}: storey {name!r}: like: it is like itself; name another storey")
+        found.append(like)
+    return found
+
+
+def _copied(item: Named, original: str, storey: str) -> Named:
+    """Return an item of one storey on another one that is like it."""
+    return replace(item, name=f"{storey} {item.name.removeprefix(original).strip()}", storey=storey)
+
+
+def _rooms(plan: Plan, name: str, originals: list[str]) -> list[Room]:
+    """Return the rooms of a storey with those that it repeats."""
+    own = [room for room in plan.rooms if room.storey == name]
+    return own + [_copied(room, one, name) for one in originals for room in plan.rooms if room.storey == one]
+
+
+def _storey(plan: Plan, name: str, originals: list[str], rooms: list[Room]) -> Storey:
+    """Return a storey with the ground of its rooms, or of those of the storey that it is like."""
+    given = [plan.storeys[one] for one in (name, *originals)]
+    ground = [polygon for one in given for polygon in one.polygons]
+    ground += [polygon for room in rooms for polygon in room.polygons]
+    if not ground and given[0].file is None:
+        raise BuildingError(f"{plan.source}: storey {name!r} has no ground: give it polygons, a file or rooms")
+    wall = next((one.wall for one in given if one.wall is not None), 0.0)
+    return replace(given[0], polygons=tuple(ground), wall=wall, like=None)
+
+
+def _tied(plan: Plan, kind: str, item: Item, rooms: Mapping[str, list[Room]]) -> Item:
+    """Return an item whose tie to rooms has become a segment or polygons."""
+    if item.tie is None:
+        return item
+    known = {room.name: room.outline for room in rooms.get(item.storey, ())}
+    with naming_part(plan.source, f"{kind} {item.name!r}"):
+        for name in item.tie.rooms:
+            if name not in known:
+                hint = did_you_mean(name, list(known))
+                raise ValueError(f"no room of storey {item.storey!r} is named {name!r}; {hint}")
+        one, *other = [known[name] for name in item.tie.rooms]
+        if kind == "area":
+            inner = one.buffer(-(item.tie.inset or 0.0), join_style="mitre")
+            return replace(item, polygons=(flat_parts(shapely.set_precision(inner, GRID)),), tie=None)
+        wall = _between(item.tie, one, other[0]) if other else _side(item.tie, one)
+        return replace(item, segment=_part(item.tie, wall), tie=None)
+
+
+def _between(tie: Tie, one: BaseGeometry, other: BaseGeometry) -> FloatArray:
+    """Return the longest straight wall (2, 2) between two rooms, from its end with the least (x, y)."""
+    walls = np.empty((0, 2, 2))
+    for start, end in sides(other).reshape(-1, 2, 2):
+        near = along(one, np.stack([start, end]), DOOR_REACH).reshape(-1, 2, 2)
+        step = (end - start) / np.hypot(*(end - start))
+        far = start + ((near - start) @ step)[..., None] * step
+        walls = np.concatenate([walls, (near + far) / 2])  # in the middle of a wall that is drawn with both its faces
+    if not len(walls):
+        raise ValueError(f"no wall at most {DOOR_REACH:g} m thick is between {tie.rooms[0]!r} and {tie.rooms[1]!r}")
+    longest: FloatArray = walls[segment_lengths(walls.reshape(-1, 4)).argmax()]
+    longest = longest[np.lexsort(longest.T[::-1])]
+    return longest
+
+
+def _side(tie: Tie, room: BaseGeometry) -> FloatArray:
+    """Return the wall from one corner of a room to the next."""
+    corners = shapely.get_coordinates(room.exterior)
+    assert tie.side is not None
+    if not tie.side < len(corners) - 1:
+        raise ValueError(f"room {tie.rooms[0]!r} has no side {tie.side}; its sides are 0 to {len(corners) - 2}")
+    wall: FloatArray = corners[tie.side : tie.side + 2]
+    return wall
+
+
+def _part(tie: Tie, wall: FloatArray) -> FloatArray:
+    """Return the part of a wall (2, 2) that a tie names."""
+    length = float(np.hypot(*(wall[1] - wall[0])))
+    width = length if tie.width is None else tie.width
+    start = (length / 2 if tie.at is None else tie.at) - width / 2
+    if not -LEAST_LENGTH <= start <= length - width + LEAST_LENGTH:
+        raise ValueError(
+            f"the wall is {length:.2f} m long: {width:.2f} m from {start:.2f} m on are not within it; at must be "
+            f"between {width / 2:.2f} and {length - width / 2:.2f}, or width less"
+        )
+    part: FloatArray = np.round(wall[0] + np.outer([start, start + width], (wall[1] - wall[0]) / length), 6) + 0.0
+    return part
+
+
+def _stairs(plan: Plan, shaft: Shaft) -> list[Stair]:
+    """Return the stairs of a shaft, from the lowest storey up."""
+    names = list(plan.storeys)
+    for name in (shaft.lower, shaft.upper):
+        if name not in names:
+            hint = did_you_mean(name, names)
+            raise BuildingError(f"{plan.source}: shaft {shaft.name!r}: no storey is named {name!r}; {hint}")
+    first, last = names.index(shaft.lower), names.index(shaft.upper)
+    way = names[first : last + 1] if first <= last else names[last : first + 1][::-1]
+    stairs = []
+    for number, (lower, upper) in enumerate(pairwise(way)):
+        length = shaft.length
+        if shaft.rise is not None and shaft.going is not None:
+            run = (plan.storeys[upper].z - plan.storeys[lower].z) * shaft.going / shaft.rise
+            is_bent = shaft.turn is not None or shaft.upper_edge is not None
+            length = round(run / 2 if is_bent else run + (shaft.landing or 0.0) * shaft.landings, 6)
+        values = {one.name: getattr(shaft, one.name) for one in fields(Stair)}
+        name = f"{shaft.name} {number}" if len(way) > 2 else shaft.name
+        stairs.append(Stair(**{**values, "name": name, "lower": lower, "upper": upper, "length": length}))
+    return stairs
