@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
+from shapely.geometry import Point, shape
 
 #: Slowest speed that is no waiting [m/s], side of the cells of maps and radius of their kernel [m].
 WAITING, SIDE, RADIUS = 0.2, 0.2, 0.7
@@ -33,13 +34,16 @@ class Recount:
         self.groups = {name: [one for one in self.people if one["group"] == name] for name in self.header["groups"]}
         lines = [one for one in self.building.get("places", ()) if one["kind"] == "line"]
         self.lines = {one["name"]: math.dist(*one["shape"]["coordinates"]) for one in lines}
-        stay = ("", "inf")  # who has not come, and who stays
+        stay = ("", "inf")  # who stays
         at_places = self.at_places = {row for place in self.summary["places"] for row in place["people"]}
         self.leaving = [
             one
             for row, one in enumerate(self.people)
-            if one["exit_time"] or (one["response_time"] not in stay and row not in at_places)
+            if one["exit_time"] or (one["arrival_time"] and one["response_time"] not in stay and row not in at_places)
         ]
+        self.missing = sum(not one["arrival_time"] for one in self.people)
+        self.stopped = sum(bool(one.get("stopped_at")) for one in self.people)
+        self.staying = sum(one["response_time"] == "inf" and not one["exit_time"] for one in self.people)
         self.stairs = {
             name: {level["name"] for level in self.levels if level["stair"] == name} for name in self.summary["stairs"]
         }
@@ -50,6 +54,8 @@ class Recount:
         levels = {portal: use["levels"] for portal, use in self.summary["portals"].items()}
         found = []
         for number, person in enumerate(self.people):
+            if not person["arrival_time"]:
+                continue
             since, level = float(person["arrival_time"]), person["start_level"]
             for crossing in self.crossings:
                 if int(crossing["person"]) == number:
@@ -87,6 +93,28 @@ class Recount:
         """Speed along the slope of what is recorded of a person."""
         level, velocity = self.levels[one["level"]], np.array(one["motion"][2:4])
         return float(np.hypot(np.hypot(*velocity), np.tan(level["slope"]) * (velocity @ level["uphill"])))
+
+    def heights(self, here):
+        """Heights of people on their levels, which are planes."""
+        found = []
+        for one in here:
+            level, place = self.levels[one["level"]], np.array(one["motion"][:2]) + self.origin
+            corners = np.array([self.building["vertices"][k] for k in level["triangles"][0]])
+            normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+            found.append(corners[0, 2] - (place - corners[0, :2]) @ normal[:2] / normal[2])
+        return found
+
+    def is_open(self, name, time):
+        """Whether an exit is open at a time."""
+        own = [one for one in self.summary["changes"] if one["what"] == name and one["time"] <= time]
+        kinds = [one["kind"] for one in own if one["kind"] in ("open", "close")]
+        return not kinds or kinds[-1] == "open"
+
+    def is_in(self, name, one):
+        """Whether a person is in an area."""
+        (area,) = [area for area in self.building["areas"] if area["name"] == name]
+        place = Point(np.array(one["motion"][:2]) + self.origin)
+        return area["level"] == one["level"] and shape(area["polygon"]).buffer(1e-4).contains(place)
 
     @cached_property
     def waits(self):
@@ -158,8 +186,9 @@ class Recount:
         x, y = np.mean([row[3] for row in then], axis=0)
         level = Counter(row[4] for row in then).most_common(1)[0][0]
         mean = sum(row[2] for row in rows) / people
+        who = "person" if people == 1 else "people"
         return (
-            f"Longest queue, {place}: {people} people waited {mean:.1f} s on average, at most {most} at once, "
+            f"Longest queue, {place}: {people} {who} waited {mean:.1f} s on average, at most {most} at once, "
             f"at {peak:.1f} s around ({x:.1f}, {y:.1f}) on {self.levels[level]['name']!r}"
         )
 
