@@ -10,7 +10,6 @@ import errno
 import hashlib
 import json
 import os
-import struct
 from collections.abc import Iterator, Mapping
 from mmap import mmap
 from pathlib import Path
@@ -89,9 +88,6 @@ PREFIX = 8
 LENGTH, DIGEST = 8, 16
 SEAL = LENGTH + DIGEST
 
-#: Content of an Arrow message: field of its table, its value for rows, and the field of rows for their compression.
-HEADER_TYPE, HEADER, ROWS, COMPRESSION = 1, 2, 3, 3
-
 
 def sealed(message: bytes, place: int) -> bytes:
     """Return an encapsulated Arrow message as a record that begins at a place in the stream [bytes]."""
@@ -103,10 +99,7 @@ def sealed(message: bytes, place: int) -> bytes:
 
 
 def read_sealed(file: BinaryIO | mmap, place: int, end: int) -> bytes | None:
-    """Return the record that begins at a place in a stream of `end` bytes; None if it is incomplete or damaged.
-
-    Compressed rows are taken for damage, since a few bytes could then become any number of them.
-    """
+    """Return the record that begins at a place in a stream of `end` bytes; None if it is incomplete or damaged."""
     file.seek(place)
     prefix = file.read(PREFIX)
     size = int.from_bytes(prefix[4:], "little")
@@ -118,31 +111,10 @@ def read_sealed(file: BinaryIO | mmap, place: int, end: int) -> bytes | None:
     if not PREFIX + size <= length <= end - place:
         return None
     body = file.read(length - PREFIX - size)
-    return head + seal + body if seal == _digest(head, body, place) and not _is_compressed(metadata) else None
+    return head + seal + body if seal == _digest(head, body, place) else None
 
 
 def _digest(head: bytes, body: bytes, place: int) -> bytes:
     digest = hashlib.blake2b(head, digest_size=DIGEST, salt=place.to_bytes(16, "little"))
     digest.update(body)
     return digest.digest()
-
-
-def _is_compressed(metadata: bytes) -> bool:
-    """Return whether the metadata of a message say that its rows are compressed, or cannot be read."""
-
-    def place_of(table: int, field: int) -> int:
-        """Return where a field of a table of FlatBuffers is; 0 if the table does not have it."""
-        fields = table - struct.unpack_from("<i", metadata, table)[0]
-        if 6 + 2 * field > struct.unpack_from("<H", metadata, fields)[0]:
-            return 0
-        offset: int = struct.unpack_from("<H", metadata, fields + 4 + 2 * field)[0]
-        return table + offset if offset else 0
-
-    try:
-        (message,) = struct.unpack_from("<I", metadata, 0)
-        kind, header = place_of(message, HEADER_TYPE), place_of(message, HEADER)
-        if not header or metadata[kind] != ROWS:
-            return False
-        return place_of(header + struct.unpack_from("<I", metadata, header)[0], COMPRESSION) > 0
-    except (struct.error, IndexError):
-        return True

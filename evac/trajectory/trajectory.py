@@ -1,5 +1,6 @@
 """Reading of trajectory files. The format is specified in docs/trajectory.md."""
 
+import json
 import mmap
 import os
 import stat
@@ -9,9 +10,11 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.ipc
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
@@ -22,16 +25,27 @@ from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
 from evac.building.model.cells import LevelField
 from evac.building.model.links import building_at
+from evac.folder.digests import MARK, PREFIX, read_sealed
 from evac.folder.files import TRAJECTORY_NAME
-from evac.trajectory.frames import FrameReader, Rows
-from evac.trajectory.header import HeaderError, read_header
-from evac.trajectory.layout import FIELDS, FIELDS_WITH_DOSE, columns, damaged, read_start
+from evac.trajectory.header import FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY, building_from_json
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from pedpy import TrajectoryData, WalkableArea
 
     from evac.analysis.maps import LevelMaps
+
+
+class Rows(NamedTuple):
+    """What is recorded at one time; the arrays are views of the file."""
+
+    time: float  # [s]
+    person: NDArray[Any]  # (c,) unsigned or int32: those who are inside, in ascending order
+    level: NDArray[Any]  # (c,) unsigned or int32
+    started: NDArray[np.bool_]  # (c,): whether the response time is over
+    motion: NDArray[np.float32]  # (c, 5 or 6) float32: the numbers of the header's fields from x on
+    changes: tuple[Change, ...]  # changes of the scene since the frame before
+    fields: tuple[NDArray[np.float32], ...]  # tuple of (m,) float32: values of the fields of behaviours
 
 
 class Frame(TypedDict):
@@ -336,60 +350,110 @@ def read_trajectory(path: str | Path) -> Trajectory:
         The file does not exist, is not a trajectory of a known format, or is damaged before its last frame.
     """
     path = usable_path(path, ResultError)
-    return read_up_to(path / TRAJECTORY_NAME if path.is_dir() else path)
-
-
-def read_up_to(path: Path, length: int | None = None) -> Trajectory:
-    """Read the first `length` bytes of a trajectory file, or all of them."""
-    data = _mapped(path, length)
-    header, schema, start = read_start(path, data)
-    if (names := header.get("fields")) not in (list(FIELDS), list(FIELDS_WITH_DOSE)):
-        raise damaged(path, f"the header's fields are {names!r:.200}; they must be {list(FIELDS)}, or those and dose")
-    try:
-        building, people, fields = read_header(header)
-    except HeaderError as error:
-        raise damaged(path, f"the header is damaged: {error}") from error
-    if not schema.equals(columns(len(people.radius), len(building.levels), fields, len(names) > len(FIELDS))):
-        what = "the columns of the file are not those of its people, levels and fields"
-        raise damaged(path, f"the header is damaged: {what}")
-    reader = FrameReader(path, data, schema, len(people.radius), building, people.origin)
-    reader.read(start)
-    time = np.array([rows.time for rows in reader.frames], np.float64)
-    for array in (people.group, people.radius, people.height, time):
+    path = path / TRAJECTORY_NAME if path.is_dir() else path
+    data = _mapped(path)
+    header, schema, start = _read_header(path, data)
+    frames, end = _read_frames(path, data, schema, start)
+    building = building_from_json(header["building"])
+    group, time = np.array(header["group"], np.int32), np.array([rows.time for rows in frames], np.float64)
+    radius, height = np.array(header["radius"], np.float64), np.array(header["height"], np.float64)
+    for array in (group, radius, height, time):
         array.flags.writeable = False
+    fields = (LevelField(building, own["name"], own["unit"], own["spacing"]) for own in header["level_fields"])
     return Trajectory(
-        path,
-        header,
-        building,
-        people.group,
-        tuple(people.groups),
-        people.radius,
-        people.height,
-        time,
-        tuple(reader.frames),
-        fields,
-        reader.end,
-        len(data) - reader.end,
+        path=path,
+        header=header,
+        building=building,
+        group=group,
+        groups=tuple(header["groups"]),
+        radius=radius,
+        height=height,
+        time=time,
+        rows=tuple(frames),
+        level_fields=tuple(fields),
+        end=end,
+        dropped_bytes=len(data) - end,
     )
 
 
-def _mapped(path: Path, length: int | None) -> mmap.mmap:
-    """Return the bytes of a file, mapped into memory; all of them, or the first `length`."""
+def _mapped(path: Path) -> mmap.mmap:
+    """Return the bytes of a file, mapped into memory."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise ResultError(f"{path}: not a file; give a {TRAJECTORY_NAME} or the folder that contains one")
         with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            if length is not None and length > size:
-                raise damaged(path, f"the file has {size} bytes, {length} are needed")
-            whole = size if length is None else length
-            if not whole:  # which cannot be mapped
-                raise damaged(path, "the file is empty")
-            return mmap.mmap(file.fileno(), whole, access=mmap.ACCESS_READ)
+            if not os.fstat(file.fileno()).st_size:  # which cannot be mapped
+                raise _damaged(path, "the file is empty")
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except FileNotFoundError as error:
         raise ResultError(
             f"{path}: no such file; check the path, or run the case with output.trajectory = true"
         ) from error
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise ResultError(f"{path}: cannot read the trajectory: {why}; check the path") from error
+    except OSError as error:
+        raise ResultError(f"{path}: cannot read the trajectory: {error.strerror}; check the path") from error
+
+
+def _read_header(path: Path, data: mmap.mmap) -> tuple[dict[str, Any], pa.Schema, int]:
+    """Return the header of a file, its columns, and the byte at which the frames start."""
+    if data[: len(MARK)] != MARK:
+        raise ResultError(
+            f"{path}: not a trajectory of evac, which is an Arrow stream (it does not start with four bytes FF); "
+            f"give a {TRAJECTORY_NAME}"
+        )
+    record = read_sealed(data, 0, len(data))
+    if record is None:
+        end = PREFIX + int.from_bytes(data[len(MARK) : PREFIX], "little")
+        what = "it does not match its checksum" if end <= len(data) else f"it should end at byte {end} of {len(data)}"
+        raise _damaged(path, f"the header is damaged or incomplete: {what}")
+    schema = pa.ipc.read_schema(pa.py_buffer(record))
+    header = json.loads((schema.metadata or {}).get(TRAJECTORY_KEY, b"{}"))
+    if (found := header.get("format")) != FORMAT:
+        raise ResultError(
+            f"{path}: unknown trajectory format {found!r:.40}; this version reads format {FORMAT}; run the case again, "
+            "or use the version of evac that wrote it"
+        )
+    return header, schema.remove_metadata(), len(record)
+
+
+def _read_frames(path: Path, data: mmap.mmap, schema: pa.Schema, end: int) -> tuple[list[Rows], int]:
+    """Return all frames from a byte on, and the byte at which the last one ends.
+
+    A frame that is incomplete or does not match its checksum is left out, as a kill or a failure of the system leaves
+    it, if no other one begins behind it.
+    """
+    frames: list[Rows] = []
+    whole = pa.py_buffer(data)
+    while (record := read_sealed(data, end, len(data))) is not None:
+        frames.append(_rows(pa.ipc.read_record_batch(whole.slice(end, len(record)), schema)))
+        end += len(record)
+    if data.find(MARK, end + len(MARK)) >= 0:
+        last = f"up to {frames[-1].time:.2f} s" if frames else "none"
+        what = f"frame {len(frames)} at byte {end} is damaged: it does not match its checksum"
+        raise _damaged(path, f"{what}; a copy cut to {end} bytes holds the frames before it, {last}")
+    return frames, end
+
+
+def _rows(batch: pa.RecordBatch) -> Rows:
+    """Return the content of a frame."""
+    time, people, changes, *fields = batch.columns
+    person, level, started, motion = people.flatten().flatten()
+    bits = np.frombuffer(started.buffers()[1] or b"", np.uint8)
+    return Rows(
+        time[0].as_py(),
+        _numbers(person),
+        _numbers(level),
+        np.unpackbits(bits, count=len(started), bitorder="little").astype(np.bool_),
+        _numbers(motion.flatten()).reshape(-1, motion.type.list_size),
+        tuple(map(Change.from_row, json.loads(changes[0].as_py() or "[]"))),
+        tuple(_numbers(values.flatten()) for values in fields),
+    )
+
+
+def _numbers(array: pa.Array) -> NDArray[Any]:
+    """Return an array of numbers as a view; its method `to_numpy` would import pandas."""
+    dtype = np.dtype(array.type.to_pandas_dtype())
+    return np.frombuffer(array.buffers()[1] or b"", dtype, len(array), array.offset * dtype.itemsize)
+
+
+def _damaged(path: Path, what: str) -> ResultError:
+    return ResultError(f"{path}: {what}; run the case again, or take an undamaged copy")

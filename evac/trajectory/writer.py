@@ -3,13 +3,13 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.errors import SimulationError
 from evac.building.model.cells import LevelField
@@ -17,20 +17,33 @@ from evac.folder.digests import sealed
 from evac.folder.files import writing
 from evac.folder.manifest import check_replaceable, note_written
 from evac.physics.state import Crowd
-from evac.trajectory.header import fields_to_json
-from evac.trajectory.layout import FIELDS, FIELDS_WITH_DOSE, FORMAT, columns, damaged, pack_start
-from evac.trajectory.trajectory import Trajectory, read_up_to
-
-
-def read_to_continue(path: Path, length: int | None) -> Trajectory:
-    """Read the part of a trajectory file that `TrajectoryWriter.reopen` keeps."""
-    before = read_up_to(path, length)
-    if before.dropped_bytes:
-        raise damaged(path, f"no frame ends at byte {before.end + before.dropped_bytes}")
-    return before
-
+from evac.trajectory.header import FIELDS, FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY
 
 NUMBER = pa.float32()
+
+
+def columns(people: int, levels: int, fields: Sequence[LevelField] = (), has_dose: bool = False) -> pa.Schema:
+    """Return the columns of the trajectory of so many people on so many levels, with fields of behaviours."""
+    motion = pa.list_(_required("item", NUMBER), len(FIELDS) - 2 + has_dose)
+    kinds = {"person": _row(people), "level": _row(levels), "started": pa.bool_(), "motion": motion}
+    person = pa.struct([_required(name, kind) for name, kind in kinds.items()])
+    return pa.schema(
+        [
+            _required("time", pa.float64()),
+            _required("people", pa.list_(_required("item", person))),
+            _required("changes", pa.utf8()),
+            *(_required(f"field.{own.name}", pa.list_(_required("item", NUMBER), own.size)) for own in fields),
+        ]
+    )
+
+
+def _required(name: str, kind: pa.DataType) -> pa.Field:
+    return pa.field(name, kind, nullable=False)
+
+
+def _row(count: int) -> pa.DataType:
+    """Return the smallest type for numbers from 0 to below `count`."""
+    return pa.uint8() if count <= 2**8 else pa.uint16() if count <= 2**16 else pa.int32()
 
 
 class TrajectoryWriter:
@@ -50,14 +63,14 @@ class TrajectoryWriter:
         The fields of behaviours, whose values are recorded in each frame.
     has_dose : bool
         Whether the doses of people are recorded.
+    length : int
+        If it is not 0, the file exists, written with the same header, and is continued after so many bytes.
 
     Attributes
     ----------
     path : Path
     length : int
-        Number of bytes written: the end of the last frame, or of the header if there is none. See `reopen`.
-    frames, changes : int
-        Numbers of frames and of changes written.
+        Number of bytes written: the end of the last frame, or of the header if there is none.
     """
 
     def __init__(
@@ -67,48 +80,31 @@ class TrajectoryWriter:
         origin: FloatArray,
         fields: Sequence[LevelField] = (),
         has_dose: bool = False,
+        length: int = 0,
     ) -> None:
-        origin = np.asarray(origin, np.float64)
-        schema = columns(len(header["radius"]), len(header["building"]["levels"]), fields, has_dose)
-        names = FIELDS_WITH_DOSE if has_dose else FIELDS
-        given = {**header, "format": FORMAT, "fields": names, "origin": origin.tolist()}
-        given["level_fields"] = fields_to_json(fields)
-        start = pack_start(path, given, schema)
-        self._set_up(path, origin, schema, 0, 0, 0)
+        self.path, self.length, self._origin = path, length, np.asarray(origin, np.float64)
+        self._schema = columns(len(header["radius"]), len(header["building"]["levels"]), fields, has_dose)
+        # Asking Arrow for types takes as long as writing a frame.
+        self._kinds = self._schema.types
+        self._one = self._kinds[1].value_type
+        self._of_person = [field.type for field in self._one]
+        self._whole = [np.dtype(kind.to_pandas_dtype()) for kind in self._of_person[:2]]
         with writing("the trajectory", path):
+            if length:
+                self._file = path.open("r+b", buffering=0)
+                self._file.seek(length)
+                self._file.truncate()
+                return
             path.parent.mkdir(parents=True, exist_ok=True)
             check_replaceable(path)
             note_written([path])
             path.unlink(missing_ok=True)  # a link is not followed
             self._file = path.open("xb", buffering=0)
-            self._write(start)
-
-    @classmethod
-    def reopen(cls, path: Path, length: int | None = None) -> Self:
-        """Return a writer that appends to a file, after reading and checking the part that is kept."""
-        before = read_to_continue(path, length)
-        writer = cls.__new__(cls)
-        schema = columns(before.number_of_people, len(before.building.levels), before.level_fields, before.has_dose)
-        writer._set_up(path, before.origin, schema, before.end, len(before), len(before.changes))
-        del before  # some systems cannot truncate a mapped file
-        with writing("the trajectory", path):
-            writer._file = path.open("r+b", buffering=0)
-            writer._file.truncate(writer.length)
-            writer._file.seek(writer.length)
-        return writer
-
-    def _set_up(
-        self, path: Path, origin: FloatArray, schema: pa.Schema, length: int, frames: int, changes: int
-    ) -> None:
-        self.path, self.length, self.frames, self.changes = path, length, frames, changes
-        self._origin, self._schema = origin, schema
-        # Asking Arrow for types takes as long as writing a frame.
-        self._kinds = schema.types
-        self._one = schema.field("people").type.value_type
-        self._whole: list[tuple[pa.DataType, np.dtype[Any]]] = [
-            (kind.type, np.dtype(kind.type.to_pandas_dtype())) for kind in (self._one[0], self._one[1])
-        ]
-        self._motion = self._one[3].type
+            names = FIELDS_WITH_DOSE if has_dose else FIELDS
+            given = {**header, "format": FORMAT, "fields": names, "origin": self._origin.tolist()}
+            given["level_fields"] = [{"name": own.name, "unit": own.unit, "spacing": own.spacing} for own in fields]
+            text = json.dumps(given, allow_nan=False, separators=(",", ":")).encode()
+            self._write(self._schema.with_metadata({TRAJECTORY_KEY: text}).serialize())
 
     def append(
         self,
@@ -138,7 +134,7 @@ class TrajectoryWriter:
             Those who do not walk on: see `Simulation.standing`; nobody if not given.
         """
         rows = np.flatnonzero(crowd.level >= 0)
-        motion = np.empty((rows.size, self._motion.list_size), "<f4")
+        motion = np.empty((rows.size, self._of_person[3].list_size), "<f4")
         with np.errstate(over="ignore"):  # reported below
             motion[:, :2] = crowd.position[rows] - self._origin
             motion[:, 2:4] = velocity[rows]
@@ -157,49 +153,33 @@ class TrajectoryWriter:
                 raise SimulationError(
                     f"t = {time:.3f} s: a value of field {field.name!r} is too large to be recorded; use another unit"
                 )
-        text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
-        whole, started = (rows, crowd.level[rows]), crowd.start_time[rows] <= time
+        started = crowd.start_time[rows] <= time
         if standing is not None:
             started &= ~standing[rows]
-        batch = self._batch(time, whole, started, motion, text, values)
+        whole = [np.asarray(of, kind) for of, kind in zip((rows, crowd.level[rows]), self._whole, strict=True)]
+        people = [*whole, np.packbits(started, bitorder="little"), motion]
+        text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
         with writing(f"the trajectory at {time:.3f} s", self.path):
-            self._write(sealed(batch.serialize().to_pybytes(), self.length))
-        self.frames += 1
-        self.changes += len(changes)
+            self._write(self._batch(time, rows.size, people, text, values).serialize())
 
     def _batch(
-        self,
-        time: float,
-        whole: tuple[IndexArray, IntArray],
-        started: NDArray[np.bool_],
-        motion: NDArray[np.float32],
-        changes: bytes,
-        fields: Sequence[NDArray[np.float32]],
+        self, time: float, count: int, people: list[NDArray[Any]], changes: bytes, fields: list[NDArray[np.float32]]
     ) -> pa.RecordBatch:
         """Return a batch of one frame, made from buffers because `pyarrow.array` would import pandas."""
-        count = len(motion)
-        rows = [
-            _array(kind, count, np.asarray(values, dtype))
-            for (kind, dtype), values in zip(self._whole, whole, strict=True)
+        of_person = [_array(kind, count, values) for kind, values in zip(self._of_person, people, strict=True)]
+        inside = pa.Array.from_buffers(self._one, count, [None], children=of_person)
+        time_kind, people_kind, changes_kind, *field_kinds = self._kinds
+        arrays = [
+            _array(time_kind, 1, np.array([time], "<f8")),
+            pa.Array.from_buffers(people_kind, 1, [None, _ends(count)], children=[inside]),
+            pa.Array.from_buffers(changes_kind, 1, [None, _ends(len(changes)), pa.py_buffer(changes)]),
+            *(_array(kind, 1, values) for kind, values in zip(field_kinds, fields, strict=True)),
         ]
-        rows += [_array(self._one[2].type, count, np.packbits(started, bitorder="little"))]
-        people = pa.Array.from_buffers(
-            self._one, count, [None], children=[*rows, _vectors(self._motion, count, motion)]
-        )
-        kinds = self._kinds
-        return pa.RecordBatch.from_arrays(
-            [
-                _array(kinds[0], 1, np.array([time], "<f8")),
-                pa.Array.from_buffers(kinds[1], 1, [None, pa.py_buffer(_ends(count))], children=[people]),
-                pa.Array.from_buffers(kinds[2], 1, [None, pa.py_buffer(_ends(len(changes))), pa.py_buffer(changes)]),
-                *(_vectors(kind, 1, values) for kind, values in zip(kinds[3:], fields, strict=True)),
-            ],
-            schema=self._schema,
-        )
+        return pa.RecordBatch.from_arrays(arrays, schema=self._schema)
 
-    def _write(self, record: bytes) -> None:
-        """Write all bytes, in several calls if the system writes only a part."""
-        data, written = memoryview(record), 0
+    def _write(self, message: pa.Buffer) -> None:
+        """Write a record, in several calls if the system writes only a part."""
+        data, written = memoryview(sealed(message.to_pybytes(), self.length)), 0
         while written < len(data):
             written += self._file.write(data[written:])
         self.length += written
@@ -210,14 +190,13 @@ class TrajectoryWriter:
 
 
 def _array(kind: pa.DataType, length: int, values: NDArray[Any]) -> pa.Array:
+    """Return an array of numbers, or of lists of a fixed number of numbers."""
+    if values.dtype == np.float32:
+        numbers = pa.Array.from_buffers(NUMBER, values.size, [None, pa.py_buffer(values)])
+        return pa.Array.from_buffers(kind, length, [None], children=[numbers])
     return pa.Array.from_buffers(kind, length, [None, pa.py_buffer(values)])
 
 
-def _vectors(kind: pa.DataType, length: int, values: NDArray[np.float32]) -> pa.Array:
-    """Return an array of lists of a fixed number of numbers."""
-    return pa.Array.from_buffers(kind, length, [None], children=[_array(NUMBER, values.size, values)])
-
-
-def _ends(length: int) -> NDArray[np.int32]:
+def _ends(length: int) -> pa.Buffer:
     """Return where the only item of an array of lists begins and ends."""
-    return np.array([0, length], "<i4")
+    return pa.py_buffer(np.array([0, length], "<i4"))

@@ -59,17 +59,3 @@ def test_random_bytes_are_no_record():
     for _ in range(300):
         data = b"\xff\xff\xff\xff" + generator.integers(0, 256, 200, np.uint8).tobytes()
         assert read_sealed(io.BytesIO(data), 0, len(data)) is None
-
-
-@pytest.mark.parametrize("codec", ["lz4", "zstd"])
-def test_compressed_rows_are_not_read(codec):
-    (batch,) = TABLE.to_batches()
-    packed = batch.serialize().to_pybytes()
-    sink = io.BytesIO()
-    with pa.ipc.new_stream(sink, TABLE.schema, options=pa.ipc.IpcWriteOptions(compression=codec)) as writer:
-        writer.write_batch(batch)
-    start = len(TABLE.schema.serialize())
-    assert read_sealed(io.BytesIO(sealed(packed, 0)), 0, 2 * len(packed)) is not None
-    record = sealed(sink.getvalue()[start:-8], 0)
-    assert pa.ipc.read_record_batch(pa.py_buffer(record), TABLE.schema).equals(batch)
-    assert read_sealed(io.BytesIO(record), 0, len(record)) is None

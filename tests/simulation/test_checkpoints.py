@@ -322,7 +322,7 @@ def forge(folder, header=(), **arrays):
         ("simulation.watch.chatter.of_whom", np.array([0, 5])),
         ("recorder.replay.frames", np.array([10**15])),
         ("recorder.replay.stream.times", np.zeros(8, np.uint8)),
-        ("recorder.trajectory.length", np.array(16)),
+        ("recorder.trajectory.changes", np.array(9)),
     ],
 )
 def test_arrays_that_no_run_can_have_are_refused_by_name(tmp_path, hall, name, value):
