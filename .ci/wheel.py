@@ -70,10 +70,8 @@ def compile_into(code: str) -> None:
     from evac.cli.plugins import all_entries
     from evac.contract.registry import Registry
     from evac.jit.digest import digest_of, versions
-    from evac.jit.loading import compile_missing
-    from evac.jit.processor import generic
+    from evac.jit.loading import Compilation, compile_missing, generic
     from evac.jit.store import Store
-    from evac.jit.workers import Compilation
 
     if not Path(evac.__file__).is_relative_to(code):
         raise EvacError(f"evac was imported from {evac.__file__}, not from the wheel; use a virtual environment")

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from evac.people.behaviour import BehaviourScene as BehaviourScene
     from evac.physics.contact.model import ContactModel as ContactModel
     from evac.physics.contact.pair_contact import PairContact as PairContact
-    from evac.physics.contact.solver import Solver as Solver
+    from evac.physics.contact.rows import Solver as Solver
     from evac.physics.force import Force as Force
     from evac.report.comparison import Comparison as Comparison
     from evac.report.comparison import compare as compare
@@ -90,7 +90,7 @@ _HOMES = {
     "Simulation": "evac.simulation.simulation",
     "SimulationError": "evac.base.errors",
     "SmokeLaw": "evac.conditions.law",
-    "Solver": "evac.physics.contact.solver",
+    "Solver": "evac.physics.contact.rows",
     "Study": "evac.study.study",
     "SurfaceMesh": "evac.building.surface.surfacemesh",
     "Trajectory": "evac.trajectory.trajectory",

@@ -25,7 +25,7 @@ from evac.people.sights import (
     set_desired_motion,
 )
 from evac.physics.contact.neighbours import segment_distance
-from evac.physics.sight import walls_near
+from evac.physics.seams import walls_near
 from evac.physics.state import Crowd, World
 from evac.physics.world import BUCKET_REACH
 

@@ -11,8 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError
 from evac.building.model.building import Level
-from evac.conditions.quantities import QUANTITIES
-from evac.conditions.source import ConditionSource, SourceScene
+from evac.conditions.source import QUANTITIES, ConditionSource, SourceScene
 
 if TYPE_CHECKING:
     from evac.conditions.slices import Block

@@ -14,8 +14,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, naming
 from evac.base.parameters import did_you_mean
 from evac.building.model.elevation import elevation
-from evac.conditions.quantities import QUANTITIES
-from evac.conditions.source import ConditionSource, SourceScene
+from evac.conditions.source import QUANTITIES, ConditionSource, SourceScene
 
 #: Greatest size of a CSV file [bytes].
 MOST_BYTES = 50_000_000

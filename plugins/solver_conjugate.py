@@ -19,6 +19,7 @@ from evac.physics.contact.rows import (
     BY,
     LIKELY,
     SPRING,
+    Solver,
     copy_solution,
     evaluate,
     push_row,
@@ -27,7 +28,6 @@ from evac.physics.contact.rows import (
     sweep_down,
     sweep_up,
 )
-from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 
 #: Columns of ``Problem.face_data`` after A and B.

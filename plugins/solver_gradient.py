@@ -13,6 +13,7 @@ from evac.physics.contact.rows import (
     BY,
     LIKELY,
     SPRING,
+    Solver,
     evaluate,
     momentum_after,
     push_row,
@@ -20,7 +21,6 @@ from evac.physics.contact.rows import (
     row_residual,
     row_velocity,
 )
-from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 
 

@@ -10,6 +10,7 @@ from evac.jit import fused, inner, kernel
 from evac.physics.contact.rows import (
     BIAS,
     LIKELY,
+    Solver,
     copy_solution,
     evaluate,
     law,
@@ -19,7 +20,6 @@ from evac.physics.contact.rows import (
     row_residual,
     sweep_up,
 )
-from evac.physics.contact.solver import Solver
 from evac.physics.state import Problem
 
 #: Relative increase of the energy above which it is not a rounding error.

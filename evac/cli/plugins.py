@@ -158,7 +158,7 @@ def _compile_all(plugins: list[str]) -> None:
 def _show_cache() -> None:
     """Print the folder, the number and size of kernels, and the versions and processor they are compiled for."""
     from evac.jit.digest import versions
-    from evac.jit.processor import host
+    from evac.jit.loading import host
     from evac.jit.store import exposure, user_store
 
     store = user_store()
@@ -181,8 +181,7 @@ def _show_cache() -> None:
 def _shipped() -> str:
     """Return the number of kernels in the wheel, and whether they are used."""
     from evac.jit.digest import versions
-    from evac.jit.loading import SHIPPED
-    from evac.jit.processor import generic, missing_features
+    from evac.jit.loading import SHIPPED, generic, missing_features
 
     kernels = len(SHIPPED.entries())
     if not kernels:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.conditions.quantities import IRRITANTS
+from evac.conditions.source import IRRITANTS
 
 #: Volume of air per minute [l/min], and carboxyhaemoglobin at incapacitation [%], by activity.
 ACTIVITY = {"rest": (8.5, 40.0), "light": (25.0, 30.0), "heavy": (50.0, 20.0)}
@@ -45,7 +45,7 @@ def gas_rate(form: str, activity: str, air: Air) -> FloatArray:
     activity : {"rest", "light", "heavy"}
         Not used by "iso".
     air : mapping of str to (n,) float64
-        Concentrations, as in `evac.conditions.quantities`; those that it lacks have no effect.
+        Concentrations, as in `evac.conditions.source`; those that it lacks have no effect.
     """
     nothing = np.zeros_like(next(iter(air.values())))
     volume, limit = ACTIVITY[activity]

@@ -13,7 +13,7 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import DOWN, FLAT, UP
-from evac.conditions.air import Air
+from evac.conditions.air import NAME, PERIOD, Air, SmokeField
 from evac.conditions.dose import (
     COMPROMISING,
     COUNTED,
@@ -24,10 +24,8 @@ from evac.conditions.dose import (
     irritant_concentration,
 )
 from evac.conditions.law import SmokeLaw, share_in_smoke
-from evac.conditions.quantities import IRRITANTS, QUANTITIES
 from evac.conditions.routes import RoutesInSmoke
-from evac.conditions.smokefield import NAME, PERIOD, SmokeField
-from evac.conditions.source import AT_ONCE, HEAD
+from evac.conditions.source import AT_ONCE, HEAD, IRRITANTS, QUANTITIES
 from evac.contract.registry import create
 from evac.directions.fields import Fields
 from evac.people.population import Group

@@ -14,7 +14,7 @@ from evac.building.model.building import Building
 from evac.conditions.air import Air
 from evac.conditions.dose import irritant_concentration
 from evac.conditions.law import SmokeLaw, share_in_smoke
-from evac.conditions.quantities import IRRITANTS
+from evac.conditions.source import IRRITANTS
 from evac.directions.fields import Fields
 from evac.directions.raster.grids import OWN
 from evac.directions.smoky import Smoky

@@ -1,10 +1,11 @@
-"""Sources of the conditions of the air: the base class of such plugins."""
+"""Sources of the conditions of the air: the quantities that they provide, and the base class of such plugins."""
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from evac.base.arrays import FloatArray, IntArray
@@ -13,6 +14,57 @@ from evac.base.parameters import Configurable, did_you_mean
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A scalar of the air that sources provide.
+
+    Attributes
+    ----------
+    unit : str
+    clear : float
+        Value of clear air, where no source applies.
+    least, most : float
+        Range of values.
+    doc : str
+    """
+
+    unit: str
+    clear: float
+    least: float
+    most: float
+    doc: str
+
+
+def _ppm(doc: str) -> Quantity:
+    return Quantity("ppm", 0.0, 0.0, 1e6, doc)
+
+
+#: All quantities by name. Concentrations are those of volumes.
+QUANTITIES = MappingProxyType(
+    {
+        "extinction": Quantity("1/m", 0.0, 0.0, 1e4, "extinction coefficient K of smoke"),
+        "co": _ppm("carbon monoxide"),
+        "co2": Quantity("%", 0.0, 0.0, 100.0, "carbon dioxide"),
+        "o2": Quantity("%", 20.9, 0.0, 100.0, "oxygen"),
+        "hcn": _ppm("hydrogen cyanide"),
+        "no": _ppm("nitric oxide"),
+        "no2": _ppm("nitrogen dioxide"),
+        "hcl": _ppm("hydrogen chloride"),
+        "hbr": _ppm("hydrogen bromide"),
+        "hf": _ppm("hydrogen fluoride"),
+        "so2": _ppm("sulphur dioxide"),
+        "acrolein": _ppm("acrolein"),
+        "formaldehyde": _ppm("formaldehyde"),
+        "temperature": Quantity("C", 20.0, -273.15, 5000.0, "temperature of the air"),
+        "radiation": Quantity("kW/m2", 0.0, 0.0, 1e4, "radiative flux onto a surface"),
+    }
+)
+
+#: The irritant gases.
+IRRITANTS = ("hcl", "hbr", "hf", "so2", "no2", "acrolein", "formaldehyde")
+
 
 #: Height of the head, at which people breathe and see, over that of the body; 1.6 m for a body of 1.78 m.
 HEAD = 0.9

@@ -22,7 +22,7 @@ from evac.export.exporter import Exporter
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.pair_contact import PairContact
-from evac.physics.contact.solver import Solver
+from evac.physics.contact.rows import Solver
 from evac.physics.force import Force
 from evac.trajectory.recorder import Recorder
 

@@ -15,11 +15,9 @@ from evac.contract.registry import Registry
 from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
 from evac.physics.contact.packing import packed_row
 from evac.physics.contact.pair_contact import PairContact
-from evac.physics.contact.rows import BEFORE, SPRING, call_solver, renew_velocity, row_residual
-from evac.physics.contact.solver import Solver
-from evac.physics.engine import CompiledEngine
+from evac.physics.contact.rows import BEFORE, SPRING, Solver, call_solver, renew_velocity, row_residual
+from evac.physics.engine import CompiledEngine, functions_of
 from evac.physics.force import Force
-from evac.physics.parts import functions_of
 from evac.physics.scenes import one_direction, room
 from evac.physics.state import Crowd, Problem, copy_of, make_crowd
 from evac.physics.world import make_world

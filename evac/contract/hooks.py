@@ -41,7 +41,7 @@ class Kind(NamedTuple):
 #: Kinds of plugin classes. Those of KIND are returned by the hook evac_KINDs.
 KINDS = {
     "contact_model": Kind("evac.physics.contact.model", "ContactModel", "contact_", "contact model classes"),
-    "solver": Kind("evac.physics.contact.solver", "Solver", "solver_", "classes of solvers of the contact problem"),
+    "solver": Kind("evac.physics.contact.rows", "Solver", "solver_", "classes of solvers of the contact problem"),
     "force": Kind("evac.physics.force", "Force", "force_", "force classes"),
     "behaviour": Kind("evac.people.behaviour", "Behaviour", "behaviour_", "behaviour classes"),
     "recorder": Kind("evac.trajectory.recorder", "Recorder", "recorder_", "recorder classes"),

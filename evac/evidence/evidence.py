@@ -34,7 +34,7 @@ from evac.base.distributions import generator_for
 from evac.base.errors import ResultError
 from evac.evidence.verdicts import Finding, verdict_table
 from evac.folder.files import replacing
-from evac.jit.processor import cores
+from evac.jit.loading import cores
 from evac.standard.verify import QUIET, commit, in_processes, write_rows
 
 if TYPE_CHECKING:

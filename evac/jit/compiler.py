@@ -33,7 +33,7 @@ from evac.base.errors import PluginError, fault
 from evac.jit.digest import kernels_in
 from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import NOTE_RAISED, Entry, Kernel
-from evac.jit.processor import Processor, host
+from evac.jit.loading import Processor, host
 
 # numba reads this file before each compilation. One of the current folder must not decide what is compiled.
 numba.core.config._config_fname = os.devnull

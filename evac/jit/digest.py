@@ -21,7 +21,7 @@ from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel
 from evac.jit.structs import describe
 
 #: Source files of the compiler, which are part of every digest.
-_COMPILER = ("compiler.py", "instructions.py", "processor.py", "structs.py")
+_COMPILER = ("compiler.py", "instructions.py", "loading.py", "structs.py")
 
 
 #: Environment variables of numba that do not change the code of a kernel.

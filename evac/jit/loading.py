@@ -1,22 +1,105 @@
-"""Loading of entries: object code is read from disk, compiled if it is missing, and loaded into the process."""
+"""Loading of entries: object code is read from disk, or compiled in this process or in several, and then loaded.
+
+Every kernel is stored as soon as it is finished, so that an interrupted process loses only its current kernel. Several
+worker processes, each of which imports numba, compile what would take longer in one.
+"""
 
 import ctypes
+import importlib.util
+import os
+import sys
 import threading
 import warnings
-from collections.abc import Iterable
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from contextlib import ExitStack, chdir, closing, suppress
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
-from evac.base.errors import CacheWarning
-from evac.jit.digest import digest_of
-from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, note_raised
-from evac.jit.processor import Processor, generic, host, missing_features
+from evac.base.errors import CacheWarning, PluginError
+from evac.jit.digest import digest_of, kernels_in
+from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, entries_of, note_raised
 from evac.jit.store import Store, user_store
-from evac.jit.workers import Compilation, Compiling, compile_tasks
+
+#: Level of x86-64 that kernels in a wheel are compiled for: AVX2 and fused multiply-add, but not AVX-512.
+GENERIC = "x86-64-v3"
+
+#: Features of processors of that level beyond the baseline, and features that imply them, by their LLVM names.
+_GENERIC_FEATURES = "avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse4.2 xsave"
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class Processor:
+    """Name and features of a processor in LLVM terms, and the target triple of the system."""
+
+    triple: str
+    name: str
+    features: str
+
+    def options(self) -> dict[str, Any]:
+        """Return the options of the LLVM target machine for code that is loaded into this process."""
+        relocation = "static" if self.triple.startswith("x86") else "default"
+        where = {"reloc": relocation, "codemodel": "jitdefault", "jit": True}
+        return {"cpu": self.name, "features": self.features, **where}
+
+
+@lru_cache
+def host() -> Processor:
+    """Return this machine's processor."""
+    return Processor(llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+
+
+def generic() -> Processor:
+    """Return the processor of the kernels in a wheel: x86-64-v3, or the baseline of other architectures."""
+    triple = llvm.get_process_triple()
+    return Processor(triple, GENERIC if triple.startswith("x86_64") else "generic", "")
+
+
+@lru_cache
+def missing_features() -> tuple[str, ...]:
+    """Return the features of the generic processor that this machine does not have."""
+    if generic().name != GENERIC:
+        return ()
+    has = llvm.get_host_cpu_features()
+    return tuple(feature for feature in _GENERIC_FEATURES.split() if not has.get(feature))
+
+
+#: Called with the number of finished kernels and the total number.
+Compiling = Callable[[int, int], None]
+
+#: Cost model in units of about 70 us: front end per byte of byte code of a function, once per process; optimisation per
+#: byte of byte code of an entry with all its callees; start of a process.
+_FRONT, _BACK, _START = 3, 1, 15_000
+
+#: Longest time between reports of progress [s].
+_TOLD_EVERY = 1.0
+
+
+class Compilation(NamedTuple):
+    """A kernel to be compiled."""
+
+    entry: Entry
+    digest: str
+
+    @property
+    def symbol(self) -> str:
+        """Name of the kernel in its object code."""
+        return f"evac_{self.digest}"
+
+    @property
+    def file_name(self) -> str:
+        """Prefix of the names of the kernel's files."""
+        return self.entry.label.replace("<", "").replace(">", "")
+
 
 #: Kernels in the wheel, compiled for the generic processor.
 SHIPPED = Store(Path(__file__).parents[1] / "kernels", is_shipped=True)
@@ -96,3 +179,137 @@ def _load(task: Compilation, code: bytes) -> None:
         engine.finalize_object()
         _addresses[task.symbol] = engine.get_function_address(task.symbol)
     task.entry.bind(_addresses[task.symbol])
+
+
+def compile_tasks(
+    tasks: Sequence[Compilation], processor: Processor, store: Store | None, progress: Compiling | None = None
+) -> Generator[tuple[Compilation, bytes], None, None]:
+    """Compile kernels, in the estimated optimal number of processes, and yield each with its object code."""
+    left = dict.fromkeys(tasks)
+
+    def tell() -> None:
+        if progress:
+            progress(len(tasks) - len(left), len(tasks))
+
+    tell()
+    importable = [task for task in tasks if _source(task.entry)]
+    shares = divide(importable, min(cores(), len(importable)))
+    if len(shares) > 1:
+        with closing(_compile_elsewhere(shares, processor, store, tell)) as results:
+            for task, code in results:
+                del left[task]
+                yield task, code
+                tell()
+    for task in list(left):
+        code, problem = _compile_here(task, processor, store)
+        if problem:
+            _warn(store, problem)
+        del left[task]
+        yield task, code
+        tell()
+
+
+def divide(tasks: Sequence[Compilation], most: int) -> list[list[Compilation]]:
+    """Divide kernels among processes to minimise the total time; shared functions are lowered once in each process."""
+    sizes = {task: {k: len(k.function.__code__.co_code) for k in kernels_in(task.entry)} for task in tasks}
+    ordered = sorted(tasks, key=lambda task: sum(sizes[task].values()), reverse=True)
+    best: list[list[Compilation]] = [ordered]
+    least = None
+    for number in range(1, most + 1):
+        shares: list[list[Compilation]] = [[] for _ in range(number)]
+        lowered: list[set[Any]] = [set() for _ in range(number)]
+        spent = [_START if number > 1 else 0] * number
+        for task in ordered:
+            size = sizes[task]
+            added = [
+                _FRONT * sum(size[k] for k in size.keys() - known) + _BACK * sum(size.values()) for known in lowered
+            ]
+            first = min(range(number), key=lambda k: spent[k] + added[k])
+            shares[first].insert(0, task)
+            lowered[first] |= size.keys()
+            spent[first] += added[first]
+        if least is None or max(spent) < 0.8 * least:
+            best, least = shares, max(spent)
+    return best
+
+
+def _source(entry: Entry) -> str | None:
+    """Return the file of a kernel's module for import in another process; None if impossible, as for scripts."""
+    file = getattr(sys.modules.get(entry.__module__), "__file__", None)
+    return str(Path(file).absolute()) if file and entry.__module__ != "__main__" else None
+
+
+def _compile_here(task: Compilation, processor: Processor, store: Store | None) -> tuple[bytes, str]:
+    """Compile and store a kernel; return its object code, and the reason if it could not be stored."""
+    with chdir(Path(__file__).parent):  # numba reads settings from a file of the current folder
+        from evac.jit.compiler import compile_entry
+
+    code = compile_entry(task.entry, task.symbol, processor)
+    if store is not None:
+        try:
+            store.write(task.file_name, task.digest, code)
+        except OSError as error:
+            return code, error.strerror or str(error)
+    return code, ""
+
+
+def _warn(store: Store | None, problem: str) -> None:
+    if store is not None:
+        store.warn("access", f"{store.folder}: kernels cannot be stored ({problem}); the next run compiles them again")
+
+
+def _compile_elsewhere(
+    shares: list[list[Compilation]], processor: Processor, store: Store | None, tell: Callable[[], None]
+) -> Generator[tuple[Compilation, bytes], None, None]:
+    """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
+    from evac.base.processes import Pool
+
+    folder = store.folder if store else None
+    with ExitStack() as ending:
+        futures: dict[Future[tuple[bytes, str]], Compilation] = {}
+        with suppress(OSError, BrokenExecutor):  # no process can be started, or it has ended
+            for share in shares:
+                pool = ending.enter_context(Pool(1, is_quiet=True))
+                for task in share:
+                    where = task.entry.__module__, _source(task.entry) or "", task.entry.label, task.digest
+                    futures[pool.submit(_compile_there, where, processor, folder)] = task
+        while futures:
+            done, _ = wait(futures, _TOLD_EVERY, FIRST_COMPLETED)
+            for future in done:
+                task, error = futures.pop(future), future.exception()
+                if isinstance(error, PluginError):
+                    raise error
+                if error is None:
+                    code, problem = future.result()
+                    if problem:
+                        _warn(store, problem)
+                    yield task, code
+            if not done:
+                tell()
+
+
+# Worker process
+
+
+def _compile_there(where: tuple[str, str, str, str], processor: Processor, folder: Path | None) -> tuple[bytes, str]:
+    """Compile and store the kernel of a module, file, label and digest; see `_compile_here`."""
+    entry = _find(*where, processor)
+    return _compile_here(Compilation(entry, where[-1]), processor, Store(folder) if folder else None)
+
+
+def _find(module: str, file: str, label: str, digest: str, processor: Processor) -> Entry:
+    """Import a module as in the parent process, and return its kernel with the given digest."""
+    if module not in sys.modules:
+        spec = importlib.util.find_spec(module)
+        if spec is not None and spec.origin is not None and Path(spec.origin).absolute() == Path(file):
+            importlib.import_module(module)
+        else:  # a plugin given as a file
+            spec = importlib.util.spec_from_file_location(module, file)
+            assert spec is not None
+            assert spec.loader is not None
+            sys.modules[module] = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(sys.modules[module])
+    for entry in entries_of(sys.modules[module]):
+        if entry.label == label and digest_of(entry, f"{processor}") == digest:
+            return entry
+    raise LookupError(f"{label}: differs in this process")

@@ -16,8 +16,7 @@ from evac.directions.fields import Fields, columns_of
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
 from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
 from evac.physics.contact.neighbours import segment_distance
-from evac.physics.seams import crossing, side_of
-from evac.physics.sight import bucket_at, passes_through
+from evac.physics.seams import bucket_at, crossing, passes_through, side_of
 from evac.physics.state import Crowd, World
 
 if TYPE_CHECKING:

@@ -10,11 +10,6 @@
 Contact models written in NumPy make the same calls from Python, see `ContactModel.advance`.
 """
 
-import math
-
-import numpy as np
-
-from evac.directions.fields import columns_of
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import (
@@ -31,7 +26,7 @@ from evac.physics.drive import drive, drive_overdamped, set_desired
 from evac.physics.extent import extent
 from evac.physics.force import call_add_forces
 from evac.physics.motion import add_contact_work, move, save_bodies
-from evac.physics.state import Bodies, Crowd, State
+from evac.physics.state import State
 from evac.physics.status import (
     CENTRES_PASSED,
     FIRST_MISSING_PART,
@@ -55,44 +50,6 @@ FASTEST = 100.0
 
 #: Call a contact law with the state, its own parameters and the length of the sub-step [s]; it returns a status.
 call_law = AddressCall([State, Struct, float], (int,))
-
-
-#: Arrays of the bodies that are copied from the crowd at the start of a tick, and back at its end.
-TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
-WRITTEN = ("position", "velocity", "level", "distance", "overlap", "mingled", "contact_force", "passing")
-
-
-def gather(state: State, crowd: Crowd, inside: int) -> None:
-    """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
-    bodies = state.bodies
-    rows = bodies.row[:inside].astype(np.intp)
-    for name in TAKEN:
-        given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
-        given.take(rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
-    bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
-    mass = 1.0 if state.traits.overdamped else bodies.mass[:inside]
-    bodies.inverse_mass[:inside] = 1.0 / mass / bodies.firmness[:inside]
-    bodies.lightest = 1.0 / bodies.inverse_mass[:inside].max(initial=1e-300)
-    bodies.smallest = bodies.contact_radius[:inside].min(initial=math.inf)
-    bodies.inside = inside
-    bodies.mingled[:inside] &= bodies.overlap[:inside] > 0.5 * bodies.smallest
-    bodies.overlap[:inside] = 0.0
-    bodies.relaxation_step = 0.0
-    bodies.node[:inside] = -1
-    state.warm_start.number = 0
-    state.contacts.separation_failed = 0
-    state.lists.stale = 1
-    state.events.number = 0
-
-
-def scatter(crowd: Crowd, bodies: Bodies) -> None:
-    """Copy the results of the steps back to the crowd."""
-    rows = bodies.row[: bodies.inside].astype(np.intp)
-    for name in WRITTEN:
-        written, source = getattr(crowd, name), getattr(bodies, name)
-        if source.ndim == 2:  # pairs, which numpy assigns ten times faster where each is one number
-            written, source = written.view(np.complex128)[:, 0], source.view(np.complex128)[:, 0]
-        written[rows] = source[: bodies.inside]
 
 
 @kernel

@@ -5,23 +5,27 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from evac.base.errors import PluginError, SimulationError, fault, place_of, plugin_code
+from evac.base.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
+from evac.base.parameters import did_you_mean
 from evac.base.saved import FINITE, SavedError, taken
-from evac.jit import AddressCall, Bytes, Entry
+from evac.directions.sampling import sample_travel_times
+from evac.jit import AddressCall, Bytes, Entry, call_body_force, call_pair_force
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
 from evac.physics import tallies as at
-from evac.physics.contact.memory import memory_by_person, remember_by_person
+from evac.physics.contact.memory import memory_by_person, recall, remember_by_person, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
-from evac.physics.contact.packing import pack_forces
-from evac.physics.contact.solver import Solver
+from evac.physics.contact.packing import check_indices, cutoff_of, pack_forces, packed_row
+from evac.physics.contact.pair_contact import PairContact
+from evac.physics.contact.rows import Solver, call_solver
 from evac.physics.force import Force, add_body_forces, add_forces
-from evac.physics.order import rows_by_place, rows_by_travel_time
-from evac.physics.parts import entries_of_loop, entries_of_parts, load_solver, solver_of
+from evac.physics.order import gather, rows_by_place, rows_by_travel_time, scatter
+from evac.physics.seams import reaches
 from evac.physics.state import (
     Crowd,
     Events,
+    LoadedSolver,
     Parts,
     State,
     World,
@@ -187,7 +191,7 @@ class CompiledEngine(Engine):
                 if outcome != status.OK:
                     self._handle(model, int(outcome), clock.now * length)
         state.tally[at.STEPS] += steps
-        driver.scatter(crowd, state.bodies)
+        scatter(crowd, state.bodies)
         return state.events
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
@@ -195,7 +199,7 @@ class CompiledEngine(Engine):
         rows = rows_by_travel_time(self.state.world, crowd) if model.along_the_way else rows_by_place(crowd)
         kept = memory_by_person(self.state) if model.memory else None
         self.state.bodies.row[: len(rows)] = rows
-        driver.gather(self.state, crowd, len(rows))
+        gather(self.state, crowd, len(rows))
         if kept is not None:
             remember_by_person(self.state, *kept)
         return len(rows)
@@ -426,3 +430,76 @@ class CompiledEngine(Engine):
 
     def _level_name(self, level: int) -> str | int:
         return self.levels[level] if self.levels else level
+
+
+def entries_of_loop(
+    model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
+) -> list[Entry]:
+    """Return the kernels that the step loop of a run is known to need."""
+    entries = list(entries_of_parts(model, forces, has_seams).values())
+    if isinstance(model, PairContact):
+        model.check_pair()
+    if model.along_the_way:
+        entries.append(sample_travel_times)
+    if model.law is None:
+        entries += [driver.open_step, driver.set_clock, driver.prepare_step, driver.finish_step, driver.undo_step]
+    else:
+        entries.append(driver.advance)
+    if isinstance(model, SolvedContactModel):
+        entries.append(solver_of(model, solvers).solve)
+        if full:
+            entries.append(solver_of(model, solvers, stronger=True).solve)
+        if full and model.separates:
+            entries.append(separate)
+    for force in forces:
+        entries += functions_of(force)
+    return list(dict.fromkeys(entries))
+
+
+def entries_of_parts(model: ContactModel, forces: Sequence[Force], has_seams: bool) -> dict[str, Entry]:
+    """Return the kernels whose addresses `Parts` has in a run, by name, except those of solvers and `separation`."""
+    entries: dict[str, Entry] = {} if model.law is None else {"law": model.law}
+    if model.memory:
+        entries |= {"recall": recall, "retain": retain}
+    if has_seams:
+        entries["seams"] = reaches
+    if any(force.pair is not None for force in forces):
+        entries["forces"] = add_forces
+    if any(force.body is not None for force in forces):
+        entries["body_forces"] = add_body_forces
+    return entries
+
+
+def functions_of(force: Force) -> list[Entry]:
+    """Return the compiled functions of a force."""
+    functions: list[Entry] = []
+    what = f"force {force.name!r}"
+    for name, call in (("pair", call_pair_force), ("body", call_body_force)):
+        function = getattr(force, name)
+        if function is not None:
+            call.check(function, f"{what}: {name}", type(force))
+            check_indices(function, len(packed_row(force, what)), what)
+            functions.append(function)
+    if not functions:
+        remedy = "define `pair`, decorated with evac.jit.pair_force, or `body`, decorated with evac.jit.body_force"
+        raise fault(what, "names no function", remedy, force)
+    cutoff_of(force)
+    return functions
+
+
+def load_solver(solver: type[Solver]) -> LoadedSolver:
+    """Return a solver as kernels call it."""
+    return LoadedSolver(solve=solver.solve.address, is_checked=int(is_foreign(solver)))
+
+
+def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
+    """Return the solver of a contact model, or its stronger solver for solves that fail."""
+    name = model.solver
+    for _ in range(1 + stronger):
+        if name not in solvers:
+            raise PluginError(f"contact.{model.name}.solver: unknown solver {name!r}; {did_you_mean(name, [*solvers])}")
+        solver = solvers[name]
+        with plugin_code(f"solver {name!r}", solver):
+            call_solver.check(getattr(solver, "solve", None), f"solver {name!r}: solve", solver)
+        name = solver.stronger
+    return solver

@@ -7,8 +7,7 @@ from evac.physics import tallies as at
 from evac.physics.contact.contacts import normal_velocity, tangential_velocity
 from evac.physics.contact.neighbours import segment_distance
 from evac.physics.extent import greatest_extent
-from evac.physics.seams import crossing, is_absent, lets_through, touches
-from evac.physics.sight import passes_through
+from evac.physics.seams import crossing, is_absent, lets_through, passes_through, touches
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
 
 PORTAL = 0

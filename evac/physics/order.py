@@ -1,4 +1,6 @@
-"""The order of bodies in memory: by place, so that neighbours are close to each other, or by travel time to an exit."""
+"""The bodies of a tick: copied from the crowd and back, in the order of places, or of travel times to an exit."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,7 +8,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.directions.fields import columns_of
 from evac.directions.sampling import sample_travel_times
-from evac.physics.state import Crowd, World
+from evac.physics.state import Bodies, Crowd, State, World
 
 #: Places are rounded to a grid of 1 / PER_METRE [m], which repeats every 2**28 / PER_METRE = 4 km.
 PER_METRE = 65536
@@ -19,6 +21,11 @@ _SPREAD = (
     (2, 0x33333333333333),
     (1, 0x55555555555555),
 )
+
+
+#: Arrays of the bodies that are copied from the crowd at the start of a tick, and back at its end.
+TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
+WRITTEN = ("position", "velocity", "level", "distance", "overlap", "mingled", "contact_force", "passing")
 
 
 def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
@@ -43,3 +50,36 @@ def along_curve(position: FloatArray, level: IntArray) -> NDArray[np.int64]:
     for shift, mask in _SPREAD:
         bits = (bits | bits << shift) & mask
     return level.astype(np.int64) << 56 | bits[:, 0] << 1 | bits[:, 1]
+
+
+def gather(state: State, crowd: Crowd, inside: int) -> None:
+    """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
+    bodies = state.bodies
+    rows = bodies.row[:inside].astype(np.intp)
+    for name in TAKEN:
+        given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
+        given.take(rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
+    bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
+    mass = 1.0 if state.traits.overdamped else bodies.mass[:inside]
+    bodies.inverse_mass[:inside] = 1.0 / mass / bodies.firmness[:inside]
+    bodies.lightest = 1.0 / bodies.inverse_mass[:inside].max(initial=1e-300)
+    bodies.smallest = bodies.contact_radius[:inside].min(initial=math.inf)
+    bodies.inside = inside
+    bodies.mingled[:inside] &= bodies.overlap[:inside] > 0.5 * bodies.smallest
+    bodies.overlap[:inside] = 0.0
+    bodies.relaxation_step = 0.0
+    bodies.node[:inside] = -1
+    state.warm_start.number = 0
+    state.contacts.separation_failed = 0
+    state.lists.stale = 1
+    state.events.number = 0
+
+
+def scatter(crowd: Crowd, bodies: Bodies) -> None:
+    """Copy the results of the steps back to the crowd."""
+    rows = bodies.row[: bodies.inside].astype(np.intp)
+    for name in WRITTEN:
+        written, source = getattr(crowd, name), getattr(bodies, name)
+        if source.ndim == 2:  # pairs, which numpy assigns ten times faster where each is one number
+            written, source = written.view(np.complex128)[:, 0], source.view(np.complex128)[:, 0]
+        written[rows] = source[: bodies.inside]

@@ -21,7 +21,6 @@ from evac.jit import (
 )
 from evac.jit.structs import Array
 from evac.physics import tallies as at
-from evac.physics.contact.cells import Cells, make_cells
 
 #: Rows of the packed contact problem, see `evac.physics.contact.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
@@ -249,6 +248,25 @@ class Bodies(Struct):
     near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
 
 
+class Cells(Struct):
+    """People in the square cells of their levels.
+
+    A level has cells for the rectangle that its people are in. If there is no room for all, as where a person is far
+    away, `wraps` is 1 and its columns and rows are used again and again: cells then also contain people from elsewhere.
+    """
+
+    size: float  # [m]
+    low_column: Ints  # (levels,) first column and row of the rectangle, counted from the origin of the plan
+    low_row: Ints
+    columns: Ints  # (levels,) numbers of columns and rows of cells
+    rows: Ints
+    wraps: Bytes  # (levels,)
+    first: Ints  # (levels,) first cell; cell (column, row) is column * rows + row cells behind it
+    start: Ints  # first of each cell in slots
+    cell_of: Ints  # (n,) -1 for people on no level
+    slots: Ints  # (n,) people of each cell, in ascending order
+
+
 class Lists(Struct):
     """Neighbour lists: for each body, the walls in reach and the bodies in reach with a greater index, ascending."""
 
@@ -400,7 +418,7 @@ class Traits(Struct):
 
 
 class LoadedSolver(Struct):
-    """A solver as kernels call it, see `evac.physics.contact.solver`."""
+    """A solver as kernels call it, see `evac.physics.contact.rows`."""
 
     solve: int  # address, 0: not loaded
     is_checked: int  # 1: it is not part of evac, so that its results are checked
@@ -444,6 +462,10 @@ class State(Struct):
 # Allocation for given numbers of people and contacts
 
 S = TypeVar("S", bound=Struct)
+
+#: Room for cells: a number for each person, and one for each level.
+CELLS_PER_PERSON = 4
+CELLS_PER_LEVEL = 1024
 
 #: Skin of neighbour lists: additional search distance, so that lists remain valid for several steps [m].
 SKIN = 0.3
@@ -489,6 +511,18 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
 def no_solver() -> LoadedSolver:
     """Return a solver that is not loaded."""
     return LoadedSolver(solve=0, is_checked=0)
+
+
+def make_cells(people: int, levels: int) -> Cells:
+    """Return empty cells for numbers of people and levels."""
+    return Cells(
+        size=1.0,
+        **{name: np.zeros(levels, np.int32) for name in ("low_column", "low_row", "columns", "rows", "first")},
+        wraps=np.zeros(levels, np.uint8),
+        start=np.zeros(CELLS_PER_PERSON * people + CELLS_PER_LEVEL * levels + 1, np.int32),
+        cell_of=np.zeros(people, np.int32),
+        slots=np.zeros(people, np.int32),
+    )
 
 
 def make_lists(people: int, pairs: int, walls: int, levels: int) -> Lists:

@@ -25,7 +25,7 @@ from evac.folder.jsonfile import checked, plain
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED
-from evac.jit.processor import host
+from evac.jit.loading import host
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.results.ending import INTERRUPTED

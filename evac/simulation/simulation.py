@@ -20,8 +20,7 @@ from evac.case.schema import LONGEST_RUN
 from evac.case.trust import run_plugin_files
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
-from evac.jit.loading import addresses_of
-from evac.jit.workers import Compiling
+from evac.jit.loading import Compiling, addresses_of
 from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside

@@ -13,7 +13,7 @@ from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
 from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
-from evac.jit.processor import cores
+from evac.jit.loading import cores
 from evac.simulation.shared import simulation_of
 from evac.study import points
 from evac.study.execute import warn_alone

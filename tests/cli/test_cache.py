@@ -13,7 +13,7 @@ from evac.cli import main, plugins
 from evac.jit import loading, store
 from evac.jit.digest import versions
 from evac.jit.kernels import Entry
-from evac.jit.processor import generic
+from evac.jit.loading import generic
 from evac.jit.store import Store
 
 PLUGIN = """
@@ -112,7 +112,7 @@ def test_it_is_shown_whether_kernels_of_the_wheel_are_used(capsys, monkeypatch, 
     facts = {"processor": "x86-64-v3", "triple": generic().triple, "versions": versions()} | about
     (shipped.folder / "about.json").write_text(json.dumps(facts))
     monkeypatch.setattr(loading, "SHIPPED", shipped)
-    monkeypatch.setattr("evac.jit.processor.missing_features", lambda: lacking)
+    monkeypatch.setattr("evac.jit.loading.missing_features", lambda: lacking)
     assert main(["cache"]) == 0
     assert f"1 for x86-64-v3, {words}" in _facts(capsys.readouterr().out)["kernels in the wheel"]
 

@@ -3,8 +3,7 @@
 import math
 
 from evac.jit import inner, kernel
-from evac.physics.contact.rows import AX, BIAS, push_row, row_residual, row_velocity, sweep_up
-from evac.physics.contact.solver import Solver
+from evac.physics.contact.rows import AX, BIAS, Solver, push_row, row_residual, row_velocity, sweep_up
 from evac.physics.state import Problem
 from tests.conformance.broken import Broken, odd
 

@@ -18,10 +18,8 @@ from evac.jit import AddressCall, Entry, FloatGrid, Floats, Ints, Struct, inner,
 from evac.jit.compiler import compile_entry, compiled_functions
 from evac.jit.digest import digest_of
 from evac.jit.kernels import NOTE_RAISED
-from evac.jit.loading import addresses_of
-from evac.jit.processor import host
+from evac.jit.loading import Compilation, addresses_of, host
 from evac.jit.store import user_store
-from evac.jit.workers import Compilation
 
 #: Functions of libm, of the C library that compilers take for granted, and of evac; nothing of numba's or Python's.
 ALLOWED = {

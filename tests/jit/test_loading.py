@@ -15,13 +15,11 @@ import pytest
 
 from evac.base.errors import CacheWarning, PluginError
 from evac.contract.registry import _module_of
-from evac.jit import loading, processor, store, workers
+from evac.jit import loading, store
 from evac.jit.digest import digest_of
 from evac.jit.kernels import entries_of
-from evac.jit.loading import addresses_of
-from evac.jit.processor import generic, host
+from evac.jit.loading import Compilation, addresses_of, compile_tasks, divide, generic, host
 from evac.jit.store import Store
-from evac.jit.workers import Compilation, compile_tasks, divide
 
 SOURCE = """
     from evac.jit import Floats, inner, kernel
@@ -85,8 +83,8 @@ def test_settings_of_numba_in_the_current_folder_neither_steer_nor_break_compila
 @pytest.fixture
 def processes(started, monkeypatch):
     """Let starting a process seem free, so that several are used; return those that are started."""
-    monkeypatch.setattr(workers, "_START", 0)
-    monkeypatch.setattr(workers, "cores", lambda: 2)
+    monkeypatch.setattr(loading, "_START", 0)
+    monkeypatch.setattr(loading, "cores", lambda: 2)
     return started
 
 
@@ -153,7 +151,7 @@ def test_the_machine_code_does_not_depend_on_where_it_is_compiled(plugin, proces
     tasks = [Compilation(entry, digest_of(entry, f"{host()}")) for entry in entries_of(plugin)]
     elsewhere = dict(compile_tasks(tasks, host(), None))
     assert len(processes) == 2
-    here = {task: workers._compile_here(task, host(), None)[0] for task in reversed(tasks)}
+    here = {task: loading._compile_here(task, host(), None)[0] for task in reversed(tasks)}
     assert elsewhere == here
 
 
@@ -275,19 +273,19 @@ def test_the_generic_processor_is_a_level_of_x86_64_or_a_baseline(monkeypatch):
     triple = generic().triple
     assert generic().name == ("x86-64-v3" if triple.startswith("x86_64") else "generic")
     assert generic() != host()
-    monkeypatch.setattr(processor.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
-    features = dict.fromkeys(processor._GENERIC_FEATURES.split(), True) | {"fma": False}
-    monkeypatch.setattr(processor.llvm, "get_host_cpu_features", lambda: features)
-    assert processor.missing_features.__wrapped__() == ("fma",)
-    monkeypatch.setattr(processor.llvm, "get_process_triple", lambda: "aarch64-unknown-linux-gnu")
-    assert processor.missing_features.__wrapped__() == ()
+    monkeypatch.setattr(loading.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
+    features = dict.fromkeys(loading._GENERIC_FEATURES.split(), True) | {"fma": False}
+    monkeypatch.setattr(loading.llvm, "get_host_cpu_features", lambda: features)
+    assert loading.missing_features.__wrapped__() == ("fma",)
+    monkeypatch.setattr(loading.llvm, "get_process_triple", lambda: "aarch64-unknown-linux-gnu")
+    assert loading.missing_features.__wrapped__() == ()
 
 
 def test_kernels_are_divided_by_what_they_take(plugin, monkeypatch):
     tasks = [Compilation(entry, entry.label) for entry in entries_of(plugin)]
     assert [set(share) for share in divide(tasks, 1)] == [set(tasks)]
     assert len(divide(tasks, 4)) == 1  # to start a process takes longer
-    monkeypatch.setattr(workers, "_START", 0)
+    monkeypatch.setattr(loading, "_START", 0)
     total, *small = sorted(tasks, key=_size, reverse=True)
     shares = divide(tasks, 2)
     assert sorted(map(set, shares), key=len) == [{total}, set(small)]
@@ -302,7 +300,7 @@ import signal
 import sys
 import time
 from pathlib import Path
-from evac.jit import workers
+from evac.jit import loading
 from evac.jit.kernels import entries_of
 from evac.jit.loading import addresses_of
 from evac.contract.registry import _module_of
@@ -315,7 +313,7 @@ def main(path, how):
             time.sleep(60)
 
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets background jobs ignore it
-    workers._START, workers.cores = 0, lambda: 2
+    loading._START, loading.cores = 0, lambda: 2
     module = _module_of(path, path.read_bytes())
     addresses_of(entries_of(module), tell)
     print(module.difference(5.0, 3.0) - module.OFFSET)

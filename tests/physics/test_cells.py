@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from evac.jit import Ints, Pairs, kernel
-from evac.physics.contact.cells import CELLS_PER_LEVEL, CELLS_PER_PERSON, Cells, make_cells, sort_by_level
+from evac.physics.contact.neighbours import sort_by_level
+from evac.physics.state import CELLS_PER_LEVEL, CELLS_PER_PERSON, Cells, make_cells
 
 
 @kernel

@@ -6,7 +6,7 @@ import pytest
 from evac.jit import kernel
 from evac.physics.contact.contacts import find_contacts
 from evac.physics.contact.neighbours import build_lists
-from evac.physics.driver import gather
+from evac.physics.order import gather
 from evac.physics.seams import reaches
 from evac.physics.state import SKIN, Bodies, Lists, State, World, grown, make_crowd, make_room_for_contacts
 from evac.physics.status import OK

@@ -16,7 +16,7 @@ from evac.base.arrays import FloatArray
 from evac.building.model.building import Area, Exit
 from evac.directions.march.marching import Metric, march
 from evac.directions.raster.grids import BuildingGrids
-from evac.jit.processor import cores
+from evac.jit.loading import cores
 
 #: A worker pays from so many nodes on, counted once for each march: it takes a quarter of a second to start.
 NODES_PER_WORKER = 2_500_000

@@ -13,7 +13,7 @@ from evac.jit import kernel
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.percussions import solve_once
 from evac.physics.contact.rows import INELASTIC
-from evac.physics.parts import load_solver
+from evac.physics.engine import load_solver
 from evac.physics.state import Contacts, State
 
 #: Steps that a model makes from the snapshot before its contact problem is used, so that the state is typical of it.

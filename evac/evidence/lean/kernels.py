@@ -10,7 +10,7 @@ from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence, Row, in_fresh_process
 from evac.evidence.verdicts import reported
 from evac.jit.kernels import entries_of
-from evac.jit.processor import host
+from evac.jit.loading import host
 from evac.simulation.simulation import Simulation
 
 #: Simulated time after which a scene has loaded all kernels that it needs [s].

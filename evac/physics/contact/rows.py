@@ -22,8 +22,11 @@ the same body writes. To keep it short, multiplications and additions are fused,
 """
 
 import math
+from typing import ClassVar
 
-from evac.jit import AddressCall, fused, inlined, inner
+from evac.base.parameters import Configurable
+from evac.contract.hooks import DEFAULT_STRONGER_SOLVER
+from evac.jit import AddressCall, Entry, fused, inlined, inner
 from evac.physics.state import Problem
 
 AX, AY, BX, BY, BIAS = range(5)
@@ -168,3 +171,23 @@ def momentum_after(momentum):
     """Return the next momentum parameter of Nesterov's method, and the extrapolation factor of the last step."""
     following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
     return following, (momentum - 1.0) / following
+
+
+class Solver(Configurable):
+    """Base class of solvers, which find the percussions of a sub-step.
+
+    A subclass names a kernel ``solve(problem: Problem, tolerance: float, limit: int) -> int``. It starts from the
+    percussions and velocities in the problem, changes both consistently, sets ``problem.residual`` to the value of
+    `evac.physics.contact.rows.row_residual`, stops when the residual is at most `tolerance` [m/s] or after `limit`
+    iterations, and returns the number of iterations.
+
+    Attributes
+    ----------
+    solve : Entry
+        The kernel.
+    stronger : str
+        Name of the solver that solves the problem again, without warm start, if this one did not converge.
+    """
+
+    solve: ClassVar[Entry]
+    stronger: ClassVar[str] = DEFAULT_STRONGER_SOLVER
