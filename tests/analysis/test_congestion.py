@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from evac.analysis.congestion import SHARE, find_congestion
-from evac.base.errors import ResultError
 
 #: A crowd of 6.25 people per square metre on a square of 2 m, 1 m from the walls; where it stands otherwise.
 CROWD = np.stack(np.meshgrid(np.arange(5), np.arange(5)), axis=-1).reshape(-1, 2) * 0.4 + [2.0, 1.2]
@@ -38,9 +37,3 @@ def test_two_crowds_are_two_places_the_longer_one_first(written):
     found = find_congestion(written([*both, np.concatenate([APART, APART])], interval=1.0), 4.0, 1.0)
     assert [place.duration for place in found.places] == [5.0, 3.0]
     assert found.places[0].x > found.places[1].x
-
-
-@pytest.mark.parametrize(("density", "least"), [(0.0, 1.0), (np.inf, 1.0), (np.nan, 1.0), (4.0, -1.0), (4.0, np.nan)])
-def test_thresholds_are_checked(written, density, least):
-    with pytest.raises(ResultError, match="congestion"):
-        find_congestion(written([APART, APART]), density, least)

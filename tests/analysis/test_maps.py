@@ -8,7 +8,6 @@ from shapely.geometry import Polygon, box
 
 from evac.analysis.grid import Grid
 from evac.analysis.maps import QUANTITIES, level_maps
-from evac.base.errors import ResultError
 from evac.trajectory.trajectory import read_trajectory
 
 R = 0.5
@@ -136,25 +135,3 @@ def test_holes_are_not_floor():
     assert set(body.tolist()) == {0}
     assert (grid.on_floor.ravel()[cell]).all()
     assert grid.smoothed(grid.gathered(np.array([[0.5, 2.0]]), np.ones(1))).sum() * 0.25 == pytest.approx(1.0, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"levels": ["flor 0"]}, "'floor 0'"),
-        ({"levels": [9]}, "0 to 4"),
-        ({"spacing": 0.0}, "spacing"),
-        ({"spacing": 1e-4}, "^spacing: .*0.01 m"),
-        ({"kernel_radius": float("inf")}, "kernel_radius"),
-        ({"kernel_radius": 1e6}, "kernel_radius: .* 100 m"),
-        ({"start": 30.0}, "0 to 10 s"),
-    ],
-)
-def test_maps_that_cannot_be_made_are_refused(written, options, words):
-    with pytest.raises(ResultError, match=words):
-        level_maps(written(np.full((11, 1, 2), 3.0)), **options)
-
-
-def test_an_unknown_quantity_is_refused(standing):
-    with pytest.raises(ResultError, match="'mood'"):
-        standing["floor 0"].array("mood")

@@ -69,14 +69,6 @@ def test_a_list_is_taken_in_order_and_must_be_long_enough():
 
 
 @pytest.mark.parametrize(
-    "value", [0.5, {"uniform": [0.0, 1.0]}, {"normal": [1.0, 0.5], "minimum": 0.0, "maximum": 2.0}]
-)
-def test_it_is_written_as_it_was_read(value):
-    assert parse(value, "key").to_value() == value
-    assert parse(parse(value, "key"), "key") == parse(value, "key")
-
-
-@pytest.mark.parametrize(
     ("value", "words"),
     [
         ("fast", "number.*'fast'"),

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from evac.base.errors import PluginError
-from evac.base.parameters import Configurable, Parameter, did_you_mean
+from evac.base.parameters import Configurable, Parameter
 
 
 class Spring(Configurable):
@@ -68,8 +68,3 @@ def test_a_wrong_value_is_refused_with_key_and_range(key, value, words):
 
 def test_infinity_is_legal_where_declared():
     assert Spring(limit=math.inf).limit == math.inf
-
-
-def test_did_you_mean_lists_what_is_known_when_nothing_is_close():
-    assert did_you_mean("xyz", ("dem", "nsm2")) == "known: dem, nsm2"
-    assert did_you_mean("xyz", ()) == "known: none"

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from evac.base.errors import BuildingError
-from evac.simulation.assembly import read_building
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
 
@@ -44,15 +43,6 @@ def test_portals_at_the_corner_of_a_quarter_landing_may_touch(mesh, read):
     ]
 
 
-def test_portals_back_to_back_may_be_close(mesh, read):
-    # A stair down and a stair up whose feet are 0.4 m apart across a slot in their common floor.
-    mesh.rectangle(0, 0, 8, 2, 2).rectangle(8.4, 0, 16.4, 2, 2).rectangle(0, 2, 16.4, 4, 2)
-    mesh.rectangle(8, 0, 12, 2, 2, 0).rectangle(12, 0, 16, 2)
-    mesh.rectangle(4.4, 0, 8.4, 2, 4, 2).rectangle(0, 0, 4.4, 2, 4)
-    building = read(mesh, exits=[{"name": "out", "segment": [[0, 0], [0, 2]], "z": 2.0}])
-    assert [portal.levels for portal in building.portals] == [(0, 1), (1, 2), (2, 3), (3, 4)]
-
-
 def test_level_over_itself_is_refused(mesh, read):
     for step in range(30):  # a spiral ramp of 450 degrees
         angle = np.deg2rad([15 * step, 15 * step + 15])
@@ -75,13 +65,6 @@ def test_stair_that_joins_nothing_is_refused(mesh, read, shift):
     assert str(caught.value).count("'floor z=2.00' is 0.100 m away") == (shift == 0.1)
 
 
-def test_a_stair_that_joins_nothing_misses_others_not_itself(mesh, read):
-    mesh.rectangle(0, 0, 4, 2).rectangle(4.2, 0, 8, 2, 0, 2).rectangle(8.1, 0, 12, 2, 2).rectangle(12, 0, 16, 2, 2, 4)
-    mesh.rectangle(16, 0, 20, 2, 4)
-    with pytest.raises(BuildingError, match=r"'floor z=2.00' is 0.100 m"):
-        read(mesh, exits=[EXIT])
-
-
 def test_ramp_to_an_exit_joins_something(mesh, read):
     mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, -1)
     way = {"name": "ramp", "segment": [[8, 0], [8, 2]], "z": -1.0}
@@ -99,12 +82,6 @@ def test_fold_is_refused(mesh, read):
     mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(4, 0, 8, 2, 4, 2).rectangle(0, 0, 4, 2, 4)
     with pytest.raises(BuildingError, match=r"edge \(8.00, 0.00, 2.00\)"):
         read(mesh, exits=[EXIT])
-
-
-def test_the_file_is_named(mesh, tmp_path):
-    path = mesh.rectangle(0, 0, 6, 3).write_obj(tmp_path / "some_room.obj")
-    with pytest.raises(BuildingError, match=r"some_room\.obj: "):
-        read_building(path)
 
 
 @pytest.mark.parametrize(("z", "is_refused"), [(0.0, True), (0.5, True), (3.0, False)])
@@ -136,20 +113,3 @@ def test_walls_closer_than_any_wall_is_thick_are_warned_of(mesh, read, gap, weld
     notes = [one for one in building.findings if one.place == (4.0, 1.5) and one.level == "floor z=0.00"]
     assert len(notes) == len(building.warnings) == (gap == 0.002 and walls == 8)
     assert all("'floor z=0.00 (2)'" in one.text and "2.0 mm" in one.text for one in notes)
-
-
-def test_the_two_sides_of_a_slot_that_people_stand_in_are_no_missed_seam(mesh, read):
-    mesh.rectangle(0, 0, 4, 3).rectangle(4, 1, 4.5, 1.008).rectangle(4.5, 0, 8, 3)
-    assert read(mesh, need_exit=False).warnings == ()
-
-
-def test_a_sloping_deck_may_lie_under_a_floor(mesh, read):
-    mesh.rectangle(0, 0, 60, 8, 0, 3).rectangle(0, 0, 20, 8, 3.2, 3.2)
-    exits = [EXIT, {"name": "other", "segment": [[0, 3], [0, 4]], "z": 3.2}]
-    assert len(read(mesh, exits=exits).levels) == 2
-
-
-def test_floors_that_overlap_by_less_than_a_rounding_error_are_built(mesh, read):
-    mesh.rectangle(0, 0, 40, 4).rectangle(-1, 3.9985, 41, 8)
-    building = read(mesh, weld=5e-4, exits=[EXIT])
-    assert [level.polygon.area for level in building.levels] == pytest.approx([160.0, 168.063])

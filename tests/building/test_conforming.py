@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from shapely import LineString, Polygon, box
+from shapely import box
 
 from evac.building.surface.surfacemesh import SurfaceMesh
 
@@ -66,17 +66,3 @@ def test_surfaces_at_different_heights_share_nothing():
 def test_a_surface_may_carry_several_tags():
     mesh = SurfaceMesh.of_polygons([(("floor:a", "area:b"), box(0, 0, 2, 2), 0.0), ("floor:a", box(2, 0, 4, 2), 0.0)])
     assert (np.sum(mesh.cell_tags["floor:a"]), np.sum(mesh.cell_tags["area:b"])) == (4, 2)
-
-
-@pytest.mark.parametrize(
-    ("plan", "place"),
-    [(Polygon([(0, 0), (2, 2), (2, 0), (0, 2)]), r"1 1"), (Polygon(), "empty"), (LineString([(0, 0), (1, 1)]), "Line")],
-)
-def test_what_is_no_polygon_is_refused(plan, place):
-    with pytest.raises(ValueError, match=rf"'floor:a'.*{place}"):
-        SurfaceMesh.of_polygons([("floor:a", plan, 0.0)])
-
-
-def test_an_edge_on_no_surface_is_refused():
-    with pytest.raises(ValueError, match=r"'exit:a'.*\(5.00, 0.00, 0.00\)"):
-        SurfaceMesh.of_polygons([("floor:a", box(0, 0, 2, 2), 0.0)], [("exit:a", (5, 0, 0), (5, 1, 0))])

@@ -98,21 +98,6 @@ def test_an_exit_past_a_corner_is_refused_with_the_part_beside_the_floor():
         plan.surface()
 
 
-def test_a_door_past_a_corner_is_not_taken_for_one_across_the_wall():
-    with pytest.raises(BuildingError, match=r"door 'inner'.* room"):
-        two_rooms([(10, 9.5), (10, 10.5)]).surface()
-
-
-def test_the_edge_suggested_for_an_exit_is_outer():
-    plan = two_rooms([(10, 7), (10, 7.9)])
-    plan.storey("upper", box(0, 0, 18, 10), z=3.0)
-    plan.stair("stair", "ground", [(2, 2), (2, 4)], "upper", length=5.0, direction=(1, 0))
-    plan.obstacle("table", "ground", box(4, 6, 6, 7))
-    plan.exit("out", "ground", [(5, 5), (5, 5.9)])
-    with pytest.raises(BuildingError, match=r"exit 'out'.*\(9\.95, 10\.00\) - \(0\.00, 10\.00\), 4\.10 m"):
-        plan.surface()
-
-
 def rooms_in_a_square(number, plan):
     """Rooms of 4 x 3 m, 0.2 m apart, with doors along the rows and along the first column; return the added area."""
     for column in range(number):
@@ -144,33 +129,6 @@ def test_a_door_meets_only_the_rooms_near_it(monkeypatch):
     assert sum(number > 20 for number in met) == 2  # all rooms, and all rooms with all doors
 
 
-def test_doors_of_several_storeys_keep_their_order():
-    plan = Plan()
-    for k, name in enumerate(("a", "b")):
-        plan.storey(name, [box(0, 0, 4, 4), box(4.2, 0, 8.2, 4)], 4.0 * k)
-    for name, storey, y in (("one", "b", 1.0), ("two", "a", 1.0), ("three", "b", 2.5), ("four", "a", 2.5)):
-        plan.door(name, storey, [(4.1, y), (4.1, y + 1.0)])
-    assert [door.name for door in plan.building(need_exit=False).doors] == ["one", "two", "three", "four"]
-
-
-def test_a_door_reaches_a_room_across_the_ground_of_an_earlier_one():
-    """The second door is in the doorway of the first, whose ground it has on one side."""
-    plan = Plan()
-    plan.storey("a", [box(0, 0, 4, 4), box(4.6, 0, 8, 4)])
-    plan.door("first", "a", [(4.3, 1.0), (4.3, 2.0)])
-    plan.door("second", "a", [(4.3, 1.5), (4.3, 2.5)])
-    building = plan.building(need_exit=False)
-    assert building.levels[0].polygon.area == pytest.approx(16.0 + 13.6 + 0.6 * 1.5, abs=1e-6)
-
-
-def test_a_message_about_a_door_far_away_names_the_nearest_edge():
-    plan = Plan()
-    plan.storey("a", [box(0, 0, 4, 4), box(4.2, 0, 8, 4)])
-    plan.door("lost", "a", [(20.0, 1.0), (20.0, 2.0)])
-    with pytest.raises(BuildingError, match=r"door 'lost'.*\(4\.\d0, \d\.00\)"):
-        plan.building(need_exit=False)
-
-
 def test_an_exit_that_a_wall_makes_narrower_is_told():
     plan = two_rooms([(10, 7), (10, 7.9)])
     plan.exit("beside", "ground", [(10, 0), (11, 0)])
@@ -181,11 +139,3 @@ def test_an_exit_that_a_wall_makes_narrower_is_told():
     assert (told.kind, told.place) == ("warning", pytest.approx((10.5, 0.0)))
     assert "0.950 m" in told.text
     assert not any("'whole'" in finding.text for finding in building.findings)
-
-
-def test_an_exit_that_touches_an_edge_with_one_end_is_not_told_to_move_there():
-    plan = two_rooms([(10, 7), (10, 7.9)])
-    plan.exit("out", "ground", [(2, 0), (3, 0.4)])
-    with pytest.raises(BuildingError, match=r"exit 'out'.*both ends") as caught:
-        plan.surface()
-    assert "0.00 m away" not in str(caught.value)

@@ -54,25 +54,6 @@ def test_an_outline_that_crosses_itself_is_named_with_the_error_that_follows():
     assert "crosses itself" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("factor", "unit", "shown"),
-    [(1e3, "millimetres", "0.001"), (1e2, "centimetres", "0.01"), (1 / 0.0254, "inches", "0.0254")],
-)
-def test_a_segment_in_another_unit_is_asked_about(factor, unit, shown):
-    plan = two_storeys()
-    plan.exit("far", "ground", [(18 * factor, 4 * factor), (18 * factor, 5 * factor)])
-    with pytest.raises(BuildingError, match=rf"exit 'far'.*{unit}.*{shown}"):
-        plan.surface()
-
-
-def test_a_segment_elsewhere_is_not_asked_about():
-    plan = two_storeys()
-    plan.exit("far", "ground", [(18.5, 24), (18.5, 25)])
-    with pytest.raises(BuildingError, match="exit 'far'") as caught:
-        plan.surface()
-    assert "Multiplied" not in str(caught.value)
-
-
 def test_a_stair_too_steep_is_refused_with_the_length_it_needs():
     plan = two_storeys()
     plan.stair("main", "ground", [(2, 0.1), (2, 1.5)], "upper", length=1.0, direction=(1, 0))

@@ -5,8 +5,7 @@ import pickle
 import pytest
 
 import evac
-from evac.base.errors import BuildingError
-from evac.building.model.findings import Finding, as_findings, grouped, repaired, warnings_of
+from evac.building.model.findings import Finding, as_findings, repaired, warnings_of
 
 
 def test_a_finding_begins_with_its_place():
@@ -20,20 +19,6 @@ def test_only_warnings_are_shown_at_every_run():
     given = as_findings(["text", Finding("found", "a door"), Finding("repaired", "a gap")])
     assert warnings_of(given) == ("text",)
     assert pickle.loads(pickle.dumps(given)) == given
-
-
-@pytest.mark.parametrize(("kind", "place"), [("oops", None), ("found", (1.0,)), ("found", (1.0, 2.0, 3.0, 4.0))])
-def test_unknown_kinds_and_places_are_refused(kind, place):
-    with pytest.raises(ValueError, match="finding"):
-        Finding(kind, "text", place=place)
-
-
-def test_findings_that_differ_in_names_and_numbers_are_told_once():
-    told = [Finding("left out", f"{area} m2 of 'room {area}' are a void", "a", (area, 0.0)) for area in (3.0, 4.5)]
-    assert grouped([*told, Finding("left out", "other", "b")]) == [
-        f"{told[0]} (and 1 more like this)",
-        "level 'b': other",
-    ]
 
 
 KEPT = ['Saal "Blau"', 'A101 12"', "back\\", '\\"', "it's", "'", "#1", "東", "a:b", "$5 to $10", "  two  blanks "]
@@ -58,10 +43,3 @@ def test_names_are_read_as_they_were_written(name, tmp_path):
         assert REPAIRED.get(name, name) == repaired(name)
     told = [one for one in plan_with(name).building().findings if one.kind == "repaired"]
     assert len(told) == (3 if name in REPAIRED else 0)
-
-
-def test_two_names_that_become_the_same_are_refused():
-    plan = plan_with("a\nb")
-    plan.exit("a b", "a\nb", [(5, 1), (5, 2)])
-    with pytest.raises(BuildingError, match="a b"):
-        plan.building()

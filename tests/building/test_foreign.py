@@ -147,16 +147,6 @@ def test_a_stair_that_turns_is_warned_of_with_its_place(tmp_path):
     assert (warning.kind, len(warning.place)) == ("warning", 3)
 
 
-@pytest.mark.parametrize(("size", "scale", "factor"), [(0.1, 1.0, "1000"), (1e3, 1.0, "0.001"), (1e3, 1e-4, "0.1")])
-def test_unusual_sizes_are_doubted_with_the_factor_that_helps(tmp_path, size, scale, factor):
-    model = Model()
-    model.flat(0, 0, 12 * size, 8 * size, 0.0)
-    building = model.read(tmp_path, scale=scale, weld=1e-6)
-    (warning,) = building.warnings
-    assert f"building.scale = {factor} " in warning
-    assert model.read(tmp_path, scale=float(factor)).warnings == ()
-
-
 @pytest.mark.parametrize(
     ("size", "scale", "factor"), [(1e-3, 1.0, "1000"), (1e3, 1e-6, "0.001"), (1.0, 1e-3, "1"), (1.0, 1e-2, "1")]
 )
@@ -165,28 +155,6 @@ def test_a_building_into_which_nobody_fits_is_refused_with_the_scale_that_helps(
     model.flat(0, 0, 12 * size, 8 * size, 0.0)
     with pytest.raises(BuildingError, match=rf"{12e3 * size * scale:g} mm.*building\.scale = {factor} "):
         model.read(tmp_path, scale=scale)
-
-
-def test_edges_that_nearly_meet_name_the_weld_that_joins_them(tmp_path):
-    model = Model()
-    model.flat(0, 0, 4, 3, 0.0)
-    model.flat(4.0035, 0, 8, 3, 0.0)
-    (warning,) = model.read(tmp_path).warnings
-    assert "building.weld = 0.004 " in warning
-    building = model.read(tmp_path, weld=0.004)
-    assert (len(building.levels), building.warnings) == (1, ())
-
-
-def test_a_stair_that_nearly_meets_names_the_weld_that_joins_it(tmp_path):
-    model = Model()
-    model.flat(-4, 0, 0, 3, 0.0)
-    model.flat(4, 0, 8, 3, 2.0)
-    first = len(model.points)
-    model.points += [(0, 1, 0.004), (4, 1, 2.0), (4, 2, 2.0), (0, 2, 0.004)]
-    model.faces.append([first, first + 1, first + 2, first + 3])
-    with pytest.raises(BuildingError, match=r"building\.weld = 0\.005 "):
-        model.read(tmp_path)
-    assert len(model.read(tmp_path, weld=0.005).portals) == 2
 
 
 def test_a_union_of_bodies_keeps_the_ground_of_shapely(tmp_path):
@@ -226,14 +194,6 @@ def test_slabs_and_ramps_that_overlap_are_ground_once(tmp_path):
     assert len(building.portals) == 2
 
 
-def test_a_mesh_with_y_upwards_is_doubted(house, tmp_path):
-    doubts = [text for text in texts(house.read(tmp_path, swap=True), "warning") if "building.up" in text]
-    assert len(doubts) == 1
-    with pytest.raises(BuildingError) as caught:
-        house.read(tmp_path, swap=True, exits=[{"name": "a", "z": 0.0, "segment": [[99, 99], [98, 99]]}])
-    assert doubts[0] in str(caught.value)
-
-
 def test_walls_that_share_corners_with_their_slabs_are_cut_out(tmp_path):
     model = Model()
     for z in (0, 3):
@@ -246,13 +206,3 @@ def test_walls_that_share_corners_with_their_slabs_are_cut_out(tmp_path):
     model.points = list(index)
     ground = [("floor", z, area) for z in (0.0, 3.0) for area in (23.2, 33.64)]
     assert sorted(levels(model.read(tmp_path))) == [*ground, ("floor", 6.0, 60.0)]
-
-
-def test_slabs_at_slightly_different_heights_name_the_weld_that_joins_them(tmp_path):
-    model = Model()
-    model.box(0, 0, -0.2, 10, 10, 0)
-    model.box(10, 0, -0.2, 20, 10, 0.005)
-    (text,) = texts(model.read(tmp_path), "warning")
-    assert "5.0 mm" in text
-    assert "building.weld = 0.006" in text
-    assert len(model.read(tmp_path, weld=0.006).levels) == 1

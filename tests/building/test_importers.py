@@ -3,7 +3,6 @@ import re
 import meshio
 import numpy as np
 import pytest
-import shapely
 
 from evac.base.errors import BuildingError
 from evac.building.surface.build import build_building
@@ -150,37 +149,11 @@ def test_off_with_colours_comments_and_polygons(tmp_path):
     assert len(mesh.triangles) == 3
 
 
-def test_obj_with_continued_lines_and_repeated_o(tmp_path):
-    path = tmp_path / "a.obj"
-    path.write_text("o one\nv 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nf 1 2 \\\n3 4\no two\nv 8 0 0\nv 8 3 0\nf 2 -2 -1 3\n")
-    assert read_mesh(path).triangles.shape == (4, 3)
-
-
 def test_second_order_cells_count_by_their_corners(tmp_path):
     points = [[0, 0, 0], [4, 0, 0], [0, 4, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
     path = tmp_path / "curved.vtu"
     meshio.Mesh(np.array(points, dtype=float), [("triangle6", [[0, 1, 2, 3, 4, 5]])]).write(path)
     np.testing.assert_array_equal(read_mesh(path).triangles, [[0, 1, 2]])
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("a.obj", "v 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nf 1 2 3 4\n"),
-        ("a.off", "OFF\n4 1 0\n0 0 0\n4 0 0\n4 3 0\n0 3 0\n4 0 1 2 3\n"),
-        ("a.ply", PLY),
-        ("a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 0 0\nvertex 4 3 0\nendloop\n"
-         "endfacet\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 3 0\nvertex 0 3 0\nendloop\nendfacet\n"
-         "endsolid a\n"),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
-def test_a_byte_order_mark_changes_nothing(tmp_path, name, text, encoding):
-    path = tmp_path / name
-    path.write_text(text, encoding=encoding)
-    mesh = read_mesh(path)
-    assert len(mesh.points) == 4
-    assert shapely.area(shapely.polygons(mesh.points[mesh.triangles][:, :, :2])).sum() == 12.0
 
 
 def test_an_upright_wall_may_zigzag_in_plan(tmp_path):
@@ -215,22 +188,6 @@ QUAD = [[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]]
 
 
 @pytest.mark.parametrize(
-    "pieces",
-    [[(QUAD, [[0, 1, 2], [1, 2, 0, 3]], [5, 6])], [(QUAD, [[0, 1, 2, 3]], [9]), (QUAD, [[0, 1, 2, 3]], [9])]],
-    ids=["strip", "two pieces"],
-)
-def test_cells_of_vtu_that_cannot_be_read_are_not_left_out_in_silence(tmp_path, pieces):
-    with pytest.raises(BuildingError, match="1 of 2 cells"):
-        read_mesh(vtu(tmp_path / "a.vtu", *pieces))
-
-
-def test_cells_that_are_no_surface_are_warned_of(tmp_path):
-    (note,) = read_mesh(vtu(tmp_path / "a.vtu", ([*QUAD, [0, 0, 3]], [[0, 1, 2, 4], [0, 1, 2, 3]], [10, 9]))).findings
-    assert "1 " in note.text
-    assert "'tetra'" in note.text
-
-
-@pytest.mark.parametrize(
     ("array", "carried"),
     [('type="Int32"', "1 0"), ('type="Int32" NumberOfComponents="1"', "1 0"), ('type="Float64"', "1 nan")],
 )
@@ -238,12 +195,6 @@ def test_tags_of_vtu_are_where_they_are_not_zero(tmp_path, array, carried):
     data = f'<DataArray {array} Name="floor:a" format="ascii">{carried}</DataArray>'
     mesh = read_mesh(vtu(tmp_path / "a.vtu", (QUAD, [[0, 1, 2], [0, 2, 3]], [5, 5]), data=data))
     assert mesh.cell_tags["floor:a"].tolist() == [True, False]
-
-
-def test_a_tag_of_vtu_with_two_numbers_is_refused(tmp_path):
-    data = '<DataArray type="Int32" Name="floor:a" NumberOfComponents="2" format="ascii">1 0 0 0</DataArray>'
-    with pytest.raises(BuildingError, match="'floor:a'"):
-        read_mesh(vtu(tmp_path / "a.vtu", (QUAD, [[0, 1, 2], [0, 2, 3]], [5, 5]), data=data))
 
 
 def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
@@ -303,30 +254,12 @@ def test_damaged_files_are_refused_by_name_and_in_silence(tmp_path, capfd, name,
     assert capfd.readouterr() == ("", "")
 
 
-def test_text_that_is_not_utf_8_is_refused(tmp_path):
-    path = tmp_path / "a.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-16")
-    with pytest.raises(BuildingError, match="UTF-8"):
-        read_mesh(path)
-
-
-def test_missing_file(tmp_path):
-    with pytest.raises(BuildingError, match="no such file"):
-        read_mesh(tmp_path / "none.obj")
-
-
 def test_unknown_tag_is_a_warning(tmp_path, stair_mesh):
     stair_mesh.edge((26.0, 0.0, 3.0), (26.0, 2.0, 3.0), "exits:back")
     building = read_building(stair_mesh.write_gmsh22(tmp_path / "a.msh"))
     (warning,) = building.warnings
     assert "'exits:back'" in warning
     assert len(building.exits) == 1
-
-
-def test_exit_tag_on_a_surface_is_refused(tmp_path, stair_mesh):
-    stair_mesh.rectangle(30, 0, 31, 1, tag="exit:wrong")
-    with pytest.raises(BuildingError, match="'exit:wrong'"):
-        read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
 
 
 GROUPS = """
@@ -378,10 +311,3 @@ def test_groups_of_obj_are_tags(tmp_path):
     ]  # fmt: skip
     ignored = read_surface(REGISTRY.importer_for(path)(names={"*": "ignore"}), path)
     assert len(ignored.cells) == 0
-
-
-def test_a_kind_of_group_that_is_none_is_refused(tmp_path):
-    path = tmp_path / "a.obj"
-    path.write_text(GROUPS)
-    with pytest.raises(BuildingError, match=r"'Tuer'.*'exit'"):
-        read_surface(REGISTRY.importer_for(path)(names={"Tuer": "exitt"}), path)

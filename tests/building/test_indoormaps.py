@@ -129,30 +129,6 @@ def test_levels_as_ranges_with_a_stair_through_all_of_them(tmp_path):
     assert len(left_out) == 2
 
 
-@pytest.mark.parametrize("level", ["0-999999999", "999999999999--1"])
-def test_absurd_levels_are_refused(tmp_path, level):
-    (tmp_path / "a.geojson").write_text(collection(feature(box(0, 0, 9, 9), indoor="room", level=level)))
-    with pytest.raises(BuildingError, match="more than 300"):
-        read_building(tmp_path / "a.geojson")
-
-
-@pytest.mark.parametrize(
-    ("shape", "tags", "told"),
-    [
-        (Polygon([(0, 5), (10, 15), (10, 5), (0, 15)]), {"indoor": "room"}, "Self-intersection"),
-        (Polygon([(0, 5), (9, 5), (9, 9), (5, 9), (5, 12), (5, 9), (0, 9)]), {"indoor": "room"}, "Self-intersection"),
-        (Point(2, 2), {"highway": "steps"}, "without a length"),
-        (LineString([(2, 2), (2, 2)]), {"highway": "steps"}, "without a length"),
-        (Point(5, 5), {"door": "yes", "width": "1e9"}, "exit '0 door 1'"),
-    ],
-)
-def test_what_is_not_valid_is_repaired_or_left_out(tmp_path, shape, tags, told):
-    ground = feature(box(0, 0, 20, 5), indoor="corridor", level="0;1")
-    (tmp_path / "a.geojson").write_text(collection(ground, feature(shape, level="0;1", **tags)))
-    building = read_building(tmp_path / "a.geojson", need_exit=False)
-    assert any(told in one.text for one in building.findings)
-
-
 def test_without_doors_rooms_that_touch_are_open_to_each_other(tmp_path):
     (tmp_path / "a.geojson").write_text(osm(door="no"))
     building = read_building(tmp_path / "a.geojson")

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from evac.base.errors import BuildingError
 from evac.simulation.assembly import read_building
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
@@ -16,16 +15,6 @@ def test_straight_stair(stair_mesh, read):
     assert building.levels[1].slope == pytest.approx(np.arctan(0.5))
     assert building.stairs == {"stair 1": (1,)}
     assert building.level_named("flight z=0.00..3.00") is building.levels[1]
-
-
-@pytest.mark.parametrize("z", [-0.0, -1e-12, -0.004])
-def test_no_name_has_a_negative_zero(mesh, read, z):
-    mesh.rectangle(0, 0, 4, 2, z).rectangle(4, 0, 8, 2, z, 2.0).rectangle(8, 0, 12, 2, 2.0)
-    assert [level.name for level in read(mesh, need_exit=False).levels] == [
-        "floor z=0.00",
-        "flight z=0.00..2.00",
-        "floor z=2.00",
-    ]
 
 
 def test_names_of_tags_are_used(stair_mesh, tmp_path):
@@ -106,18 +95,6 @@ def test_two_portals_where_two_levels_meet_twice(mesh, tmp_path):
     building = read_building(mesh.write_vtu(tmp_path / "a.vtu"))
     assert [portal.segments.tolist() for portal in building.portals] == [[[4, 0, 4, 2]], [[4, 4, 4, 6]]]
     assert [portal.name for portal in building.portals] == ["west - east", "west - east (2)"]
-
-
-def test_equal_names_are_numbered(mesh, read):
-    building = read(mesh.rectangle(0, 0, 4, 3).rectangle(10, 0, 14, 3), exits=[EXIT])
-    assert [level.name for level in building.levels] == ["floor z=0.00", "floor z=0.00 (2)"]
-    assert [one.level for one in building.findings] == ["floor z=0.00 (2)"]
-
-
-def test_cell_of_two_floors_is_refused(mesh, tmp_path):
-    mesh.rectangle(0, 0, 4, 3, tag="floor:a").rectangle(0, 0, 4, 3, tag="floor:b")
-    with pytest.raises(BuildingError, match=r"at \(\d.\d\d, \d.\d\d, 0.00\) .*'floor:a' and 'floor:b'"):
-        read_building(mesh.write_gmsh22(tmp_path / "a.msh"))
 
 
 def winding_ramp(mesh, steps):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from evac import BuildingError, Plan, ScenarioError, import_building
-from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.case import load_case
 
 
@@ -25,26 +24,9 @@ def test_an_option_has_the_same_bounds_in_a_case_from_python_and_in_an_import(ro
         import_building([tmp_path / "mesh.obj"], tmp_path / "case", options={key: value})
 
 
-def test_an_option_that_does_not_exist_is_named_with_the_closest_one(room, read):
-    with pytest.raises(BuildingError, match=r"building\.weldd: .*'weld'"):
-        read(room, weldd=0.1)
-
-
-def test_coordinates_may_be_arrays(room, read):
-    ends = np.array([[6, 1], [6, 2]], dtype=np.float32)
-    building = read(room, exits=[{"name": "out", "segment": ends, "z": np.float32(0.0)}], weld=np.float64(0.002))
-    np.testing.assert_array_equal(building.exits[0].segments, [[6.0, 1.0, 6.0, 2.0]])
-
-
 def test_a_plan_takes_the_options_of_a_file():
     plan = Plan()
     plan.storey("ground", [(0, 0), (6, 0), (6, 4), (0, 4)])
     out = {"name": "out", "segment": [(6, 1), (6, 2)], "level": "ground"}
     assert [way.name for way in plan.building(exits=[out]).exits] == ["out"]
     assert plan.building(need_exit=False).exits == ()
-
-
-def test_options_are_frozen_and_those_of_a_surface_come_first():
-    assert list(BuildingOptions.model_fields)[: len(SurfaceOptions.model_fields)] == list(SurfaceOptions.model_fields)
-    with pytest.raises(ValueError, match="frozen"):
-        BuildingOptions().weld = 1.0

@@ -69,14 +69,6 @@ def test_second_exit_on_the_same_edge(room, read):
     assert [found.width for found in building.exits] == [1.0, 1.0]
 
 
-@pytest.mark.parametrize(
-    "segment", [[[6, 1]], [[6, 1], [6, 1]], [[6, 1], [6, np.nan]], "abc", None, [[6, 1], [6, 2, 3]]]
-)
-def test_exit_that_is_no_segment(room, read, segment):
-    with pytest.raises(BuildingError, match=r"building\.exits\.0\.segment"):
-        read(room, exits=[{"name": "out", "segment": segment, "z": 0.0}])
-
-
 def test_level_by_name_and_by_height(stair_mesh, read):
     up = read(stair_mesh, exits=[way([0, 0], [0, 2]), way([26, 0], [26, 2], name="roof", z=2.8)])
     assert [found.level for found in up.exits] == [0, 2]
@@ -171,12 +163,6 @@ def test_obstacles_that_cannot_be(room, read, polygon, words):
         )
 
 
-def test_obstacle_on_a_portal_is_refused(stair_mesh, read):
-    box = {"name": "box", "polygon": [[9, 0], [10, 0], [10, 1], [9, 1]], "z": 0.0}
-    with pytest.raises(BuildingError, match=r"1.00 m .* portal 'floor z=0.00 - flight z=0.00..3.00'"):
-        read(stair_mesh, exits=[way([0, 0], [0, 2])], obstacles=[box])
-
-
 @pytest.mark.parametrize(("is_cut_out", "height"), [(True, 0.0), (False, 0.0), (False, 0.75)])
 def test_tagged_obstacle_becomes_walls(mesh, tmp_path, is_cut_out, height):
     for x in range(3):
@@ -193,24 +179,8 @@ def test_tagged_obstacle_becomes_walls(mesh, tmp_path, is_cut_out, height):
     assert inner == [[1, 1, 1, 2], [1, 2, 2, 2], [2, 1, 1, 1], [2, 2, 2, 1]]
 
 
-def test_tagged_exit_off_the_edge_is_refused(mesh, tmp_path):
-    mesh.rectangle(0, 0, 4, 3).rectangle(4, 0, 8, 3).edge((4, 0, 0), (4, 3, 0), "exit:door")
-    with pytest.raises(BuildingError, match=r"\(4.00, 0.00, 0.00\) - \(4.00, 3.00, 0.00\) of 'exit:door'"):
-        read_building(mesh.write_vtu(tmp_path / "a.vtu"))
-
-
 def test_tagged_exit_on_part_of_an_edge(mesh, tmp_path):
     mesh.rectangle(0, 0, 4, 3).edge((4, 1, 0), (4, 2, 0), "exit:door")
     building = read_building(mesh.write_vtu(tmp_path / "a.vtu"))
     assert building.exits[0].segments.tolist() == [[4, 1, 4, 2]]
     assert building.walls.tolist() == [[0, 0, 4, 0], [0, 3, 0, 0], [4, 0, 4, 1], [4, 2, 4, 3], [4, 3, 0, 3]]
-
-
-def test_tagged_exit_on_two_levels_or_twice_is_refused(stair_mesh, tmp_path):
-    stair_mesh.edge((26.0, 0.0, 3.0), (26.0, 2.0, 3.0), "exit:door")
-    with pytest.raises(BuildingError, match=r"'exit:door' .* 'ground' and 'upper'"):
-        read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
-    stair_mesh.edges[-1:] = []
-    stair_mesh.edge((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), "exit:other")
-    with pytest.raises(BuildingError, match=r"'exit:other' .* 'exit:door'"):
-        read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))

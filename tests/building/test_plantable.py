@@ -1,6 +1,5 @@
 """Plans as tables, and plans of existing buildings."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 import shapely
 from shapely import box
 
-from evac import BuildingError, Plan, read_building
+from evac import BuildingError, Plan
 from evac.building.plan.plantable import plan_of, plan_of_building, slopes_of, table_of
 
 
@@ -92,23 +91,6 @@ def test_the_planes_of_a_flight_have_heights():
     assert (heights.min(), heights.max()) == (pytest.approx(0.0), pytest.approx(1.5))
 
 
-def test_an_exit_on_a_stair_has_no_plan():
-    plan = Plan()
-    plan.storey("low", shapely.box(0, 0, 4, 2))
-    plan.flight("up", [(4, 0), (4, 2)], 0.0, [(8, 0), (8, 2)], 2.0)
-    building = plan.building(need_exit=False, exits=[{"name": "top", "segment": ((8, 0), (8, 2)), "z": 2.0}])
-    with pytest.raises(ValueError, match="'top'"):
-        plan_of_building(building)
-
-
-@pytest.mark.parametrize("segment", [[], [[]], [[[0, 0], [0, 1]], []], [[0, 0]]])
-def test_an_exit_needs_segments(segment):
-    plan = Plan()
-    plan.storey("low", shapely.box(0, 0, 4, 2))
-    with pytest.raises(BuildingError, match="exit 'door': segment: a segment must be"):
-        plan.exit("door", "low", segment)
-
-
 @pytest.mark.parametrize(
     ("polygon", "edge", "match"),
     [
@@ -123,21 +105,3 @@ def test_a_flight_is_between_edges_or_in_one_plane(polygon, edge, match):
     table = {"storeys": [{"name": "low", "polygons": [[0, 0], [4, 0], [4, 2], [0, 2]]}], "flights": [flight]}
     with pytest.raises(BuildingError, match=match):
         plan_of(table, Path("a.plan.toml"), Path()).building(need_exit=False)
-
-
-@pytest.mark.parametrize(
-    ("properties", "match"),
-    [
-        ({"kind": "flight", "name": "f", "levels": ["f"]}, "stair"),
-        ({"kind": "flour", "name": "f", "levels": ["f"]}, "unknown kind 'flour'"),
-        ({"kind": "flight", "name": "f", "levels": ["f"], "stair": "s"}, "heights"),
-    ],
-)
-def test_a_changed_export_is_refused_by_its_feature(tmp_path, properties, match):
-    box = {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]}
-    floor = {"kind": "floor", "name": "low", "levels": ["low"], "z_min": 0.0}
-    features = [{"type": "Feature", "properties": one, "geometry": box} for one in (floor, properties)]
-    path = tmp_path / "a.geojson"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    with pytest.raises(BuildingError, match=match):
-        read_building(path)

@@ -32,24 +32,6 @@ def test_step_of_what_was_rounded(plan, step):
     assert rounding_step(np.asarray(plan, dtype=float)) == step
 
 
-def test_a_drawing_in_whole_metres_with_one_odd_wall_is_not_taken_for_rounded():
-    drawn = np.array([(0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (5.1, 6.0), (5.0, 6.0), (0.0, 6.0)])
-    assert rounding_step(drawn + UTM) == 0.0
-
-
-@pytest.mark.parametrize(
-    "drawn", [PLAN, np.round(PLAN, 1), np.round(PLAN), np.round(2.0 * PLAN), 0.25 * np.round(PLAN)]
-)
-@pytest.mark.parametrize("origin", [(0.0, 0.0), (500000.0, 0.0), (500000.0, 5000000.0), (-3513270.25, 5402112.75)])
-def test_coarse_drawings_in_double_precision_are_not_taken_for_rounded(drawn, origin):
-    assert rounding_step(drawn + np.array(origin)) <= 1e-3
-
-
-@pytest.mark.parametrize("plan", [np.zeros((3, 2)), [[1e5 + 1, 0], [2e5, 1e-310], [2e5, 0]]])
-def test_an_axis_without_extent_says_nothing(plan):
-    assert rounding_step(np.array(plan)) == 0.0
-
-
 @pytest.mark.parametrize("name", ["float32", "digits"])
 def test_utm_coordinates_without_their_decimals_are_refused(mesh, tmp_path, name):
     mesh.rectangle(0.13, 0.27, 6.4, 4.1).rectangle(6.4, 1.0, 6.6, 2.1).rectangle(6.6, 0.27, 12.3, 4.1)

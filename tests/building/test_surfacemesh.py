@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.base.errors import BuildingError, PluginError
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 
@@ -21,27 +20,6 @@ def test_cells_of_any_number_of_corners_keep_their_tags(tmp_path):
 def test_an_array_of_triangles_is_taken_as_it_is(tmp_path):
     triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     np.testing.assert_array_equal(checked(tmp_path, SurfaceMesh(SQUARE, triangles)).triangles, triangles)
-
-
-@pytest.mark.parametrize(
-    ("mesh", "error", "words"),
-    [
-        (SurfaceMesh(SQUARE, []), BuildingError, "no surface cells"),
-        (SurfaceMesh(SQUARE, [[0, 1, 4]]), BuildingError, "refers to vertex 5, but the file has 4"),
-        (SurfaceMesh(SQUARE, [[0, 1]]), BuildingError, "cell 0 has fewer than three corners"),
-        (SurfaceMesh(SQUARE, [[0, 1, 2]], {}, {"exit:a": [[0, 9]]}), BuildingError, "refers to vertex 10"),
-        (SurfaceMesh(SQUARE, [[0, 1, 2]], {"exit:a": [False]}), BuildingError, "'exit:a'"),
-        (SurfaceMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]]), PluginError, r"'points' have the shape \(3, 2\)"),
-        (SurfaceMesh(SQUARE, [[0, 1, 2]], {"floor:a": [True, True]}), PluginError, r"'floor:a' have the shape \(2,\)"),
-        (SurfaceMesh(SQUARE, [[0.0, 1.0, 2.5]]), PluginError, "'cells'"),
-        (SurfaceMesh("none", [[0, 1, 2]]), PluginError, "'points'"),
-        (SurfaceMesh(SQUARE, [[0, 1, 2]], {}, {"exit:a": [0, 1]}), PluginError, r"'exit:a' have the shape \(2,\)"),
-    ],
-)
-def test_what_an_importer_gets_wrong_is_named(tmp_path, mesh, error, words):
-    with pytest.raises(error, match=words) as caught:
-        checked(tmp_path / "a.plan", mesh)
-    assert str(caught.value).startswith(str(tmp_path / "a.plan"))
 
 
 def test_polygons_become_levels_with_exits_and_holes(tmp_path):
@@ -71,16 +49,3 @@ def test_a_multipolygon_with_heights_of_its_own_is_flattened(tmp_path):
     mesh = checked(tmp_path, SurfaceMesh.of_polygons([("floor:a", shapely.force_3d(plan, 9.0), 1.0)]))
     assert (mesh.points[:, 2] == 1.0).all()
     assert shapely.area(shapely.polygons(mesh.points[mesh.triangles][:, :, :2])).sum() == pytest.approx(8.0)
-
-
-@pytest.mark.parametrize(
-    ("shape", "words"),
-    [
-        ("POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))", r"'floor:a'.*Self-intersection\[2 2\]"),
-        ("LINESTRING (0 0, 1 0)", r"'floor:a'.* LineString"),
-        ("POLYGON EMPTY", r"'floor:a'.*it is empty"),
-    ],
-)
-def test_a_surface_that_is_no_polygon_is_named(shape, words):
-    with pytest.raises(ValueError, match=words):
-        SurfaceMesh.of_polygons([("floor:a", shapely.from_wkt(shape), 0.0)])

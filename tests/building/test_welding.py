@@ -8,10 +8,8 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from evac.base.errors import BuildingError
 from evac.building.plan.plan import Plan
 from evac.building.surface.welding import close_pairs, split_at_vertices, weld_points
-from evac.simulation.assembly import read_building
 
 
 def test_close_points_become_the_least_of_them():
@@ -133,24 +131,6 @@ def test_vertices_as_close_as_the_weld_have_an_end():
     assert len(made) > len(cells)
     assert area(vertices, made) == pytest.approx(area(vertices, np.array(cells)), abs=0.001 * 40 * 5)
     assert set(owner) == set(range(40))
-
-
-def test_a_surface_without_cells_wider_than_the_weld_is_refused():
-    points = [[0, 0, 0], [4, 0, 0], [2, 0.0005, 0], [2, 0, 0]]
-    with pytest.raises(BuildingError, match=r"building\.weld.*\(2\.00, "):
-        split(points, [[0, 1, 2]], {"exit:a": np.array([[0, 1], [3, 1]])})
-
-
-def test_two_needles_along_each_other(tmp_path):
-    """The second needle passes the corners of the first on both sides of a thin angle: a recursion once."""
-    path = tmp_path / "needles.obj"
-    path.write_text(
-        "v 0.300706 8.999015 14.000106\nv 20.321639 6.999839 13.999560\nv 21.323105 7.000219 14.000500\n"
-        "v 0.299540 9.000002 14.000080\nv 21.321573 6.999760 14.000720\nv 24.160467 6.999463 14.000379\n"
-        "f 1 2 3\nf 4 5 6\n"
-    )
-    with pytest.raises(BuildingError, match=r"\(13.98, 7.67, 14.00\)"):
-        read_building(path, need_exit=False)
 
 
 def test_a_slit_whose_corners_pass_each_other_within_the_weld_is_kept():

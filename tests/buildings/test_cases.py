@@ -102,17 +102,6 @@ def test_a_pupil_of_the_school_gets_from_every_desk_to_the_stairs(storey):
         assert free.intersects(plan[f"area:teacher_{storey}{letter}"])
 
 
-def test_the_schools_stairs_have_a_real_size():
-    school = script("primary_school")
-    angle = np.degrees(np.arctan2(school.STOREY_HEIGHT / 2, school.FLIGHT_RUN))
-    assert 30.0 <= angle <= 33.0
-    for tag, low in (("stair:lower", 0.0), ("stair:upper", 3.3)):
-        whole = plans("primary_school", low, low + 3.3)[tag]
-        landing = plans("primary_school", low + 1.64, low + 1.66)[tag]
-        assert whole.bounds == pytest.approx((8.2, 2.6, 11.4, 7.0))
-        assert landing.bounds == pytest.approx((8.2, 5.4, 11.4, 7.0))
-
-
 def test_the_school_has_six_classes_of_130_pupils_that_follow_six_teachers():
     groups = {
         group["name"]: group for group in tomllib.loads((CASES / "primary_school" / "case.toml").read_text())["people"]

@@ -1,10 +1,8 @@
 import json
-import math
 import pickle
 import re
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -158,12 +156,6 @@ def test_a_fault_is_one_line_with_file_key_and_fix(case_file, registry, override
     assert found.endswith("override)")
 
 
-def test_one_velocity_is_not_for_everybody(case_file, registry):
-    overrides = ["people.teacher.positions=[[1,1],[2,2],[3,3]]", "people.teacher.velocity=[[1,0]]"]
-    (line,) = lines_of(case_file, overrides, registry)
-    assert says(line, case_file, "people.teacher.velocity: 1 velocities for 3 positions")
-
-
 @pytest.mark.parametrize(
     ("override", "line"),
     [
@@ -183,39 +175,6 @@ def test_keys_that_contradict_each_other_are_refused(case_file, registry, overri
     (found,) = lines_of(case_file, [override], registry)
     assert says(found, case_file, line)
     assert not found.endswith("override)")
-
-
-def test_a_fault_of_the_file_itself_blames_no_override(case_file, registry):
-    case_file.write_text(case_file.read_text().replace("seed = 3", "sed = 3"))
-    assert lines_of(case_file, (), registry) == [f"{case_file}: simulation.sed: unknown key; did you mean 'seed'?"]
-
-
-def test_a_missing_key_says_what_is_asked_for(case_file, registry):
-    case_file.write_text(case_file.read_text().replace('model = "soft"', ""))
-    assert lines_of(case_file, (), registry) == [
-        f'{case_file}: contact.model: missing; write model = "NAME", where NAME is one of hard, soft'
-    ]
-
-
-def test_a_missing_contact_table_names_the_models(case_file, registry):
-    text = case_file.read_text()
-    start, end = text.index("[contact]"), text.index("[forces.push]")
-    case_file.write_text(text[:start] + text[end:])
-    (found,) = lines_of(case_file, (), registry)
-    assert found.startswith(f"{case_file}: contact: missing; ")
-    assert "[contact]" in found
-    assert "hard, soft" in found
-
-
-def test_a_list_given_as_text_is_shown_as_a_list(case_file, registry):
-    (found,) = lines_of(case_file, ["building.closed=back"], registry)
-    assert 'closed = ["back"]' in found
-
-
-def test_a_name_like_no_other_may_be_that_of_a_plugin(case_file, registry):
-    (found,) = lines_of(case_file, ["behaviours.zzzzzz={}"], registry)
-    assert "behaviours.zzzzzz: unknown behaviour; known: " in found
-    assert "--plugin FILE" in found
 
 
 def test_all_faults_are_reported_at_once(case_file, registry):
@@ -294,29 +253,11 @@ def test_frozen(case_file, registry):
         case.simulation.seed = 4
 
 
-def test_infinite_patience_is_legal(case_file, registry):
-    case = load_case(case_file, ["simulation.no_progress=inf"], registry=registry)
-    assert case.simulation.no_progress == math.inf
-    assert case.to_dict()["simulation"]["no_progress"] == math.inf
-
-
-def test_loading_is_quick(case_file, registry):
-    load_case(case_file, registry=registry)
-    start = time.perf_counter()
-    load_case(case_file, ["simulation.seed=1"], registry=registry)
-    assert time.perf_counter() - start < 0.05
-
-
 def test_importing_pulls_in_nothing_heavy():
     heavy = "numba", "scipy", "shapely", "pyvista", "matplotlib", "meshio"
     code = f"import sys, evac.case; print([name for name in {heavy} if name in sys.modules])"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
-
-
-def test_an_unknown_solver_is_refused_with_its_key():
-    with pytest.raises(ScenarioError, match=r"contact\.nsm2\.solver: .*'uzava'.*'uzawa'"):
-        load_case("square_room", {"contact.nsm2.solver": "uzava"})
 
 
 def test_a_plan_in_memory_becomes_data_of_the_case():

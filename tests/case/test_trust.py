@@ -5,9 +5,8 @@ import textwrap
 import pytest
 
 import evac
-from evac.base.errors import PluginError, ScenarioError
-from evac.case.loading import load_case
-from evac.case.trust import run_plugin_files, without_unknown
+from evac.base.errors import ScenarioError
+from evac.case.trust import run_plugin_files
 from evac.cli import main
 from evac.contract.registry import Registry
 
@@ -107,18 +106,6 @@ def test_what_can_be_checked_is_checked_at_once(folder, change):
         evac.load(folder, change)
 
 
-def test_a_case_without_files_is_checked_in_full(folder):
-    with pytest.raises(ScenarioError, match=r"behaviours\.odd"):
-        evac.load(folder, {"plugins.files": []})
-
-
-def test_what_only_the_files_know_can_be_left_out(folder):
-    known = without_unknown(evac.load(folder, {"people.people.behaviours.odd.share": 0.1, "behaviours.odd": {}}))
-    assert known.unloaded_files == known.unchecked == ()
-    assert "odd" not in known.behaviours
-    assert not _has_run(folder)
-
-
 def _by_path(folder, place):
     return str(place / "odd.py")
 
@@ -168,11 +155,6 @@ def test_a_file_that_became_a_link_since_is_not_run(folder):
         run_plugin_files(case)
 
 
-def test_a_given_file_that_is_not_there_is_refused(folder):
-    with pytest.raises(PluginError, match=r"nowhere\.py"):
-        load_case(folder, plugin_files=["nowhere.py"], registry=Registry())
-
-
 def test_check_lists_the_files_and_runs_them_only_if_they_are_given(folder, capsys):
     assert main(["check", str(folder)]) == 0
     out, err = capsys.readouterr()
@@ -183,19 +165,6 @@ def test_check_lists_the_files_and_runs_them_only_if_they_are_given(folder, caps
     assert main(["check", str(folder), "--plugin", str(folder / "odd.py")]) == 0
     assert _has_run(folder)
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize(
-    ("change", "shown"),
-    [("contact.model=soft", ["building", "Levels"]), ("importers={obj=false,meshio=false,off=false,ply=false}", [])],
-)
-def test_check_shows_what_can_be_read_without_the_files(folder, capsys, change, shown):
-    assert main(["check", str(folder), "--set", change]) == 0
-    out, _ = capsys.readouterr()
-    assert [
-        line.split()[0] for line in out.splitlines() if line.split()[:1] in (["building"], ["Levels"], ["People:"])
-    ] == shown
-    assert not _has_run(folder)
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,15 @@
 """evac cache, and what other commands say about kernels."""
 
-import errno
 import json
 import os
 import subprocess
 import sys
-import tempfile
 
 import pytest
 
 from evac.cli import main, plugins
 from evac.jit import loading, store
 from evac.jit.digest import versions
-from evac.jit.kernels import Entry
 from evac.jit.loading import generic
 from evac.jit.store import Store
 
@@ -72,29 +69,6 @@ def test_kernels_are_compiled_beforehand_and_cleared(capsys, folder, plugin):
     assert main(["cache", "clear"]) == 0
     assert _facts(capsys.readouterr().out)["compiled kernels"] == "0"
     assert not folder.exists()
-
-
-def test_a_full_disk_is_a_warning_like_others(capsys, monkeypatch, plugin):
-    def full(*args, **kwargs):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(tempfile, "mkstemp", full)
-    monkeypatch.setattr("warnings.filters", [])  # as where errors are not made of warnings
-    assert main(["cache", "compile", "--plugin", plugin]) == 0
-    lines = capsys.readouterr().err.splitlines()
-    assert [line for line in lines if "No space left" in line] == [
-        line for line in lines if line.startswith("warning:")
-    ]
-    assert sum(line.startswith("warning:") for line in lines) == 1
-
-
-def test_all_kernels_are_found():
-    labels = [entry.label for entry in plugins.all_entries()]
-    assert len(set(labels)) == len(labels)
-    assert {"evac.physics.driver.advance", "evac.people.ways.walk_all", "evac.directions.descent.descend"} <= set(
-        labels
-    )
-    assert all(isinstance(entry, Entry) for entry in plugins.all_entries())
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from evac.base.errors import SimulationError
-from evac.cli.main import COMMANDS, GARBAGE_EVERY, main, parser
+from evac.cli.main import COMMANDS, main
 
 
 def test_help_names_every_command(capsys):
@@ -15,13 +15,6 @@ def test_help_names_every_command(capsys):
         main(["--help"])
     out = capsys.readouterr().out
     assert all(f"    {name}" in out for name in COMMANDS)
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help(command, capsys):
-    with pytest.raises(SystemExit, match="0"):
-        main([command, "--help"])
-    assert f"evac {command}" in capsys.readouterr().out
 
 
 def test_wrong_words_give_status_2(capsys):
@@ -47,14 +40,6 @@ def test_a_mistake_is_named_with_the_usage_of_its_command_and_what_was_meant(wor
     assert printed.splitlines()[-1].endswith(hint)
 
 
-@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["map", "--help"], ["evidence", "--help"]])
-def test_help_fits_the_terminal(words, monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "80")
-    with pytest.raises(SystemExit, match="0"):
-        main(words)
-    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
-
-
 @pytest.mark.parametrize(
     ("error", "status", "message"),
     [(SimulationError("no step"), 2, "evac: no step\n"), (KeyboardInterrupt(), 130, "evac: interrupted\n")],
@@ -66,11 +51,6 @@ def test_status_of_errors(error, status, message, monkeypatch, capsys):
     monkeypatch.setattr("evac.cli.cases.execute_list", fail)
     assert main(["list"]) == status
     assert capsys.readouterr().err == message
-
-
-def test_overrides_gather():
-    arguments = parser().parse_args(["run", "c", "--set", "a=1", "b=2", "--set", "d=3"])
-    assert arguments.set == ["a=1", "b=2", "d=3"]
 
 
 #: What draws, writes and converts, and parts of scipy that a quarter of a second is too much for.
@@ -102,18 +82,6 @@ def test_nothing_is_imported_that_a_command_does_not_use(words, absent, tmp_path
     words = [sys.executable, "-c", check]
     runs = (subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True) for _ in range(2))
     assert any(run.stdout.splitlines()[-1] == "imported:" for run in runs)  # the first one may compile kernels
-
-
-@pytest.mark.parametrize(("chosen", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")])
-def test_a_command_looks_seldom_for_garbage_and_starts_no_threads_of_its_own(chosen, threads):
-    """What is frozen at exit is not looked through once more; handlers are called in reverse order."""
-    code = (
-        "import atexit, gc, os; atexit.register(lambda: print(gc.get_freeze_count() > 0));"
-        "from evac.cli import main; main(['list']); print(gc.get_threshold()[0], os.environ['OPENBLAS_NUM_THREADS'])"
-    )
-    environment = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"} | chosen
-    process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert process.stdout.splitlines()[-2:] == [f"{GARBAGE_EVERY} {threads}", "True"]
 
 
 LONG = "x" * 300

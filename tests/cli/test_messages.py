@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from evac.base.errors import CacheWarning, PluginError
+from evac.base.errors import CacheWarning
 from evac.cli.main import INTERNAL_ERROR, main
-from evac.cli.messages import crash_file, notify
 
 
 @pytest.fixture(autouse=True)
@@ -49,11 +48,6 @@ def test_lost_output_is_told():
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert os.strerror(errno.ENOSPC) in line
-
-
-def test_a_handler_of_signals_may_say_something_without_a_stream(monkeypatch):
-    monkeypatch.setattr("sys.stderr", None)
-    notify("stopping")
 
 
 @pytest.mark.parametrize(
@@ -94,22 +88,6 @@ def test_a_failing_plugin_leaves_its_traceback(capsys, crashes):
     (path,) = crashes.iterdir()
     assert str(path) in line
     assert "in deep" in path.read_text(encoding="utf-8")
-
-
-def test_bad_input_leaves_no_file(monkeypatch, crashes):
-    assert main(["check", "nothing.toml"]) == 2
-
-    def fail(arguments):
-        raise PluginError("not this one")
-
-    monkeypatch.setattr("evac.cli.cases.execute_list", fail)
-    assert main(["list"]) == 2
-    assert not list(crashes.iterdir())
-
-
-def test_a_file_that_cannot_be_written_is_no_second_crash(monkeypatch, tmp_path):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
-    assert os.strerror(errno.ENOENT) in crash_file(ValueError())
 
 
 def test_warnings_of_evac_and_of_plugin_files_are_shown_alone(monkeypatch, capsys):

@@ -9,7 +9,7 @@ import pytest
 
 from evac.cli.main import main
 from evac.cli.outcome import show_answer, show_results
-from evac.cli.screen import show_facts, show_table
+from evac.cli.screen import show_table
 from evac.results.answer import Answer
 
 SUMMARY = {
@@ -70,52 +70,6 @@ def shown(capsys):
     return show
 
 
-def test_contact_is_told_in_millimetres_and_joules(shown):
-    lines, _ = shown()
-    first = next(k for k, line in enumerate(lines) if line[0] == "contact model")
-    assert lines[first : first + 10] == [
-        ["contact model", "dem"],
-        ["maximum overlap", "12.3 mm"],
-        ["mean overlap", "4.5 mm"],
-        ["maximum residual", "0.0002 m/s"],
-        ["unconverged steps", "6 of 1000"],
-        ["steps cut into smaller ones", "stiff contacts 2, fast people 1, walls 4, people passing each other 8"],
-        ["work of driving", "100 J"],
-        ["dissipated in contacts", "30 J"],
-        ["created in contacts", "5 J"],
-        ["balance: carried out or still in motion", "75 J"],
-    ]
-
-
-def test_places_and_phases_stand_under_their_heads(shown):
-    lines, _ = shown()
-    for head, row in (
-        (
-            ["exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"],
-            ["door", "5", "9", "0.8", "-", "-"],
-        ),
-        (["stair", "people", "maximum number", "last left [s]"], ["main", "4", "3", "6"]),
-        (["phase", "s"], ["physics", "1.5"]),
-    ):
-        assert lines[lines.index(head) + 2] == row
-    assert ["all", "2"] in lines
-
-
-def test_with_people_left_the_last_time_is_that_of_those_who_are_out(shown):
-    assert ["last out", "9.00 s"] in shown()[0]
-    lines, _ = shown(evacuated=4, ended="no progress")
-    assert ["last out", "9.00 s, the last of those who are out; people left: 1"] in lines
-
-
-def test_a_closed_exit_is_marked(shown):
-    assert ["door (closed)", "5", "9", "0.8", "-", "-"] in shown(closed=["door"])[0]
-
-
-def test_response_times_are_stated(shown):
-    assert ["response times", "none: everybody starts at 0 s"] in shown()[0]
-    assert ["response times", "0 to 12.5 s"] in shown(start_time=(0.0, 12.5))[0]
-
-
 class Terminal(io.StringIO):
     """A terminal of 80 columns."""
 
@@ -160,27 +114,6 @@ def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, bel
     assert sum("Exit" in line or "exits" in line for line in lines) >= 4
 
 
-def test_no_number_of_the_answer_is_cut_off_on_a_narrow_terminal(monkeypatch):
-    answer = Answer(
-        verdict="NOT everybody is out after 1160.00 s (no progress): 7 of 9 people out",
-        times="Evacuation time 1132.13 s; 95 % are out after 1110.53 s",
-        exits=("Exit 'main entrance': 485 people by 1132.13 s, 1.47/s (0.73/s/m)",),
-        queue="",
-        movement="People keep distances (walking)",
-        remarks=(),
-        warnings="2 quality warnings (flow higher than measured), 3 warnings about building and people",
-    )
-    for columns in (60, 80):
-        screen = Terminal()
-        monkeypatch.setattr("sys.stdout", screen)
-        monkeypatch.setenv("COLUMNS", str(columns))
-        show_answer(SimpleNamespace(answer=answer, title="A title", source="case.toml", changes=()))
-        lines = screen_of(screen)
-        assert max(map(len, lines)) <= columns
-        words = " ".join(" ".join(lines).split())
-        assert all(line in words for line in (answer.verdict, answer.times, *answer.exits))
-
-
 @pytest.mark.parametrize("columns", [56, 60, 80])
 def test_tables_are_narrowed_until_they_fit_and_lose_nothing(monkeypatch, columns):
     rows = [
@@ -195,19 +128,6 @@ def test_tables_are_narrowed_until_they_fit_and_lose_nothing(monkeypatch, column
     assert max(map(len, lines)) <= columns
     words = " ".join(lines).split()
     assert {"lower", "z=0.00..1.65", "storey", "flight", "162.5", "30.5", "125", "walls", "1.65"} <= {*words}
-
-
-def test_facts_are_divided_between_words_and_paths_are_not(monkeypatch):
-    path = "/a/folder/with/a/name/that/is/wider/than/the/terminal.msh"
-    screen = Terminal()
-    monkeypatch.setattr("sys.stdout", screen)
-    monkeypatch.setenv("COLUMNS", "40")
-    show_facts({"case": "some words " * 6, "building": path})
-    lines = screen_of(screen)
-    assert path in [line.strip() for line in lines]
-    assert all(
-        len(line) <= 40 and line.startswith(("case ", 10 * " ", "building")) for line in lines if path not in line
-    )
 
 
 @pytest.mark.parametrize("words", [["plugins", "walking"], ["verify"], ["verify", "--help"], ["plugins", "--verbose"]])

@@ -1,6 +1,5 @@
 """evac plugins --check, and plugins that interfere with the process they run in."""
 
-import os
 import re
 import subprocess
 import sys
@@ -9,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conformance.mistakes import DO, WRITE
-from tests.conformance.sound import BEHAVIOUR, BODY_FORCE, EXPORTER, RECORDER
+from tests.conformance.sound import BEHAVIOUR, BODY_FORCE, EXPORTER
 
 
 def test_what_passes_all_checks_is_listed(evac, capsys):
@@ -66,23 +65,6 @@ def test_a_failed_check_is_one_line_and_status_2(evac, text, words, capsys):
     assert re.search(rf"\({Path('odd.py').resolve()}, line \d+\); ", line), line
 
 
-def test_a_failure_does_not_hide_other_plugins(evac, capsys):
-    Path("two.py").write_text(BODY_FORCE + RECORDER.replace("simulation.population", "simulation.populaton"))
-    assert evac("plugins", "--check", "two.py") == 2
-    said = capsys.readouterr()
-    assert said.out.startswith("force tried: ")
-    assert said.err.startswith("evac: tried: check_recorder, ")
-
-
-def test_a_path_that_is_too_long_is_one_line(evac, capsys):
-    path = "x" * 5000
-    for words in (["plugins", "--check", path], ["list", "--plugin", path], ["check", path], ["export", path]):
-        assert evac(*words) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert re.match("evac: .*xxx.*; .* path", line)
-        assert len(line) < 1200
-
-
 #: What a plugin does to the process, and the status and the text of the only line that begins with "evac: ".
 INTERFERES = {
     "os._exit(0)": (2, "SystemExit: 0 (", "raise an exception instead"),
@@ -108,12 +90,3 @@ def test_what_a_plugin_does_to_the_process_is_told_in_one_line(code, tmp_path):
     assert "Traceback" not in done.stderr
     if status == 3:
         assert "results in" in done.stdout
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
-def test_a_forked_process_may_end_by_itself(tmp_path):
-    code = "os.waitpid(os.fork() or os._exit(0), 0)"
-    (tmp_path / "forks.py").write_text(BEHAVIOUR.replace("class Slow", f"import os\n{code}\n\nclass Slow"))
-    command = [sys.executable, "-P", "-m", "evac", "list", "--plugin", "forks.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")

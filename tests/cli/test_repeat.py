@@ -55,30 +55,6 @@ def test_repetitions_of_populations(evac, tmp_path, capsys):
     assert evac("repeat", "square_room", "--imo", "--runs", "4") == 2
 
 
-@pytest.mark.parametrize("command", [("run",), ("repeat", "--runs", "1", "--jobs", "1")])
-def test_people_who_are_unusual_are_told_of(evac, capsys, command):
-    """70 kg in grams."""
-    changes = ("people.people.mass=70000", "people.people.number=2", "simulation.duration=0.1", "output.picture=false")
-    evac(command[0], "square_room", *command[1:], "--set", *changes)
-    assert "warning: people.people.mass is 7e+04 to 7e+04 kg" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("command", [("run",), ("repeat", "--runs", "1", "--jobs", "1")])
-def test_a_run_that_is_not_to_be_trusted_says_so(evac, capsys, command):
-    """Steps of 0.1 s throw people about at a door."""
-    changes = ("contact.model=nsm2", "simulation.step=0.1", "simulation.seed=4", "output.picture=false")
-    assert evac(command[0], "square_room", *command[1:], "--set", *changes) == 0
-    assert re.search("warning: .*contacts .*[0-9.]+ J, more than", capsys.readouterr().err)
-
-
-def test_runs_with_people_left_are_named(evac, capsys):
-    assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--set", "simulation.duration=1.0") == 3
-    out, err = capsys.readouterr()
-    assert "seeds 1, 2" in err
-    assert re.search(r"percentile 50 .* 2 of 2 ", out)
-    assert re.search(r"mean +- ", out)
-
-
 def test_half_the_step_is_shown_beside_the_interval(evac, tmp_path, capsys):
     few = ("people.people.number=1", "output.picture=false", "simulation.step=0.1")
     assert evac("repeat", "square_room", "--runs", "8", "--check-step", "--jobs", "1", "--set", *few, "--out", "r") == 0

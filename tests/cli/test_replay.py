@@ -2,8 +2,6 @@
 
 import pytest
 
-from evac.base.errors import ScenarioError
-from evac.case.loading import load_case
 from evac.folder.files import REPLAY_NAME
 
 ALL = {"tables", "picture", "replay", "trajectory", "animation"}
@@ -29,30 +27,10 @@ def test_each_output_can_be_switched_off(evac, tmp_path, off):
     assert {path.name for path in (tmp_path / "r").iterdir()} == left
 
 
-def test_outputs_are_on_but_for_the_animation(tmp_path):
-    case = load_case("square_room")
-    assert case.output.animation  # in the shipped cases
-    table = {key: value for key, value in case.to_dict()["output"].items() if key in ALL}
-    fields = type(case.output).model_fields
-    assert {key: fields[key].default for key in table} == {key: key != "animation" for key in ALL}
-
-
-def test_an_animation_without_a_trajectory_is_refused():
-    with pytest.raises(ScenarioError, match=r"output\.animation"):
-        load_case("square_room", {"output.trajectory": False})
-
-
 def test_vtk_switches_the_animation_on(evac, tmp_path):
     few = ["people.people.number=2", "simulation.duration=0.5", "output.animation=false", "output.picture=false"]
     evac("run", "square_room", "--out", "r", "--vtk", "--set", *few)
     assert (tmp_path / "r" / "animation.pvd").is_file()
-
-
-def test_a_replay_is_made_again(evac, tmp_path, result, capsys):
-    assert evac("replay", result, "--out", tmp_path / "page.html", "--every", "2") == 0
-    assert "states" in capsys.readouterr().out
-    page = (tmp_path / "page.html").read_text()
-    assert len(page) < len((result / REPLAY_NAME).read_text())
 
 
 def test_the_same_replay_is_made_again(evac, tmp_path, result):

@@ -1,6 +1,5 @@
 """evac report: where it writes, and what it refuses."""
 
-import re
 import shutil
 import zipfile
 from importlib.resources import files
@@ -37,36 +36,6 @@ def test_a_report_is_written_beside_the_tables(evac, result, tmp_path, capsys):
     assert text.startswith("<!DOCTYPE html>")
     assert "A. Engineer" in text
     assert not list(folder.glob("*.new"))
-
-
-def test_thresholds_of_congestion_are_options(evac, result, tmp_path):
-    out = tmp_path / "sub" / "one.html"
-    words = ("--congestion-density", "2.5", "--congestion-time", "0.25", "--maps", "none")
-    assert evac("report", result, "--out", out, *words) == 0
-    text = out.read_text(encoding="utf-8")
-    assert re.search(r"2\.5 .*m².* 0\.[23] s", text)
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (("--maps", "densty"), "densty"),
-        (("--congestion-density", "-1"), "congestion"),
-        (("--run", "other"), "--run"),
-        (("--out", "taken/report.html", "--maps", "none"), "taken"),
-    ],
-)
-def test_what_cannot_be_done_is_refused(evac, result, tmp_path, capsys, words, told):
-    (tmp_path / "taken").write_text("a file")
-    assert evac("report", result, *words) == 2
-    assert told in capsys.readouterr().err
-
-
-def test_a_folder_without_a_result_is_refused(evac, tmp_path, capsys):
-    assert evac("report", tmp_path / "nowhere") == 2
-    assert "nowhere" in capsys.readouterr().err
-    assert evac("report", tmp_path) == 2
-    assert "summary.json" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["report", "map", "replay", "export"])

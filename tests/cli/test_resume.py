@@ -14,8 +14,6 @@ import pytest
 from evac.cli import main
 from evac.folder.files import CHECKPOINT_NAME
 
-TABLES = ("people.csv", "egress.csv", "trajectory.evac")
-
 #: With --checkpoint 0 the state is kept at every tick, so that kills fall in its writing too.
 WORDS = ["run", "square_room", "--checkpoint", "0", "--set", "output.picture=false", "output.every=0.1"]
 WORDS += ["simulation.duration=4"]
@@ -140,19 +138,6 @@ def test_a_signal_leaves_tables_and_a_state(evac, tmp_path, capsys, name):
     assert not (tmp_path / "r" / CHECKPOINT_NAME).exists()
 
 
-def test_a_signal_that_is_ignored_stays_so(tmp_path):
-    """As under nohup."""
-    code = (
-        "import signal, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); from evac.cli import main; sys.exit(main())"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", code, *WORDS, "--out", "r"], cwd=tmp_path, stdout=subprocess.DEVNULL
-    )
-    wait_for(tmp_path / "r.running" / CHECKPOINT_NAME, process)
-    process.send_signal(signal.SIGHUP)
-    assert process.wait(timeout=240) == PEOPLE_LEFT
-
-
 def test_a_second_run_into_the_same_folder_is_refused(evac, tmp_path, whole, capsys):
     process = start(tmp_path, *WORDS, "--out", "r")
     wait_for(tmp_path / "r.running" / CHECKPOINT_NAME, process)
@@ -188,11 +173,3 @@ def test_a_killed_run_leaves_an_earlier_result_and_is_replaced_by_the_next(evac,
     assert evac(*WORDS, "--out", "r") == PEOPLE_LEFT
     assert "r.running" in capsys.readouterr().err
     assert_same(whole, tmp_path / "r")
-
-
-@pytest.mark.parametrize("seconds", ["-1", "nan", "inf", "often"])
-def test_an_interval_that_is_none_is_refused(evac, capsys, seconds):
-    with pytest.raises(SystemExit) as caught:
-        evac("run", "square_room", "--checkpoint", seconds)
-    assert caught.value.code == 2
-    assert "--checkpoint" in capsys.readouterr().err

@@ -2,15 +2,12 @@
 
 import csv
 import json
-import os
-import re
 import signal
 import subprocess
 import sys
 import time
 
 import numpy as np
-import pytest
 
 from evac.folder.files import TRAJECTORY_NAME, replacing
 from evac.trajectory.trajectory import read_trajectory
@@ -46,16 +43,6 @@ def test_writes_a_result_folder(result):
     assert len(list((result / "frames").iterdir())) == len(read_trajectory(result))
 
 
-def test_default_folder_is_named_after_the_case(evac, tmp_path, capsys):
-    assert evac("run", "square_room", "--verbose", "--set", "output.animation=false", "output.picture=false") == 0
-    folder = tmp_path / "square_room-result"
-    assert {path.name for path in folder.iterdir()} == {*BARE, TRAJECTORY_NAME}
-    out = capsys.readouterr().out
-    tables = ("last out", "maximum overlap", "mean overlap", "unconverged steps", "physics")
-    for word in ("Evacuation time", *tables, "square_room-result"):
-        assert word in out
-
-
 def test_response_times_beyond_the_duration_are_warned_of_before_the_run(evac, capsys):
     times = "behaviours.response_time={ time = { lognormal = [60, 20] } }"
     words = ("square_room", "--set", times, "simulation.duration=1.0")
@@ -67,13 +54,6 @@ def test_response_times_beyond_the_duration_are_warned_of_before_the_run(evac, c
     assert err.index("simulation.duration is 1 s") < err.index("still inside")
     assert (err.count("simulation.duration is 1 s"), err.count("still inside")) == (1, 1)
     assert "20 of them" in err
-
-
-def test_the_last_line_names_the_result_folder(evac, capsys):
-    assert evac("run", "square_room", "--set", "output.picture=false", "output.animation=false") == 0
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert last.split()[:2] == ["results", "in"]
-    assert "square_room-result" in last
 
 
 PLUGIN = """
@@ -94,18 +74,6 @@ class Idle(Behaviour):
 def evac_behaviours():
     return [Idle]
 """
-
-
-def test_a_plugin_that_the_case_does_not_use_is_noted(evac, tmp_path, capsys):
-    (tmp_path / "idle.py").write_text(PLUGIN)
-    words = ("explain", "square_room", "--plugin", "idle.py")
-    assert evac(*words) == 0
-    assert "[behaviours.idle]" in capsys.readouterr().err
-    assert evac(*words, "--set", "behaviours.idle={}") == 0
-    assert "not used" not in capsys.readouterr().err
-    (tmp_path / "idle.py").write_text(PLUGIN + "\n\n@hookimpl\ndef evac_metrics(results):\n    return {}\n")
-    assert evac(*words) == 0
-    assert "not used" not in capsys.readouterr().err
 
 
 def test_takes_a_folder_and_a_file(evac, tmp_path):
@@ -143,22 +111,6 @@ def test_seed_and_set_change_the_case(evac, tmp_path):
     a, b, c = (read_trajectory(tmp_path / name) for name in "abc")
     np.testing.assert_array_equal(a.position, b.position)
     assert a.position.shape != c.position.shape or not np.array_equal(a.position, c.position, equal_nan=True)
-
-
-def test_full_gives_identical_trajectories(evac, tmp_path, result):
-    assert evac("run", "square_room", "--out", "full", "--full") == 0
-    lean, full = read_trajectory(result), read_trajectory(tmp_path / "full")
-    np.testing.assert_array_equal(lean.time, full.time)
-    for one, other in zip(lean.records, full.records, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_people_left_give_status_3(evac, tmp_path, capsys):
-    assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2") == 3
-    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
-    assert summary["ended"] == "duration over"
-    assert summary["evacuated"] < 20
-    assert f"{20 - summary['evacuated']} people still inside" in capsys.readouterr().err
 
 
 def test_a_folder_of_others_is_refused(evac, tmp_path, capsys):
@@ -209,59 +161,6 @@ def evac_metrics(results):
     assert metrics[str(plugin)] == {"twice": 40}
 
 
-def test_metrics_that_fail_do_not_take_the_results_with_them(evac, tmp_path):
-    plugin = tmp_path / "failing.py"
-    plugin.write_text(
-        """
-from evac import hookimpl
-evac_interface = 3
-
-@hookimpl
-def evac_metrics():
-    return {"odd": object, "share": 1 / 0}
-"""
-    )
-    assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
-    metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
-    assert "evac_metrics: ZeroDivisionError" in metrics[str(plugin)]["error"]
-    plugin.write_text(plugin.read_text().replace("1 / 0", "1"))
-    assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
-    metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
-    assert metrics[str(plugin)] == {"odd": "<class 'object'>", "share": 1}
-
-
-@pytest.mark.parametrize(
-    ("act", "words"),
-    [
-        ("raise KeyError('zz')", r"t = 0\.000 s: behaviour 'odd': KeyError: 'zz' \(.*odd\.py, line 11\)"),
-        ("crowd.speed_factor[3] = float('nan')", r"behaviour 'odd': wrote nan to speed_factor of person 3"),
-        ("crowd.route[2] = 7", r"behaviour 'odd': wrote route 7 for person 2 .*; it must be from 0 to 0"),
-    ],
-)
-def test_a_behaviour_that_fails_is_named(evac, tmp_path, capsys, act, words):
-    plugin = tmp_path / "odd.py"
-    plugin.write_text(
-        f"""
-from evac import Behaviour, hookimpl
-evac_interface = 3
-
-class Odd(Behaviour):
-    # Does it wrong.
-
-    name = "odd"
-    writes = ("speed_factor", "route")
-    def act(self, crowd, time):
-        {act}
-
-@hookimpl
-def evac_behaviours():
-    return [Odd]
-"""
-    )
-    assert evac("run", "square_room", "--out", "r", "--plugin", plugin, "--set", "behaviours.odd={}") == 2
-    assert re.search(words, capsys.readouterr().err)
-
-
 def _heed_interrupts():
     """Undo that a shell lets background jobs, of which the tests may be one, ignore SIGINT."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -302,23 +201,3 @@ def test_a_killed_run_can_be_exported_and_drawn(evac, tmp_path, capsys):
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
     assert evac("run", "square_room", "--out", "r") == 0
     assert not (tmp_path / "r.running").exists()
-
-
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
-def test_ctrl_c_keeps_what_there_is(tmp_path):
-    process = _start_long_run(tmp_path / "r")
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == 130
-    assert "Traceback" not in err
-    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
-    assert summary["ended"] == "interrupted"
-    assert summary["simulated_time"] == pytest.approx(read_trajectory(tmp_path / "r").time[-1])
-    assert "interrupted" in out
-    assert "stopping at the end of this tick" in err
-    assert (tmp_path / "r" / "animation.pvd").is_file()
-
-
-def test_bytes_that_are_no_text_are_refused(evac, capsys):
-    assert evac("check", "square_room", "--set", "title=\udcff") == 2
-    assert r"--set title=\udcff" in capsys.readouterr().err

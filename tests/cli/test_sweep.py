@@ -34,12 +34,6 @@ def test_a_sweep_has_a_point_for_each_combination(evac, tmp_path, capsys):
     assert "in 8 of 8 runs" in capsys.readouterr().out
 
 
-def test_a_table_names_the_points(evac, tmp_path):
-    (tmp_path / "table.csv").write_text("case,people.people.number\nsquare_room,3\nsquare_room,2\n")
-    assert evac("sweep", "--table", "table.csv", *FEW, "--out", "r", "--set", "output.picture=false") == 0
-    assert [row["people"] for row in rows_of(tmp_path / "r" / "runs.csv")] == ["3", "3", "2", "2"]
-
-
 def test_a_refused_point_is_named_with_its_seed_and_the_others_are_run(evac, tmp_path, capsys):
     values = ("people.people.tau=0.3,0.005", "simulation.driving=explicit", "people.people.number=3")
     assert evac("sweep", "square_room", *FEW, "--out", "r", "--set", *values) == 2
@@ -99,10 +93,6 @@ def test_a_table_runs_no_plugin_file_from_elsewhere(evac, tmp_path, capsys, how)
     assert not (tmp_path / "elsewhere" / "own" / "ran").exists()
 
 
-def many(number):
-    return ",".join(map(str, range(1, number + 1)))
-
-
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -123,11 +113,6 @@ def test_sweeps_that_are_too_large_are_refused_at_once(evac, tmp_path, capsys, w
     assert time.process_time() - begin < 5.0
     err = capsys.readouterr().err
     assert named in err.splitlines()[-1]
-
-
-@pytest.mark.parametrize("words", [("sweep",), ("sweep", "square_room"), ("sweep", "square_room", "--set", "a.b=1")])
-def test_nothing_to_sweep_is_bad_input(evac, words):
-    assert evac(*words) == 2
 
 
 def test_values_are_divided_at_commas_outside_brackets():

@@ -9,13 +9,6 @@ from evac.standard.tests import TESTS
 from tests.standard.test_standard import HALF
 
 
-def test_without_names_the_tests_are_listed_in_80_columns(capsys):
-    assert main(["verify"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [tuple(line[:32].split()) for line in lines] == [test.names for test in TESTS]
-    assert max(map(len, lines)) <= 80
-
-
 def test_passed_tests_give_status_0_and_a_page_but_a_named_one_that_is_not_run_gives_status_1(
     tmp_path, capsys, monkeypatch
 ):

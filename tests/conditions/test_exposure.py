@@ -205,11 +205,6 @@ def test_a_level_on_which_a_source_lacks_what_another_has_elsewhere_is_refused()
     Simulation(evac.load({**table, "conditions": tables[:1]}))
 
 
-def test_a_quantity_that_is_declared_off_is_told_in_the_summary():
-    simulation = Simulation(standing({"without": ["o2"]}, co=1.0, co2=1.0))
-    assert "o2" in simulation.results().summary()["conditions"]["dose"]["not_in_data"]
-
-
 SCRIPT = """
 import sys, evac
 results = evac.run(evac.load("square_room", {"simulation.duration": 1.0, "output.every": 0.5}), None)

@@ -5,7 +5,6 @@ import pytest
 
 import evac
 from evac.base.toml import toml_value
-from evac.cli.main import main
 from evac.simulation.checkpoints import differences_of, made_of
 from evac.simulation.simulation import Simulation
 from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
@@ -212,33 +211,6 @@ def test_a_run_whose_slices_have_changed_is_not_resumed(two_planes):
     assert "fire_02_1.sf" in line
 
 
-def test_the_command_prints_the_lines_of_the_deck_before_there_are_data(tmp_path, capsys):
-    case = house(tmp_path / "fire.smv", dose={})
-    folder = tmp_path / "case"
-    folder.mkdir()
-    (folder / "case.toml").write_text(toml(case))
-    assert main(["conditions", "deck", str(folder)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert "&SLCF PBZ=1.53, QUANTITY='EXTINCTION COEFFICIENT' /" in lines
-    assert "&SLCF PBZ=4.53, QUANTITY='TEMPERATURE' /" in lines
-    heights = {float(line.split("PBZ=")[1].split(",")[0]) for line in lines if "PBZ=" in line}
-    assert heights == {1.53, 4.53}
-    volumes = [line for line in lines if "XB=" in line and "EXTINCTION" in line]
-    assert len(volumes) == 1
-    x1, x2, y1, y2, z1, z2 = map(float, volumes[0].split("XB=")[1].split(", ")[0].split(","))
-    assert (x1, x2, y1, y2, z1, z2) == pytest.approx((3.5, 9.5, 0.7, 3.2, 1.03, 5.03))
-
-
 def toml(case):
     """Return a case as TOML, with its tables in lines."""
     return "\n".join(f"{key} = {toml_value(value)}" for key, value in case.table.items())
-
-
-def test_check_warns_of_what_slices_do_not_cover_and_of_their_end(tmp_path, capsys):
-    planes = [(EXTINCTION, z, False, constant(1.0)) for z in (1.5, 4.5)]
-    path, _ = write_slices(tmp_path, [(6, 12, 0, 8, 0, 6.0)], planes, [0.0, 10.0])
-    (tmp_path / "case.toml").write_text(toml(house(path, conditions=[{"source": "fds", "file": str(path)}])))
-    assert main(["check", str(tmp_path)]) == 0
-    shown = "".join(capsys.readouterr())
-    for words in ("% of level 'down'", "exits outside: out", "shift = [-3.00", "conditions end at 10 s"):
-        assert words in " ".join(shown.split())

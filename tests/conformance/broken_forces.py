@@ -71,22 +71,6 @@ class TowardsWalls(Constant):
     body = towards_walls
 
 
-class WithoutWalls(TowardsWalls):
-    """Multiplies with the gap to a wall that may not be there."""
-
-    name = "without_walls"
-    body = endless
-
-
-class Whole(Constant):
-    """Packs whole numbers."""
-
-    name = "whole"
-
-    def packed(self):
-        return np.array([1])
-
-
 class Endless(Constant):
     """Has no cut-off."""
 
@@ -120,19 +104,9 @@ def beyond_its_parameters(gap, nx, ny, vx, vy, ex, ey, parameters):
 
 
 @pair_force
-def single(gap, nx, ny, vx, vy, ex, ey, parameters):
-    return 0.0
-
-
-@pair_force
 def scribbles(gap, nx, ny, vx, vy, ex, ey, parameters):
     parameters[0] += 1.0
     return 0.0, 0.0
-
-
-@body_force
-def closes_in(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
-    return parameters[7], 0.0
 
 
 class Sound(Constant):
@@ -149,21 +123,9 @@ BROKEN = [
     Broken(Eastward, "check_force", PAIR, "rotate .* by .* N; use the given normal"),
     Broken(Singular, "check_force", f"{PAIR} 0.000", "must be finite there"),
     Broken(TowardsWalls, "check_force", f"{PERSON} 0.000", "must be finite there"),
-    Broken(WithoutWalls, "check_force", f"{PERSON} inf", "must be finite there"),
-    Broken(Whole, "check_force", "the class", "float64"),
     Broken(Endless, "check_force", "the class", "returns inf; return a distance"),
     Broken(Denied, "check_force", PAIR, r"is_needed\(\) is False, but the force is .* N"),
-    Broken(odd(Sound, pair=None), "check_force", "the class", "names no function; define"),
     Broken(odd(Sound, pair=staticmethod(raising)), "check_force", "the class", "pair: .* not the function raising"),
-    Broken(odd(Sound, pair=towards_walls), "check_force", "the class", r"pair: .*, not towards_walls\(float64"),
-    Broken(odd(Sound, body=zero), "check_force", "the class", r"body: .*, not zero\(float64"),
     Broken(odd(Sound, pair=beyond_its_parameters), "check_force", "the class", r"parameters\[7\], but"),
-    Broken(odd(Sound, body=closes_in), "check_force", "the class", r"parameters\[7\], but"),
-    Broken(odd(Sound, pair=single), "check_force", PAIR, "returns 0.0; return the two components"),
     Broken(odd(Sound, pair=scribbles), "check_force", PAIR, "changes its parameters; only return"),
-    Broken(odd(Sound, cutoff=raising), "check_force", "the class", "partner", KeyError),
-    Broken(odd(Sound, cutoff=lambda self: "far"), "check_force", "the class", "returns 'far'; return a distance"),
-    Broken(odd(Sound, packed=raising), "check_force", "the class", "partner", KeyError),
-    Broken(odd(Sound, word=Parameter("a", "word")), "check_force", "the class", "; define packed", ValueError),
-    Broken(odd(Sound, is_needed=raising), "check_force", r"its is_needed\(\)", "partner", KeyError),
 ]

@@ -50,22 +50,6 @@ class Appends(Recorder):
                 file.write(f"{simulation.time}\n")
 
 
-class Impatient(Counts):
-    """Cannot finish without a start."""
-
-    def finish(self, simulation, results):
-        assert self.calls > 0
-
-
-class NeedsFolder(Recorder):
-    """Takes it for granted that there is a result folder."""
-
-    name = "needs_folder"
-
-    def record(self, simulation):
-        (simulation.folder / "calls.txt").write_text("1")
-
-
 def names_no_file(self):
     """Name a file that nobody has written."""
     return {"nothing.txt": 3}
@@ -79,20 +63,6 @@ BROKEN = [
     Broken(Counts, "check_recorder", WITH, r"recorder 'counts' has the attributes calls .* state\(\)"),
     Broken(CountsAnew, "check_recorder", HALVED, r"calls\.txt differs .*; state\(\) must"),
     Broken(Appends, "check_recorder", HALVED, r"appends\.txt differs"),
-    Broken(Impatient, "check_recorder", WITHOUT, "has no attribute 'calls'", AttributeError),
-    Broken(NeedsFolder, "check_recorder", WITHOUT, "'NoneType' and 'str'", TypeError),
     Broken(odd(CountsAnew, start=raising), "check_recorder", WITHOUT, "partner", KeyError),
-    Broken(odd(CountsAnew, record=raising), "check_recorder", WITHOUT, "partner", KeyError),
-    Broken(odd(CountsAnew, finish=raising), "check_recorder", WITHOUT, "partner", KeyError),
-    Broken(odd(CountsAnew, state=raising), "check_recorder", WITH, "state: .*partner", KeyError),
-    Broken(odd(CountsAnew, state=lambda self: {"a": [1]}), "check_recorder", WITH, r"\[1\] for 'a'; return arrays"),
-    Broken(odd(CountsAnew, restore=raising), "check_recorder", HALVED, "restore: .*partner", KeyError),
-    Broken(
-        odd(CountsAnew, restore=lambda self: 0),
-        "check_contract",
-        "the class",
-        r"restore\(self\); define",
-    ),
-    Broken(odd(CountsAnew, files=raising), "check_recorder", WITH, "files: .*partner", KeyError),
     Broken(odd(CountsAnew, files=names_no_file), "check_recorder", WITH, r"nothing\.txt: the file was removed"),
 ]

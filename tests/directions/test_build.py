@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.base.errors import ScenarioError
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from tests.directions.walks import along, geodesics, positions_on, walk
@@ -229,32 +228,6 @@ def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     assert fields.packed.field_of[:, 0].tolist() == [-1, 0, 1]
     fields = build_fields(replace(building, closed=frozenset({2})), ANY)
     assert fields.packed.field_of[:, 0].tolist() == [-1, -1, -1]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"spacing": 1e-4}, r"directions\.spacing: 0\.0001 m .*e\+09 nodes.* 0\.00\d+ m"),
-        ({"clearance": 1e3}, r"directions\.clearance: 1000 m .*e\+08 nodes"),
-        ({"clearance": 1e12}, r"directions\.clearance: 1e\+12 m .*e\+26 nodes"),
-        ({"spacing": 1.0}, "exit 'A' is 1 m wide, .* 1.0 m"),
-    ],
-)
-def test_refuses_a_spacing_that_does_not_fit_the_building(drawing, options, message):
-    drawing.level((0, 0, 6, 5))
-    drawing.exit("A", 0, (6, 1), (6, 2))
-    with pytest.raises(ScenarioError, match=message):
-        build_fields(drawing.build(), ANY, **options)
-
-
-def test_refuses_routes_that_name_what_does_not_exist(drawing):
-    drawing.level((0, 0, 6, 5))
-    drawing.exit("north", 0, (6, 1), (6, 2))
-    building = drawing.build()
-    with pytest.raises(ScenarioError, match=r"'nort'.*'north'"):
-        build_fields(building, [Route(("nort",))])
-    with pytest.raises(ScenarioError, match=r"'fast'.*'fastest'"):
-        build_fields(building, [Route(strategy="fast")])
 
 
 def test_same_bits_again(drawing):

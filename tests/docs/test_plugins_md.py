@@ -54,15 +54,6 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     check_plugin(classes[0])
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name for name in NAMES if name not in ("spring_damper.py", "jacobi.py", "crossing_guard.py")],
-)
-def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
-    code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
-    assert len(code) <= 36
-
-
 def test_documented_tests_pass_with_pytest(plugin_files):
     folder = plugin_files["test_my_plugins.py"].parent
     done = subprocess.run(
@@ -216,13 +207,6 @@ def test_a_run_resumed_while_people_stick_goes_on_to_the_bit(plugin_files, tmp_p
         np.testing.assert_array_equal(found[key], array, err_msg=key)
 
 
-def test_a_tangential_spring_is_checked_on_the_command_line(plugin_files, capsys):
-    from evac.cli import main
-
-    assert main(["plugins", "--check", str(plugin_files["tangential_spring.py"])]) == 0
-    assert "tangential_spring" in capsys.readouterr().out
-
-
 def test_who_walks_along_a_wall_keeps_right(plugin_files):
     """Along +x: with a wall on the left by f tau / m, sideways, and at 0.3 m from one on the right."""
     force = class_of(plugin_files, "keep_right", "forces")()
@@ -235,16 +219,6 @@ def test_who_walks_along_a_wall_keeps_right(plugin_files):
     crowd = make_crowd([(0, 0)], speed=1.5, mass=80.0, tau=0.5, radius=0.2)
     walk(Dem(), crowd, 2000, explicit=False, building=right, forces=[force])
     assert crowd.position[0, 1] == pytest.approx(-1.0 + 0.2 + 0.3, abs=1e-6)
-
-
-def test_a_body_force_is_explained_and_left_out(plugin_files):
-    case = evac.load("square_room", {"forces.keep_right": {}}, plugin_files=[plugin_files["keep_right.py"]])
-    plan = {part.name: (part.is_in, part.why) for part in evac.Simulation(case).plan}
-    is_in, why = plan["force: keep_right"]
-    assert is_in
-    assert "1.00 m" in why
-    moved = np.abs(positions(case, 20) - positions(evac.load("square_room"), 20)).max()
-    assert moved > 0.01
 
 
 def test_a_solver_in_a_file_finds_what_the_built_in_ones_find(plugin_files):
@@ -314,20 +288,6 @@ def test_rooms_are_read_and_evacuated(plugin_files, tmp_path):
         evac.Simulation(case)
 
 
-def test_an_exporter_is_found_on_the_command_line(plugin_files, tmp_path, capsys):
-    from evac.cli import main
-
-    case = evac.load("square_room", {"simulation.duration": 1.0, "output.animation": False})
-    evac.run(case, tmp_path / "result")
-    words = ["export", tmp_path / "result", "--to", "positions", "--plugin", plugin_files["positions.py"]]
-    assert main([str(word) for word in [*words, "--set", "decimals=1"]]) == 0
-    path = tmp_path / "result/export/trajectory.txt"
-    assert capsys.readouterr().out.strip() == str(path)
-    table = np.loadtxt(path)
-    frame = evac.read_trajectory(tmp_path / "result")[0]
-    np.testing.assert_allclose(table[:20, 2:4], frame["position"], atol=0.051)
-
-
 def test_the_guard_counts_refuses_and_writes(plugin_files, tmp_path):
     case = evac.load("square_room", plugin_files=[plugin_files["crossing_guard.py"]])
     results = evac.run(case, tmp_path / "result")
@@ -337,17 +297,6 @@ def test_the_guard_counts_refuses_and_writes(plugin_files, tmp_path):
     assert (np.diff(table[:, 1]) <= 0).all()
     with pytest.raises(evac.ScenarioError, match="nobody is in at night"):
         evac.Simulation(case.change({"title": "a room by night"}))
-
-
-def test_a_plugin_is_named_in_a_case(plugin_files, root, tmp_path):
-    text = (root / "buildings/square_room/case.toml").read_text(encoding="utf-8")
-    (tmp_path / "case.toml").write_text(
-        text + '\n[behaviours.crowding]\n\n[plugins]\nfiles = ["my_crowding.py"]\n', encoding="utf-8"
-    )
-    (tmp_path / "square_room.msh").write_bytes((root / "buildings/square_room/square_room.msh").read_bytes())
-    (tmp_path / "my_crowding.py").write_bytes(plugin_files["crowding.py"].read_bytes())
-    simulation = evac.Simulation(evac.load(tmp_path))
-    assert [behaviour.name for behaviour, _ in simulation.behaviours] == ["crowding"]
 
 
 def test_a_plugin_is_named_on_the_command_line(plugin_files, tmp_path):

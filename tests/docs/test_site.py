@@ -99,11 +99,6 @@ def test_recipes_are_taken(text, split_level, monkeypatch):
     assert set(recipe.get("behaviours", {})) - {"route_choice"} <= used
 
 
-@pytest.mark.parametrize("text", RECIPES, ids=range(len(RECIPES)))
-def test_recipes_are_short(text):
-    assert len([line for line in text.splitlines() if line.strip()]) <= 15
-
-
 @pytest.mark.parametrize("preset", sorted(shipped_presets()))
 def test_every_preset_takes_the_place_of_the_one_in_a_recipe(preset, split_level, monkeypatch):
     folder, case = split_level

@@ -1,114 +1,17 @@
 """The comparison with other programs, with stand-ins for them where what they are given is tested."""
 
-import importlib.util
 import math
 import sys
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from evac.evidence.evidence import Evidence
 from evac.evidence.scaling.halls import doors_along, make_hall
 from evac.evidence.scaling.page import STEP
-from evac.evidence.scaling.peers import comparison
-from evac.evidence.scaling.peers.comparison import BASE, LEAST, OWN, PEERS, TIMED, WARM, Peer, compare
 from evac.evidence.scaling.peers.programs import CromosimWalk, JupedsimWalk, OrcaWalk
 from evac.evidence.scaling.walks import TICK
-
-
-class Fixed:
-    """A program whose ticks take as long each time; it may fail in its second tick."""
-
-    def __init__(self, people=10, span=1.0, fails=False):
-        self.inside, self.span, self.fails, self.ticks = people, span, fails, 0
-
-    def advance(self):
-        self.ticks += 1
-        if self.fails and self.ticks == 2:
-            raise RuntimeError("somebody is outside")
-        return self.span
-
-
-def test_times_are_those_of_a_person_step_and_a_program_that_fails_keeps_its_message():
-    programs = {"one": Fixed(), "stops": Fixed(fails=True), "empty": Fixed(people=0)}
-    costs = compare(programs, STEP)
-    assert costs["stops"] == "somebody is outside"
-    assert costs["one"] == pytest.approx([0.1 / 10] * TIMED)
-    assert costs["empty"] == pytest.approx([0.1] * TIMED)
-    assert [program.ticks for program in programs.values()] == [WARM + TIMED, 2, WARM + TIMED]
-
-
-def test_models_of_evac_are_programs():
-    hall = make_hall(60, 2.0, 1)
-    costs = compare({name: make(hall, STEP) for name, make in OWN.items()}, STEP)
-    assert {name: len(spans) for name, spans in costs.items()} == dict.fromkeys(OWN, TIMED)
-    assert min(min(spans) for spans in costs.values()) > 0.0
-
-
-@pytest.fixture
-def fixed(monkeypatch):
-    """Programs with fixed times, of which one is not installed and one is given few people only."""
-    peers = (
-        Peer("Slow", "jupedsim", {"Slow": lambda hall, step: Fixed(span=3.0)}, 100, {"Slow": "Own"}),
-        Peer("Other", "pyrvo", {"Other": lambda hall, step: Fixed()}),
-        Peer("Stops", "cromosim", {"Stops": lambda hall, step: Fixed(fails=True)}),
-    )
-    monkeypatch.setattr(comparison, "PEERS", peers)
-    monkeypatch.setattr(
-        comparison,
-        "OWN",
-        {
-            LEAST: lambda hall, step: Fixed(span=0.5),
-            BASE: lambda hall, step: Fixed(),
-            "Own": lambda hall, step: Fixed(span=2.0),
-        },
-    )
-    monkeypatch.setattr(comparison, "QUICK_SIZES", (50, 200))
-    install(monkeypatch, lambda package: package != "pyrvo")
-    monkeypatch.delitem(sys.modules, "pyrvo", raising=False)
-    for package in ("jupedsim", "cromosim"):
-        monkeypatch.setitem(sys.modules, package, ModuleType(package))
-
-
-def install(monkeypatch, is_installed):
-    """Let packages of other programs be installed, or not."""
-    real, packages = importlib.util.find_spec, {peer.package for peer in PEERS}
-
-    def find_spec(name, package=None):
-        if name in packages:
-            return name if is_installed(name) else None
-        return real(name, package)
-
-    monkeypatch.setattr(importlib.util, "find_spec", find_spec)
-
-
-def written(evidence):
-    comparison.run(evidence, STEP)
-    return evidence.write_page("evac.evidence.scaling.page").read_text()
-
-
-def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixed, tmp_path):
-    page = written(Evidence("scaling", tmp_path, quick=True))
-    assert "Measured: Slow, Stops. Not installed: Other." in page
-    assert "JuPedSim: the collision-free" in page
-    assert "RVO2: ORCA" not in page
-    assert "| 50 | dense | Slow | 30,000,000 | 3 | 6 |" in page
-    assert "| 200 | dense | Slow |" not in page  # too many people for it
-    assert "| 200 | dense | Stops | - | - | - |" in page
-    assert "| Slow 1.5 to 1.5 (the same model); Stops no step made (DEM) |" in page
-    assert "somebody is outside" in (tmp_path / "peers.csv").read_text()
-    assert written(Evidence("scaling", tmp_path, page_only=True)) == page
-
-
-def test_without_other_programs_there_is_no_section(monkeypatch, tmp_path):
-    install(monkeypatch, lambda package: False)
-    for peer in PEERS:
-        monkeypatch.delitem(sys.modules, peer.package, raising=False)
-    page = written(Evidence("scaling", tmp_path, quick=True))
-    assert comparison.SECTION not in page
-    assert written(Evidence("scaling", tmp_path, page_only=True)) == page
 
 
 class JupedsimStandIn:

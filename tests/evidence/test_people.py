@@ -1,19 +1,12 @@
 """People as measured: measures on exact motions, blocked runs, rows that are kept, and the page."""
 
-import csv
-from itertools import starmap
-
 import numpy as np
 import pytest
 
-from evac.evidence.evidence import Evidence
-from evac.evidence.people import measures, page, runs
+from evac.evidence.people import measures
 from evac.evidence.people.measures import Line, Track
-from evac.evidence.people.runs import LEFT, Job, jobs, measure_runs, run_job
-from evac.evidence.people.scenes import IMO_8, SCENES
-from evac.evidence.people.values import VALUES, Value, by_seed, found_row
-from evac.evidence.verdicts import MET, MOST_ROWS, NOT_MET, REPORTED
-from evac.study.statistics import mean_interval
+from evac.evidence.people.runs import LEFT, Job, run_job
+from evac.evidence.people.values import Value, by_seed
 
 TICK = 0.1
 
@@ -110,34 +103,6 @@ def run_row(seed, value=None, left=0, scene="a", **more):
     return row | more
 
 
-def test_blocked_runs_have_no_value_and_stand_beside_the_mean():
-    value = Value(("a",), "flow [1/s]", 2.0, share=0.1)
-    rows = [run_row(1, 1.9), run_row(2, None, 7), run_row(3, 2.3), run_row(4, 9.0, scene="b")]
-    found = found_row(value, "walking", "NSM2", rows)
-    assert (found["runs"], found["blocked"], found["share blocked"]) == (3, 1, pytest.approx(1.0 / 3.0))
-    assert (found["mean"], found["deviation [%]"]) == (pytest.approx(2.1), pytest.approx(5.0))
-    assert found["verdict"].startswith(NOT_MET)
-    free = found_row(value, "walking", "NSM2", [rows[0], rows[2], run_row(5, 2.0)])
-    assert (free["from"], free["to"]) == pytest.approx(mean_interval(np.array([1.9, 2.3, 2.0])))
-    none = found_row(value, "walking", "NSM2", rows[1:2])
-    assert (none["mean"], none["deviation [%]"], none["verdict"][:7]) == (None, None, NOT_MET)
-
-
-@pytest.mark.parametrize(
-    ("mean", "interval", "blocked", "verdict"),
-    [
-        (1.0, (0.95, 1.05), 0, MET),
-        (1.0, (0.5, 1.05), 0, f"{MET}, not certain"),
-        (1.2, (1.15, 1.25), 0, NOT_MET),
-        (1.2, None, 0, f"{NOT_MET}, not certain"),
-        (1.0, (0.95, 1.05), 1, f"{NOT_MET}: blocked"),
-    ],
-)
-def test_a_target_is_met_by_a_mean_within_it(mean, interval, blocked, verdict):
-    assert Value(("a",), "b", 1.0, share=0.1).verdict(mean, interval, blocked) == verdict
-    assert Value(("a",), "b", 1.0).verdict(mean, interval, blocked) == REPORTED
-
-
 def test_values_of_several_scenes_are_weighted_by_their_moments():
     value = Value(("a", "b"), "speed", weight="moments")
     rows = [
@@ -150,120 +115,8 @@ def test_values_of_several_scenes_are_weighted_by_their_moments():
     assert by_seed(value, rows) == pytest.approx([1.25, 3.0])
 
 
-def test_the_values_held_out_are_the_ones_that_were_fixed():
-    held = {value.scenes[0] for value in VALUES if value.is_held_out and len(value.scenes) == 1}
-    doors = {"door 0.5 m", "door 0.7 m", "door 1 m", "door 2 m"}
-    dense = {f"corridor 1.8 to {width} m" for width in ("1.2", "0.95", "0.7")}
-    against = {f"{IMO_8} against {number}" for number in (0, 10, 50, 100)}
-    assert held == doors | dense | against | {"stair up", "two-way 2 m"}
-    bins = [value.column for value in VALUES if value.is_held_out and len(value.scenes) > 1]
-    assert bins == [measures.speed_column(low, low + 0.5) for low in (2.0, 2.5, 3.0)]
-    row = found_row(VALUES[0], "walking", "DEM", [])
-    assert (row["held out"], row["verdict"]) == ("yes", f"{NOT_MET}: no measurement")
-
-
-def test_every_value_has_scenes_and_a_column_of_the_table():
-    for value in VALUES:
-        assert set(value.scenes) <= set(SCENES)
-        assert {value.column, value.weight or value.column} <= set(measures.MEASURES)
-        assert (value.wanted is None) == (value.question == "")
-
-
-def test_jobs_are_few_where_quick_and_many_where_no_run_may_block():
-    quick = jobs(True, 1)
-    assert {(job.setting, job.model) for job in quick} == {("walking", "NSM2")}
-    assert len(quick) == runs.QUICK_RUNS * len(SCENES)
-    full = jobs(False, 5)
-    counts = {job.scene: 0 for job in full}
-    for job in full:
-        counts[job.scene] += (job.setting, job.model) == ("walking", "NSM2")
-    assert {scene for scene, count in counts.items() if count == 100} == set(runs.NEVER_BLOCKED)
-    assert min(counts.values()) == 10
-
-
-def two_scenes(monkeypatch, *names):
-    """Leave two scenes, with headway, and two runs of each."""
-    monkeypatch.setattr(runs, "SCENES", {name: SCENES[name] for name in names})
-    monkeypatch.setattr(runs, "SETTINGS", {"headway": {"headway": {}}})
-    monkeypatch.setattr(runs, "QUICK_RUNS", 2)
-
-
-def test_finished_rows_are_kept_until_the_code_changes(tmp_path, monkeypatch):
-    two_scenes(monkeypatch, "door 1 m", "two-way 2 m")
-    made = []
-
-    def make(job):
-        if len(made) == 3:
-            raise KeyboardInterrupt
-        made.append(job)
-        return dict(zip(runs.KEY, job.key, strict=True)) | {LEFT: 0, "speed [m/s]": 1.5, runs.CODE: runs.code()}
-
-    monkeypatch.setattr(runs, "run_job", make)
-    with pytest.raises(KeyboardInterrupt):
-        measure_runs(Evidence("people", tmp_path, quick=True))
-    with (tmp_path / "runs.csv").open("a") as file:
-        file.write("two-way 2 m,headway,NSM2,2,0")  # a line that an interruption broke
-    first, made[:] = made[:], []
-    rows = measure_runs(Evidence("people", tmp_path, quick=True))
-    assert [job.key for job in first + made] == [tuple(str(row[key]) for key in runs.KEY) for row in rows]
-    assert (len(first), len(made)) == (3, 1)
-    monkeypatch.setattr(runs, "code", lambda: "another")
-    made.clear()
-    with pytest.raises(KeyboardInterrupt):
-        measure_runs(Evidence("people", tmp_path, quick=True))
-    with (tmp_path / "runs.csv").open() as file:
-        assert [row[runs.CODE] for row in csv.DictReader(file)] == ["another"] * 3
-
-
-def test_quick_page_of_two_scenes_tells_means_beside_blocked_runs(tmp_path, monkeypatch):
-    two_scenes(monkeypatch, "door 1 m", "door 1.2 m")
-    page.run(Evidence("people", tmp_path, quick=True))
-    text = (tmp_path / "README.md").read_text()
-    assert "**Quick run" in text
-    with (tmp_path / "values.csv").open() as file:
-        found = {row["value"]: row for row in csv.DictReader(file)}
-    assert set(found) == {f"door {width} m: flow per metre [1/s/m]" for width in ("1", "1.2")}
-    for name, row in found.items():
-        assert (row["runs"], row["blocked"], row["setting"]) == ("2", "0", "headway")
-        assert 0.8 < float(row["mean"]) < 2.0
-        line = next(line for line in text.splitlines() if line.startswith(f"| {name}"))
-        assert "0 of 2 blocked" in line
-    page.run(Evidence("people", tmp_path, page_only=True))
-    assert (tmp_path / "README.md").read_text() == text
-
-
-def test_full_page_of_made_up_runs_judges_the_default_and_never_the_mean_of_runs_that_block(tmp_path, monkeypatch):
-    def make(job):
-        blocks = job.setting == "paper" and job.scene == "door 0.5 m"
-        told = dict(zip(runs.KEY, job.key, strict=True)) | {LEFT: 5 * blocks, runs.CODE: runs.code()}
-        return told if blocks else told | dict.fromkeys(measures.MEASURES, 1.0 + 0.01 * job.seed)
-
-    monkeypatch.setattr(Evidence, "results", lambda self, function, tasks: starmap(make, tasks))
-    monkeypatch.setattr(runs, "RUNS", 2)
-    page.run(Evidence("people", tmp_path))
-    head, body = (tmp_path / "README.md").read_text().split("\n## ", maxsplit=1)
-    rows = [line for line in head.splitlines() if line.startswith("| [")]
-    assert len(rows) <= MOST_ROWS
-    assert any(row.startswith("| [door 0.5 m: runs not blocked]") and "100 of 100" in row for row in rows)
-    narrow = [line for line in body.splitlines() if line.startswith("| door 0.5 m: flow [1/s]")]
-    assert len(narrow) == len(runs.SETTINGS) == 3
-    assert narrow[-1].count("-; 2 of 2 blocked") == len(runs.MODELS) == 3
-    with (tmp_path / "values.csv").open() as file:
-        found = [
-            row for row in csv.DictReader(file) if row["setting"] == "paper" and row["value"].startswith("door 0.5")
-        ]
-    assert {(row["mean"], row["share blocked"]) for row in found} == {("", "1.0")}
-
-
 def test_a_run_is_what_its_seed_makes_it_and_ends_when_all_are_through():
     one, again, other = (run_job(Job("door 1.2 m", "paper", "NSM2", seed)) for seed in (3, 3, 4))
     flow = "flow per metre [1/s/m]"
     assert one[flow] == again[flow] != other[flow]
     assert one[LEFT] == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", SCENES)
-def test_everybody_finds_room_in_every_scene(scene):
-    row = run_job(Job(scene, "headway", "NSM2", 1))
-    assert row[LEFT] or any(row[name] is not None for name in measures.MEASURES if name in row)

@@ -1,17 +1,12 @@
 """The theory that the stability evidence draws, its verdicts, and a quick run of the whole."""
 
-import csv
-
 import numpy as np
 import pytest
 
 from evac.evidence import scenes
-from evac.evidence.evidence import Evidence
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.crowds import restitution
 from evac.evidence.stability.dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
-from evac.evidence.stability.maps import Curve, _dense, _places
-from evac.evidence.stability.page import run
 from evac.evidence.stability.theory import (
     greatest_frequency,
     lag_limit,
@@ -21,16 +16,10 @@ from evac.evidence.stability.theory import (
     walk_lag,
 )
 from evac.evidence.stability.trials import (
-    BEYOND,
-    DEGRADED,
     HANDLED,
     REFUSED,
-    RIGHT,
-    WRONG,
-    Trial,
     attempt,
     deepest_overlap,
-    greatest_overlap,
     judge,
     make_model,
 )
@@ -43,14 +32,6 @@ ROOM = (0.0, 0.0, 8.0, 4.0)
 def room_with(position, **settings):
     crowd = make_crowd(position, **settings)
     return Scene(ROOM, room(ROOM), one_direction(ROOM), crowd)
-
-
-def made_up(scene, message="", outside=0, **report):
-    """A trial that ended where the scene starts, with the given counts."""
-    crowd = scene.crowd
-    report = {"steps": 100.0, "sub_steps": 100.0, "greatest_overlap": 0.0, "position_corrections": 0.0} | report
-    frames = np.array([0.0, 1.0]), np.stack([crowd.position] * 2), np.stack([crowd.velocity] * 2)
-    return Trial(make_model("DEM"), scene, message, *frames, crowd, outside, report)
 
 
 def test_frequency_of_a_pair():
@@ -124,34 +105,6 @@ def test_deepest_overlap_of_bodies_and_walls():
     assert deepest_overlap(scene, scene.crowd.position[:2]) == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize(
-    ("error", "report", "kind"),
-    [
-        (0.5, {}, RIGHT),
-        (0.5, {"too_fast_steps": 2.0}, HANDLED),
-        (0.5, {"sub_steps": 110.0}, HANDLED),
-        (1.5, {}, DEGRADED),
-        (5.0, {"unconverged_steps": 1.0}, BEYOND),
-        (5.0, {"repeated_searches": 14.0, "sub_steps": 110.0}, WRONG),
-        (5.0, {}, WRONG),
-        (np.nan, {}, WRONG),
-    ],
-)
-def test_verdicts(error, report, kind):
-    trial = made_up(room_with([(3.0, 2.0)]), **report)
-    assert judge(trial, lambda _: error, 1.0, 2.0, "m").kind == kind
-
-
-def test_reported_errors_beyond_theory_are_no_silent_ones():
-    trial = made_up(room_with([(3.0, 2.0)]))
-    assert judge(trial, lambda _: 5.0, 1.0, 2.0, "m", is_reported=True).kind == BEYOND
-
-
-def test_concealed_overlap_is_wrong():
-    trial = made_up(room_with([(3.0, 2.0), (3.3, 2.0)]))  # overlap 0.1 m, reported 0
-    assert judge(trial, greatest_overlap, 2e-3, 1.0, "m", is_reported=True).kind == WRONG
-
-
 @pytest.mark.parametrize("explicit", [True, False])
 @pytest.mark.parametrize(("variant", "midpoint"), [("NSM1 inertial", False), ("NSM2 K_N = 1e5", True)])
 def test_theory_of_a_free_walk_is_what_the_engine_makes(variant, midpoint, explicit):
@@ -167,20 +120,6 @@ def test_lag_limit_is_where_the_lag_is(midpoint):
     limit = lag_limit(0.005, 0.1, 5.0, False, midpoint)
     assert walk_lag(0.1, limit, 5.0, False, midpoint) == pytest.approx(0.005, rel=0.05)  # whole steps only
     assert np.isnan(lag_limit(0.005, 1e-4, 5.0, False, False))  # h may be what it likes: people stand or walk
-
-
-def test_curves_bend_between_unevenly_spaced_cells():
-    speeds, steps = [0.1, 0.5, 1.0, 1.5, 2.0, 10.0], [1e-3, 3e-3, 0.01, 0.03, 0.1]
-    curve = Curve("h v = 0.004", [0.1, 10.0], [0.04, 0.0004])
-    x, y = _places(speeds, _dense(curve.x)), _places(steps, _dense(curve.y))
-    # at the cells of 1 m/s, 4 ms lie between the rows of 3 and 10 ms
-    assert np.interp(2.0, x, y) == pytest.approx(1.0 + np.log(4.0 / 3.0) / np.log(10.0 / 3.0), abs=0.02)
-
-
-def test_refusals_and_crossings_are_told_apart():
-    scene = room_with([(3.0, 2.0)])
-    assert judge(made_up(scene, message="too long"), lambda _: 0.0, 1.0, 1.0, "m").words == "too long"
-    assert judge(made_up(scene, message="too long", outside=1), lambda _: 0.0, 1.0, 1.0, "m").kind == WRONG
 
 
 def test_centre_beyond_a_wall_is_seen():
@@ -204,20 +143,3 @@ def test_scattered_bodies_do_not_overlap_and_a_full_room_is_refused():
     assert away[np.triu_indices(20, 1)].min() > 0.5
     with pytest.raises(ValueError, match="body"):
         scenes.scattered(20, (0.0, 0.0, 1.0, 1.0), 0.25, generator)
-
-
-@pytest.mark.slow
-def test_quick_run_writes_every_map_and_finds_nothing_wrong(tmp_path):
-    run(Evidence("stability", tmp_path, quick=True))
-    for name in ("dem_stiffness", "tau", "speed", "mass_ratio", "radius_ratio"):
-        assert (tmp_path / f"{name}.png").is_file()
-        with (tmp_path / f"{name}.csv").open() as file:
-            verdicts = [row["verdict"] for row in csv.DictReader(file) if "left out" not in row["panel"]]
-        assert verdicts
-        assert WRONG not in verdicts, name
-    for name in ("extremes", "standing_cells"):
-        with (tmp_path / f"{name}.csv").open() as file:
-            assert WRONG not in [row["verdict"] for row in csv.DictReader(file)], name
-    page = (tmp_path / "README.md").read_text()
-    run(Evidence("stability", tmp_path, page_only=True))
-    assert (tmp_path / "README.md").read_text() == page

@@ -1,20 +1,15 @@
 """The flow of the square room, the figures of the paper, classroom and school."""
 
-import csv
-import json
-
 import numpy as np
 import pytest
 
 from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence
-from evac.evidence.scenes import MODELS, make_model, model_overrides
-from evac.evidence.square_room import GAP, change, crowd_at, flow, run_set, start_positions, stopped
-from evac.evidence.table3.classroom import median_last, report_classroom
+from evac.evidence.scenes import MODELS, model_overrides
+from evac.evidence.square_room import GAP, change, crowd_at, flow, run_set, start_positions
+from evac.evidence.table3.classroom import median_last
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
-from evac.evidence.table3.page import PUBLISHED, report_flow
-from evac.evidence.table3.school import SchoolRuns, curve, longest_pause, school_row, school_runs
-from evac.simulation.assembly import make_contact_model
+from evac.evidence.table3.school import curve, longest_pause
 from evac.simulation.simulation import Simulation
 
 
@@ -79,18 +74,6 @@ def test_a_run_stopped_at_one_step_is_left_out_at_both():
     assert found.pooled.value == pytest.approx(0.0)
 
 
-def test_runs_with_a_long_gap_or_people_left_are_counted_apart():
-    good = np.arange(1.0, 21.0)
-    late = good + np.where(np.arange(20) > 12, GAP, 0.0)
-    never = np.where(np.arange(20) > 12, np.nan, good)
-    late_start = good + GAP
-    times = np.array([good, late, never, late_start])
-    assert stopped(times).tolist() == [False, True, True, True]
-    found = flow([times], generator())
-    assert (found.runs, found.stopped) == (4, 3)
-    assert found.pooled.value == pytest.approx(60.0)
-
-
 def test_positions_belong_to_the_set_and_parameters_to_the_run():
     first, again, other = start_positions(1, 0), start_positions(1, 0), start_positions(1, 1)
     assert np.array_equal(first, again)
@@ -114,26 +97,6 @@ def test_a_set_gives_the_same_times_again_and_does_not_depend_on_the_number_of_r
         assert np.array_equal(times, again[name], equal_nan=True)
         assert np.array_equal(times, more[name][:2], equal_nan=True)
         assert not np.array_equal(found["DEM"], found["NSM2"])
-
-
-def test_flow_is_reported_for_every_model_and_step(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.evidence.table3.page.QUICK_RUNS", {0.1: (2, 1), 0.01: (2, 2), 0.005: (2, 1)})
-    monkeypatch.setattr("evac.evidence.table3.page.PUBLISHED", {name: {0.01: 1, 0.005: 2} for name in PUBLISHED})
-    evidence = Evidence("table3", tmp_path, quick=True)
-    report_flow(evidence)
-    evidence.write_page("evac.evidence.table3.page")
-    questions = [row["question"] for row in json.loads((tmp_path / "run.json").read_text())["verdicts"]]
-    assert sum("0.005" in question for question in questions) == len(PUBLISHED)
-    for table, keys, values in (
-        ("table3", ("h [s]", "position sets", "runs"), ("0.01", "2", "4")),
-        ("table3_steps", ("from h [s]", "to h [s]", "shared runs"), ("0.01", "0.005", "2")),
-    ):
-        with (tmp_path / f"{table}.csv").open() as file:
-            rows = list(csv.DictReader(file))
-        found = [row["model"] for row in rows if tuple(row[key] for key in keys) == values]
-        assert found == list(PUBLISHED)
-    # DEM too, whose steps are divided beyond its stability limit
-    assert {row["model"] for row in rows if row["to h [s]"] == "0.1"} == set(PUBLISHED)
 
 
 def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):
@@ -169,42 +132,6 @@ def test_a_blocked_run_is_endless_in_the_median():
     assert median_last(np.array([out, blocked, blocked])) == np.inf
 
 
-def test_classroom_says_how_many_runs_each_mean_is_of_and_compares_all_runs(tmp_path, monkeypatch):
-    def half_blocked(_, case, runs):
-        times = np.tile(np.linspace(1.0, 9.0, 30), (runs, 1))
-        times[:: 1 if case.contact.model == "nsm2" else 2, 20:] = np.nan
-        return times
-
-    monkeypatch.setattr(Evidence, "exit_times", half_blocked)
-    evidence = Evidence("table3", tmp_path, quick=True)
-    report_classroom(evidence)
-    with (tmp_path / "classroom_blocked.csv").open() as file:
-        assert [row["runs not blocked"] for row in csv.DictReader(file)] == ["3", "3", "3", "0"]
-    with (tmp_path / "classroom_all.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [row["model"] for row in rows] == list(MODELS)
-    assert {row["out by 5 s"] for row in rows} == {"15.0"}  # the same for all: nobody is left out of it
-    assert [float(row["out by 10 s"]) for row in rows] == [25.0, 25.0, 25.0, 20.0]
-    assert rows[-1]["last out, median [s]"] == ""
-
-
-def test_a_school_with_pupils_left_is_never_empty():
-    times = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, np.nan]])
-    row = school_row("all", SchoolRuns(times, np.array([0, 0, 1, 1])))
-    assert row["runs with people left"] == 1
-    assert row["half are out, mean [s]"] == 2.5
-    assert (row["last out, mean [s]"], row["least [s]"], row["greatest [s]"]) == (np.inf, 4.0, np.inf)
-    assert (row["storey 0 empty, mean [s]"], row["storey 1 empty, mean [s]"]) == (2.0, np.inf)
-
-
-def test_school_is_run_with_and_without_teachers(tmp_path):
-    evidence = Evidence("table3", tmp_path, quick=True)
-    following, alone = (school_runs(evidence, name, 1) for name in ("following a teacher", "everybody alone"))
-    assert following.times.shape == alone.times.shape == (1, 136)
-    assert np.unique(following.storey).tolist() == [0, 1, 2]
-    assert longest_pause(following.times)[0] > longest_pause(alone.times)[0]
-
-
 def test_curve_counts_who_is_out():
     times = np.array([[1.0, 2.0, np.nan], [0.5, 0.5, 3.0]])
     assert curve(times, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [[0, 0, 2, 2], [0, 2, 2, 3]]
@@ -215,9 +142,3 @@ def test_longest_pause_leaves_out_both_ends():
     times[0, 10:] += 4.0
     times[0, -1] += 100.0
     assert longest_pause(times).tolist() == [5.0]
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_a_model_is_the_same_by_name_and_in_a_case(name):
-    case = load_case("square_room", model_overrides(name))
-    assert make_contact_model(case).values() == make_model(name).values()

@@ -48,21 +48,6 @@ def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported)
         assert people.field_data["group_names"].tolist() == ["even", "odd"]
 
 
-def test_arrays_of_a_frame_are_those_of_the_people_in_it(first_out, tmp_path):
-    export_vtk(read_trajectory(first_out), tmp_path)
-    people = pyvista.read(tmp_path / "frames" / "frame_00000.vtp")
-    assert people["person"].tolist() == [1, 2]
-    assert people["group"].tolist() == [0, 1]
-    np.testing.assert_allclose(people["radius"], [0.3, 0.4], rtol=1e-6)
-    np.testing.assert_allclose(people["height"], [1.7, 1.8], rtol=1e-6)
-
-
-def test_people_stand_on_three_storeys(exported):
-    _, path = exported
-    people = pyvista.read(path.parent / "frames" / "frame_00000.vtp")
-    np.testing.assert_allclose(people.points[:, 2], [6.0 - 0.75 * 0.5, 3.0, 0.0, 6.0, 3.0], atol=1e-5)
-
-
 def test_building_has_its_parts_by_name_at_their_heights(exported):
     trajectory, path = exported
     blocks = pyvista.read(path.parent / "building.vtm")
@@ -100,27 +85,8 @@ def test_far_from_the_origin_nothing_is_rounded(descent, tmp_path):
     np.testing.assert_allclose(people.points[0, :2], [5.0e6 + 10.5, 4.0e6 + 3.0], rtol=0.0, atol=1e-5)
 
 
-def test_frames_of_an_earlier_export_are_replaced(exported, descent):
-    _, path = exported
-    export_vtk(read_trajectory(descent(people=5, frames=2).path), path.parent)
-    assert len(list((path.parent / "frames").glob("*.vtp"))) == 2
-
-
-def test_frame_without_people_can_be_read(descent, tmp_path):
-    export_vtk(read_trajectory(descent(people=1, frames=1).path), tmp_path)
-    people = pyvista.read(tmp_path / "frames" / "frame_00000.vtp")
-    assert people.n_points == 0
-
-
 def test_trajectory_without_frames_is_refused(tmp_path, building):
     header = {"groups": [], "group": [], "radius": [], "height": [], "building": building_to_json(building)}
     TrajectoryWriter(tmp_path / "empty.evac", header, np.zeros(2)).close()
     with pytest.raises(ResultError, match="frame"):
         export_vtk(read_trajectory(tmp_path / "empty.evac"), tmp_path)
-
-
-def test_unwritable_folder_is_named(descent, tmp_path):
-    trajectory = read_trajectory(descent().path)
-    (tmp_path / "taken").write_text("a file")
-    with pytest.raises(ResultError, match="taken: "):
-        export_vtk(trajectory, tmp_path / "taken")

@@ -130,21 +130,6 @@ def test_the_last_one_stays_until_the_next_is_on_the_disk(path, monkeypatch):
     assert path.read_bytes() == before
 
 
-def test_each_name_has_its_array(path):
-    arrays = {"s": np.zeros(2), "s.npy": np.ones(3), "s.npy.npy": np.arange(4)}
-    write_checkpoint(path, {}, arrays)
-    found = read_checkpoint(path)[1]
-    assert {name: array.tolist() for name, array in found.items()} == {
-        name: array.tolist() for name, array in arrays.items()
-    }
-
-
-@pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 70_000])
-def test_names_that_an_archive_cannot_have_are_refused(path, name):
-    with pytest.raises(ResultError, match="one line"):
-        write_checkpoint(path, {}, {name: np.zeros(1)})
-
-
 def test_objects_are_refused(tmp_path):
     with pytest.raises(ResultError, match="'odd'"):
         write_checkpoint(tmp_path / "c", {}, {"odd": np.array([object()])})

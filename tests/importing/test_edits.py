@@ -59,22 +59,6 @@ def test_what_an_import_lacks_is_added_to_its_plan(tmp_path):
     assert import_building([path], tmp_path / "case").building.stairs == {}
 
 
-def test_a_storey_is_added_as_a_file_or_as_text(tmp_path):
-    path = write(tmp_path / "a.plan.toml", upper=False)
-    made = import_building([path], tmp_path / "case")
-    (made.folder / "roof").mkdir()
-    (made.folder / "roof" / "deck.wkt").write_text("POLYGON ((0 0, 8 0, 8 6, 0 6, 0 0))", encoding="utf-8")
-    text = '\n[[storeys]]\nname = "deck"\nz = 6.0\nfile = "roof/deck.wkt"\n'
-    text += '\n[[storeys]]\nname = "first"\nz = 3.0\npolygons = "POLYGON ((0 0, 8 0, 8 6, 0 6, 0 0))"\n'
-    with (made.folder / "building.plan.toml").open("a", encoding="utf-8") as file:
-        file.write(text + STAIR)
-    for _ in range(2):
-        again = import_building([path], tmp_path / "case", partial=True)
-        assert [(level.name, level.kind) for level in again.building.levels if level.kind == "floor"] == [
-            ("ground", "floor"), ("first", "floor"), ("deck", "floor")
-        ]  # fmt: skip
-
-
 @pytest.mark.parametrize("name", ["a.plan.toml", "a.msh"])
 def test_the_plan_gives_the_building_that_was_imported(tmp_path, name):
     plan = Plan()

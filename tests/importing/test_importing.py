@@ -123,17 +123,6 @@ def test_a_partial_import_is_a_quality_warning_of_every_run(house, tmp_path):
     assert made.missing[0] in (tmp_path / "result" / "summary.json").read_text(encoding="utf-8")
 
 
-def test_openings_of_a_file_with_exits_are_numbered_too(house, tmp_path):
-    made = import_building([house], tmp_path / "case", partial=True)
-    row = next(line for line in text_of(made, "report.md").splitlines() if line.startswith("| 2 | "))
-    again = import_building([house], tmp_path / "case", exits=[2], partial=True)
-    assert [way.name for way in again.building.exits] == ["door", "exit 2"]
-    added = again.building.exits[1]
-    assert again.building.levels[added.level].name in row
-    assert f"{added.width:.2f}" in row
-    assert row in text_of(again, "report.md")
-
-
 def test_a_closet_without_a_door_leaves_the_building_whole(tmp_path):
     plan = evac.Plan()
     plan.storey("ground", [shapely.box(0, 0, 20, 10), shapely.box(20.1, 0, 21.5, 2)])
@@ -211,11 +200,6 @@ def test_folders_that_are_not_ours_and_cases_that_are_changed_are_left_alone(roo
     assert text_of(made, "case.toml") == "title = 'mine'"
 
 
-def test_the_spacing_of_a_large_building_is_an_option(room, tmp_path):
-    made = import_building([room], tmp_path / "case", exits=[1], people=1, spacing=0.2)
-    assert (made.fault, evac.load(made.folder).directions.spacing) == ("", 0.2)
-
-
 @pytest.mark.parametrize("scale", [1.0, 0.001])
 def test_openings_that_an_importer_names_come_before_outer_edges(tmp_path, scale):
     ground = shapely.affinity.scale(shapely.from_wkt(ROOM), 1 / scale, 1 / scale, origin=(0, 0))
@@ -264,14 +248,6 @@ def test_a_failed_import_leaves_nothing_in_the_way(room, tmp_path, monkeypatch):
     assert {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()} == before
     import_building([room], tmp_path / "new", exits=[1])
     assert {path.name for path in (tmp_path / "new").iterdir()} == set(before)
-
-
-def test_a_file_name_is_no_line_of_the_case(room, tmp_path):
-    named = tmp_path / ("a\n[plugins]\nfiles = ['x.py']\n" + "n" * 150 + ".wkt")
-    named.write_bytes(room.read_bytes())
-    made = import_building([named], tmp_path / "case", exits=[1])
-    assert made.fault == ""
-    assert "plugins" not in tomllib.loads(text_of(made, "case.toml"))
 
 
 @pytest.mark.parametrize(

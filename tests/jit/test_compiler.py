@@ -9,13 +9,12 @@ import sys
 import numba
 import numpy as np
 import pytest
-from llvmlite import binding as llvm
 
 import evac
 import evac_plugins
 from evac.base.errors import PluginError
-from evac.jit import AddressCall, Entry, FloatGrid, Floats, Ints, Struct, inner, kernel, row
-from evac.jit.compiler import compile_entry, compiled_functions
+from evac.jit import AddressCall, Entry, FloatGrid, Floats, Struct, inner, kernel, row
+from evac.jit.compiler import compile_entry
 from evac.jit.digest import digest_of
 from evac.jit.kernels import NOTE_RAISED
 from evac.jit.loading import Compilation, addresses_of, host
@@ -107,25 +106,6 @@ class Counter(Struct):
 call_part = AddressCall([Counter, Floats], (int,))
 
 
-@inner
-def next_of(number):
-    return number + 1
-
-
-@kernel
-def count_on(small: Ints, line: Floats) -> int:
-    found = 0
-    for k in range(len(line)):
-        found = next_of(found) + next_of(small[k]) + next_of(2)
-    return found
-
-
-def test_a_function_is_compiled_once_for_all_kinds_of_integers():
-    assert count_on(np.array([3, 4], np.int32), np.zeros(2)) == 17
-    compile_entry(count_on, "counted", host())
-    assert sum(name.endswith(".next_of") for name in compiled_functions()) == 1
-
-
 @kernel
 def part(counter: Counter, values: Floats) -> int:
     counter.calls += 1
@@ -166,28 +146,6 @@ def test_a_row_is_its_own_whatever_else_reads_it():
     grid, found = np.arange(1.0, 13.0).reshape(4, 3), np.empty(4)
     read_rows(grid, ten_times_first.address, found)
     np.testing.assert_array_equal(found, 10.0 * grid[:, 0] + grid[:, 1] + 3 + grid[[0, 0, 1, 2], 0])
-
-
-def reader_of(first, second):
-    """Return a struct with two attributes in this order, and a kernel that reads `weight`, always of the same names."""
-
-    class Own(Struct):
-        __annotations__ = {first: float, second: float}
-
-    @kernel
-    def weight_of(own: Own) -> float:
-        return own.weight
-
-    weight_of.function.__annotations__ = {"own": Own, "return": float}
-    return Own, weight_of
-
-
-def test_structs_of_one_name_have_their_own_layout():
-    found = []
-    for names in (("weight", "size"), ("size", "weight")):
-        own, weight_of = reader_of(*names)
-        found.append(weight_of(own(weight=1.5, size=7.0)))
-    assert found == [1.5, 1.5]
 
 
 @numba.jit
@@ -238,19 +196,3 @@ def pair(x: float) -> float:
 def test_a_kernel_returns_what_it_declares(entry):
     with pytest.raises(PluginError, match=rf"kernel {entry.__name__}: returns .*test_compiler\.py, line \d+\); return"):
         entry(1.0)
-
-
-def test_code_that_cannot_be_loaded_is_not_stored(monkeypatch, tmp_path):
-    """LLVM would end the process that loads it, in each later run too."""
-    monkeypatch.setenv("EVAC_CACHE_DIR", str(tmp_path))
-    found = llvm.address_of_symbol
-    monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None if name == "expm1" else 1)
-
-    @kernel
-    def grown(x: float) -> float:
-        return math.expm1(x)
-
-    with pytest.raises(PluginError, match=r"grown.* needs expm1, .*NUMBA_"):
-        grown(1.0)
-    monkeypatch.setattr(llvm, "address_of_symbol", found)
-    assert grown(0.0) == 0.0

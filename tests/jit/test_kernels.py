@@ -22,7 +22,6 @@ from evac.jit import (
     inlined,
     inner,
     kernel,
-    pair_force,
     row,
 )
 
@@ -154,36 +153,6 @@ def test_whole_numbers_are_passed_for_numbers_and_the_other_way_round():
 # Signatures
 
 
-def unannotated(x: float, y) -> float:
-    return x
-
-
-def without_result(x: float):
-    return x
-
-
-def of_words(x: float, name: str) -> float:
-    return x
-
-
-def returning_an_array(x: Floats) -> Floats:
-    return x
-
-
-@pytest.mark.parametrize(
-    ("function", "words"),
-    [
-        (unannotated, r"kernel unannotated: 'y'"),
-        (without_result, "without_result: 'return'"),
-        (of_words, "of_words: .*str.*; use int, float, bool"),
-        (returning_an_array, "returning_an_array: it must return int, float, bool, a tuple of them or None"),
-    ],
-)
-def test_a_signature_that_is_none_names_kernel_and_argument(function, words):
-    with pytest.raises(TypeError, match=words):
-        _ = kernel(function).signature
-
-
 def test_a_signature_is_that_of_the_annotations():
     arguments, returned = mixed.signature
     assert [name for name, _ in arguments] == ["values", "pairs", "counts", "grid", "scales", "n", "x"]
@@ -191,57 +160,6 @@ def test_a_signature_is_that_of_the_annotations():
     assert returned == ("float64",)
     assert is_above.signature[1] == ("int64",)
     assert add_one.signature[1] == ()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((np.zeros(3),), r"test_kernels\.add_one: counts: .* int32 .* float64 of shape \(3,\)"),
-        ((np.zeros((3, 1), np.int32),), r"add_one: counts: .* int32 of shape \(n\)"),
-        ((np.zeros(6, np.int32)[::2],), "add_one: counts: .*contiguous: False"),
-        (([1, 2],), "add_one: counts: .* list"),
-        ((), "add_one takes 1 arguments, .*0"),
-        ((np.zeros(3, np.int32), 1), "add_one takes 1 arguments, .*2"),
-    ],
-)
-def test_a_call_with_what_is_no_such_array_names_kernel_and_argument(arguments, words):
-    with pytest.raises(TypeError, match=words):
-        add_one(*arguments)
-
-
-def test_a_call_with_another_struct_or_no_number_is_refused():
-    class Other(Struct):
-        """Another one."""
-
-        factor: float
-
-    with pytest.raises(TypeError, match=r"times: scales: .* Scales, not Other"):
-        times(1.0, Other(factor=1.0))
-    with pytest.raises((TypeError, ValueError)):
-        times("one", Scales(factor=1.0, calls=0))
-
-
-def test_a_pair_force_has_the_one_signature():
-    def spring(gap, nx, ny, vx, vy, ex, ey, parameters):
-        return parameters[0] * nx, 0.0
-
-    assert pair_force(spring).signature[1] == ("float64", "float64")
-    assert [name for name, _ in pair_force(spring).signature[0]] == [
-        "gap",
-        "nx",
-        "ny",
-        "vx",
-        "vy",
-        "ex",
-        "ey",
-        "parameters",
-    ]
-
-    def short(gap, nx, ny):
-        return 0.0, 0.0
-
-    with pytest.raises(TypeError, match=r"short .* 3 .*gap, nx, ny; .* 8"):
-        pair_force(short)
 
 
 def test_what_an_address_is_called_with_is_what_the_kernel_takes():
@@ -254,29 +172,8 @@ def test_what_an_address_is_called_with_is_what_the_kernel_takes():
 # What kernels cannot do
 
 
-def slicing(values: Floats) -> float:
-    return values[1:][0]
-
-
-def allocating(n: int) -> float:
-    return np.zeros(n)[0]
-
-
-def viewing(grid: FloatGrid) -> float:
-    return grid[0][0]
-
-
 def replacing(scales: Scales, values: Floats) -> None:
     scales.values = values
-
-
-@pytest.mark.parametrize("function", [slicing, allocating, viewing, replacing])
-def test_what_cannot_be_compiled_names_the_kernel(function):
-    with pytest.raises(
-        PluginError,
-        match=rf"kernel {function.__name__}: .*, line {function.__code__.co_firstlineno + 1}\)",
-    ):
-        _ = kernel(function).address
 
 
 @inlined

@@ -1,11 +1,9 @@
 """From entries to machine code: what is compiled, where, and what happens if it cannot be kept."""
 
-import errno
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import textwrap
 import time
 from pathlib import Path
@@ -13,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evac.base.errors import CacheWarning, PluginError
+from evac.base.errors import CacheWarning
 from evac.contract.registry import _module_of
 from evac.jit import loading, store
 from evac.jit.digest import digest_of
@@ -155,40 +153,6 @@ def test_the_machine_code_does_not_depend_on_where_it_is_compiled(plugin, proces
     assert elsewhere == here
 
 
-def test_a_kernel_that_cannot_be_compiled_in_a_process_is_named(tmp_path, processes):
-    path = tmp_path / "wrong.py"
-    path.write_text(
-        textwrap.dedent(SOURCE.format(offset=1.0)) + "\n@kernel\ndef wrong(a: float) -> float:\n    return a.nothing\n"
-    )
-    module = _module_of(path, path.read_bytes())
-    with pytest.raises(PluginError, match=r"kernel wrong: .*wrong\.py, line \d+"):
-        addresses_of(entries_of(module))
-    assert len(processes) == 2
-    assert all(process.exitcode is not None for process in processes)
-
-
-def test_a_kernel_that_other_processes_cannot_import_is_compiled_here(plugin, processes):
-    Path(plugin.__file__).write_text("raise SystemExit")
-    addresses_of(entries_of(plugin))
-    assert len(processes) == 2
-    _check(plugin)
-
-
-def test_a_kernel_that_differs_in_other_processes_is_compiled_here(plugin, processes):
-    text = Path(plugin.__file__).read_text()
-    Path(plugin.__file__).write_text(text.replace("x + OFFSET", "x - OFFSET"))
-    addresses_of(entries_of(plugin))
-    assert len(processes) == 2
-    _check(plugin)
-
-
-def test_kernels_of_a_script_are_compiled_in_its_process(plugin, processes):
-    del plugin.__file__
-    addresses_of(entries_of(plugin))
-    assert processes == []
-    _check(plugin)
-
-
 @pytest.mark.parametrize("interrupted_at", ["told", "loaded"])
 def test_ctrl_c_leaves_no_processes(plugin, processes, monkeypatch, interrupted_at):
     def interrupt(*arguments):
@@ -202,18 +166,6 @@ def test_ctrl_c_leaves_no_processes(plugin, processes, monkeypatch, interrupted_
     assert all(process.exitcode is not None for process in processes)
 
 
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES], ids=["full", "read-only", "not allowed"])
-def test_where_kernels_cannot_be_kept_one_warning_is_given(plugin, monkeypatch, own_cache, number):
-    def fail(*args, **kwargs):
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr(tempfile, "mkstemp", fail)
-    with pytest.warns(CacheWarning, match=str(own_cache)) as warned:
-        addresses_of(entries_of(plugin))
-    assert len(warned) == 1
-    _check(plugin)
-
-
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs owners and modes of files")
 def test_where_others_may_write_kernels_are_neither_loaded_nor_kept(plugin, processes, own_cache):
     own_cache.mkdir(parents=True)
@@ -222,22 +174,6 @@ def test_where_others_may_write_kernels_are_neither_loaded_nor_kept(plugin, proc
         addresses_of(entries_of(plugin))
     assert len(warned) == 1
     assert list(own_cache.iterdir()) == []
-    _check(plugin)
-
-
-def test_processes_hand_back_what_they_cannot_keep(plugin, processes, own_cache):
-    own_cache.parent.write_text("a file where the folder should be")
-    with pytest.warns(CacheWarning, match=str(own_cache)) as warned:
-        addresses_of(entries_of(plugin))
-    assert len(warned) == 1
-    assert len(processes) == 2
-    _check(plugin)
-
-
-def test_without_a_home_one_warning_is_given(plugin, monkeypatch):
-    monkeypatch.setattr(loading, "user_store", lambda: None)
-    with pytest.warns(CacheWarning, match="EVAC_CACHE_DIR"):
-        addresses_of(entries_of(plugin))
     _check(plugin)
 
 
@@ -267,18 +203,6 @@ def test_kernels_of_a_wheel_are_used_where_the_processor_fits(plugin, monkeypatc
     addresses_of([plugin.product], lambda *numbers: told.append(numbers))
     assert told
     assert len(list(own_cache.iterdir())) == 1
-
-
-def test_the_generic_processor_is_a_level_of_x86_64_or_a_baseline(monkeypatch):
-    triple = generic().triple
-    assert generic().name == ("x86-64-v3" if triple.startswith("x86_64") else "generic")
-    assert generic() != host()
-    monkeypatch.setattr(loading.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
-    features = dict.fromkeys(loading._GENERIC_FEATURES.split(), True) | {"fma": False}
-    monkeypatch.setattr(loading.llvm, "get_host_cpu_features", lambda: features)
-    assert loading.missing_features.__wrapped__() == ("fma",)
-    monkeypatch.setattr(loading.llvm, "get_process_triple", lambda: "aarch64-unknown-linux-gnu")
-    assert loading.missing_features.__wrapped__() == ()
 
 
 def test_kernels_are_divided_by_what_they_take(plugin, monkeypatch):
@@ -386,17 +310,3 @@ def _is_compiling(pid):
         return b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return False
-
-
-@pytest.mark.parametrize("level", ["0", pytest.param("1", marks=pytest.mark.slow)])
-def test_options_of_numba_have_kernels_of_their_own_that_run(compiling, own_cache, monkeypatch, level):
-    """A level of optimisation at which numba leaves functions of its own in the code, and the default after it."""
-    monkeypatch.setenv("NUMBA_OPT", level)
-    process = compiling()
-    assert process.communicate(timeout=120) == ("2.0\n", "")
-    files = {path.name for path in own_cache.iterdir()}
-    monkeypatch.delenv("NUMBA_OPT")
-    process = compiling()
-    assert process.communicate(timeout=120) == ("2.0\n", "")
-    assert len(files) == 3
-    assert len({path.name for path in own_cache.iterdir()} - files) == 3

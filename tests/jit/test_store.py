@@ -1,6 +1,5 @@
 """Files of compiled kernels: whole or not there, whatever happens to them."""
 
-import errno
 import os
 import stat
 import time
@@ -72,36 +71,6 @@ def test_a_file_under_the_name_of_another_kernel_is_not_read(store):
         assert store.read(NAME, other) is None
 
 
-def test_a_folder_that_cannot_be_read_is_warned_of(store):
-    path = store.path(NAME, DIGEST)
-    path.unlink()
-    path.mkdir()
-    with pytest.warns(CacheWarning, match="cannot be read"):
-        assert store.read(NAME, DIGEST) is None
-
-
-def test_files_of_a_wheel_are_not_touched(store):
-    shipped = Store(store.folder, is_shipped=True)
-    path = store.path(NAME, DIGEST)
-    os.utime(path, (0, 0))
-    assert shipped.read(NAME, DIGEST) == CODE
-    assert path.stat().st_mtime == 0
-    path.write_bytes(b"")
-    with pytest.warns(CacheWarning):
-        assert shipped.read(NAME, DIGEST) is None
-    assert path.exists()
-
-
-def test_nothing_is_left_of_a_file_that_cannot_be_written(store, monkeypatch):
-    def full(*args, **kwargs):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(OSError, match="No space"):
-        store.write(NAME, DIGEST[::-1], CODE)
-    assert store.entries() == [store.path(NAME, DIGEST)] == list(store.folder.iterdir())
-
-
 def test_the_kernels_used_last_are_kept(store):
     long_ago = time.time() - 7 * 86400.0
     for k in range(KEPT + 3):
@@ -138,17 +107,6 @@ def test_what_nothing_uses_any_more_is_removed(store):
     assert [path.exists() for path in kept] == [True] * len(kept)
 
 
-def test_clearing_removes_kernels_and_nothing_else(store):
-    mine = _aged(store.folder / "mine.txt", 0.0)
-    _aged(store.folder / "tmp.part", 0.0)
-    store.clear()
-    assert list(store.folder.iterdir()) == [mine]
-    mine.unlink()
-    store.clear()
-    assert not store.folder.exists()
-    store.clear()
-
-
 def test_the_folder_is_chosen_by_the_environment(monkeypatch, tmp_path):
     for name in ("EVAC_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.delenv(name, raising=False)
@@ -159,27 +117,6 @@ def test_the_folder_is_chosen_by_the_environment(monkeypatch, tmp_path):
     assert cache_root() == tmp_path / "xdg" / "evac"
     monkeypatch.setenv("EVAC_CACHE_DIR", "here")
     assert cache_root() == Path.cwd() / "here"
-
-
-def test_without_a_home_there_is_no_folder(monkeypatch):
-    def nowhere():
-        raise RuntimeError("Could not determine home directory.")
-
-    for name in ("EVAC_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(Path, "home", nowhere)
-    assert cache_root() is None
-    assert stores.user_store() is None
-
-
-def test_part_files_of_a_process_that_is_interrupted_are_removed(store, monkeypatch):
-    def interrupted(*args):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "replace", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        store.write(NAME, DIGEST[::-1], CODE)
-    assert store.entries() == [store.path(NAME, DIGEST)] == list(store.folder.iterdir())
 
 
 needs_modes = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs owners and modes of files")
@@ -238,24 +175,6 @@ def test_what_belongs_to_another_user_is_not_loaded(store, monkeypatch, what):
             assert store.read(NAME, DIGEST) is None
 
 
-def test_what_is_old_is_read_from_a_folder_that_can_only_be_read(store, monkeypatch):
-    def read_only(*args, **kwargs):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    os.utime(store.path(NAME, DIGEST), (time.time() - 7 * 86400.0,) * 2)
-    monkeypatch.setattr(os, "utime", read_only)
-    assert store.read(NAME, DIGEST) == CODE
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
-def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(store):
-    path = store.path(NAME, DIGEST)
-    path.unlink()
-    os.mkfifo(path, 0o600)
-    with pytest.warns(CacheWarning):
-        assert store.read(NAME, DIGEST) is None
-
-
 def test_a_home_relative_to_the_current_folder_is_none(monkeypatch):
     for name in ("EVAC_CACHE_DIR", "LOCALAPPDATA"):
         monkeypatch.delenv(name, raising=False)
@@ -263,13 +182,3 @@ def test_a_home_relative_to_the_current_folder_is_none(monkeypatch):
     monkeypatch.setenv("HOME", "elsewhere")
     monkeypatch.setenv("USERPROFILE", "elsewhere")
     assert cache_root() is None
-
-
-def test_a_folder_that_cannot_be_listed_is_as_good_as_empty(store, monkeypatch):
-    def denied(*args, **kwargs):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-
-    monkeypatch.setattr(Path, "glob", denied)
-    assert store.entries() == []
-    store.prune()
-    store.clear()

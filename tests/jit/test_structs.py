@@ -2,15 +2,12 @@
 
 import ctypes
 import pickle
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from evac import jit
 from evac.jit import FloatGrid, Floats, Ints, Pairs, Struct, kernel
-from evac.jit.structs import Array
 
 
 class Inner(Struct):
@@ -176,39 +173,3 @@ def test_arrays_that_kernels_cannot_read_are_refused_by_name(name, value, words)
     with pytest.raises(TypeError, match=words):
         setattr(struct, name, value)
     assert sum_of(struct) == before
-
-
-@pytest.mark.parametrize("values", [{"weight": 1.0}, {"weight": 1.0, "count": 1, "colour": 2}])
-def test_missing_and_unknown_attributes_are_refused_by_name(values):
-    with pytest.raises(TypeError, match=r"^Inner: .*: (count|colour)$"):
-        Inner(**values)
-
-
-@pytest.mark.parametrize("hint", [str, list[float], NDArray[np.float64], dict, "Inner | None"])
-def test_types_that_kernels_do_not_know_are_refused(hint):
-    with pytest.raises(TypeError, match=r"int, float, bool.* Struct"):
-        type("Odd", (Struct,), {"__annotations__": {"value": hint}, "__module__": __name__})
-
-
-@pytest.mark.parametrize("name", ["values", "replace", "kinds", "words", "memory_address"])
-def test_names_that_all_structs_have_are_refused(name):
-    with pytest.raises(TypeError, match=rf"Shadowing\.{name}\b"):
-        type("Shadowing", (Struct,), {"__annotations__": {name: float}})
-
-
-def test_every_array_type_says_what_it_is():
-    declared = {name: getattr(jit, name) for name in vars(jit) if hasattr(getattr(jit, name), "__metadata__")}
-    assert len(declared) == 12
-    for hint in declared.values():
-        (kind,) = hint.__metadata__
-        struct = type("One", (Struct,), {"__annotations__": {"array": hint}})
-        array = np.zeros([3 if extent is None else extent for extent in kind.shape], kind.dtype)
-        assert struct(array=array).array is array
-
-
-def test_an_array_type_of_ones_own():
-    five = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
-    struct = type("One", (Struct,), {"__annotations__": {"array": five}})
-    assert struct(array=np.zeros((2, 5))).array.shape == (2, 5)
-    with pytest.raises(TypeError, match=r"One\.array"):
-        struct(array=np.zeros((2, 4)))

@@ -187,19 +187,6 @@ def test_pictures_and_studies_count_those_who_have_come_and_leave(tmp_path):
     assert len(convergence(curves(study, 0))) == 3
 
 
-def test_results_that_are_read_and_the_record_have_them(tmp_path):
-    results = evac.run(hall(TRAIN, STAFF, **{"simulation.duration": 15.0}), tmp_path / "r", progress=False)
-    again = evac.read_results(tmp_path / "r")
-    assert (again.staying, again.not_arrived, again.waiting_outside) == (2, 1, 0)
-    np.testing.assert_array_equal(again.crowd.arrival_time, results.crowd.arrival_time)
-    numbers = [len(frame["person"]) for frame in results.trajectory]
-    assert numbers[0] == 12
-    assert max(numbers) > 12
-    assert results.levels["f"]["people"] == again.levels["f"]["people"] == 24
-    assert results.trajectory.out_at(0) == 0
-    assert results.trajectory.out_at(len(numbers) - 1) == results.evacuated
-
-
 @pytest.mark.parametrize(
     ("group", "words"),
     [

@@ -9,7 +9,6 @@ import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError
 from evac.conformance import check_plugin
 from evac.results.ending import Stopped
-from evac.simulation.scene import Scene
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
 
@@ -114,23 +113,6 @@ def test_a_run_goes_on_to_the_same_bits_with_its_field_and_changes_to_come(smoky
 def test_what_a_behaviour_may_not_do_with_a_field_is_told(smoky, more, words):
     with pytest.raises(PluginError, match=words):
         Simulation(smoky(more)).advance_tick()
-
-
-@pytest.mark.parametrize("spacing", [0.0001, float("nan"), float("inf"), 1e300, 10**400, -1.0])
-def test_cells_that_are_too_small_and_names_in_use_are_refused(smoky, spacing):
-    scene = Scene(Simulation(smoky(), will_run=False).scene.shared_scene)
-    with pytest.raises(ValueError, match=r"'fog'.* use 0\.05 m or more"):
-        scene.add_field("fog", "1/m", spacing)
-    scene.add_field("smoke", "1/m", 1.0)
-    with pytest.raises(ValueError, match=r"'smoke'.* exists"):
-        scene.add_field("smoke", "1/m", 1.0)
-
-
-@pytest.mark.parametrize(("name", "unit"), [("a\0b", "m"), ("\ud800", "m"), ("x" * 201, "m"), (5, "m"), ("fog", None)])
-def test_names_and_units_that_files_cannot_contain_are_refused(smoky, name, unit):
-    scene = Scene(Simulation(smoky(), will_run=False).scene.shared_scene)
-    with pytest.raises(ValueError, match="one line of at most 200 characters"):
-        scene.add_field(name, unit, 1.0)
 
 
 def test_a_behaviour_that_changes_the_scene_and_owns_a_field_passes_the_checks(smoky):

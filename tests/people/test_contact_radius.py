@@ -7,7 +7,6 @@ import pytest
 from shapely import box
 
 import evac
-from evac.base.errors import PluginError
 from evac.simulation.simulation import Simulation
 from tests.runs import MODELS, assert_same_bits, run_ticks
 
@@ -90,11 +89,3 @@ def test_a_resumed_run_has_the_same_bodies(thin):
     for simulation in (one, other):
         run_ticks(simulation, 5)
     assert_same_bits(one, other)
-
-
-@pytest.mark.parametrize(
-    "returned", ["radius[:-1]", "radius - 1.0", "2.0 * radius", "radius * np.nan", "None", "0 * radius + 0.0099"]
-)
-def test_radii_that_no_body_has_are_refused(thin, returned):
-    with pytest.raises(PluginError, match="'thin': contact_radius"):
-        Simulation(thin(returned))

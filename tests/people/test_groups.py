@@ -27,11 +27,6 @@ def test_reference_speeds_are_the_people_s_means_over_the_flat(make_case):
     assert down == pytest.approx((3 + 1.0) / 8, rel=1e-12)
 
 
-def test_means_count_people_not_groups(make_case):
-    many, one = group("many", number=10, speed=2.0, speed_down=1.0), group("one", number=1, speed=1.0, speed_down=1.0)
-    assert reference_speeds(make_case(many, one))[2] == pytest.approx(11.0 / 21.0, rel=1e-12)
-
-
 def test_the_clearance_is_the_greatest_radius_but_at_most_twice_the_greatest_mean(make_case):
     few = group("few", number=10, radius={"list": [0.15] * 9 + [0.9]})
     assert default_clearance(make_case(few, group("slim", radius=0.2))) == pytest.approx(0.45, rel=1e-12)
@@ -51,11 +46,6 @@ def test_slow_people_are_by_default_no_faster_on_stairs(make_case):
 def test_what_the_case_sets_goes_before_the_mean(make_case):
     case = make_case(group(speed=0, speed_up=0), directions={"stairs_up": 0.4, "stairs_down": 0.7})
     assert reference_speeds(case) == (1.0, 0.4, 0.7)
-
-
-def test_no_mean_of_people_who_cannot_climb(make_case):
-    with pytest.raises(ScenarioError, match=r"case\.toml: directions\.stairs_up: "):
-        reference_speeds(make_case(group(speed_up=0)))
 
 
 def test_unknown_names_are_refused_all_at_once_with_the_closest_there_is(make_case, house):

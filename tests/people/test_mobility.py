@@ -136,11 +136,6 @@ def test_a_run_with_people_at_a_refuge_goes_on_to_the_same_bits():
     assert one.places.arrived.any()
 
 
-def test_an_unknown_area_of_a_refuge_is_named():
-    with pytest.raises(evac.EvacError, match=r"place\.at loby\.area: .*'lobby'"):
-        Simulation(with_refuges(("loby", None)))
-
-
 def test_who_does_not_fit_through_the_only_door_goes_to_a_refuge():
     plan = evac.Plan()
     plan.storey("floor", box(0, 0, 5, 5).union(box(5, 2.15, 5.2, 2.85)).union(box(5.2, 0, 8, 5)))

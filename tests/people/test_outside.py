@@ -7,7 +7,6 @@ import pytest
 from shapely.geometry import box
 
 from evac.analysis.flows import steady_flow
-from evac.base.errors import ResultError
 from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
 from evac.people.outside import REACH, PeopleOutside
@@ -194,28 +193,6 @@ def test_a_run_resumed_while_people_are_outside_has_the_same_bits():
     forgetful.restore(state | forgotten)
     run_ticks(forgetful, 40)
     assert (forgetful.population.crowd.position != resumed.population.crowd.position).any()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        *(("level", -2), ("level", 1), ("position", 1e9), ("position", np.nan), ("depth", 2.1), ("depth", -0.1)),
-        *(("velocity", 1e300), ("direction", 1.1), ("speed_factor", -1.0)),
-    ],
-)
-def test_a_state_that_no_run_can_have_is_refused(name, value):
-    simulation = run_ticks(Simulation(hall(1, 0.0)), 60)
-    state, row = simulation.state(), np.flatnonzero(simulation.outside.arrays.level >= 0)[0]
-    state[f"outside.arrays.{name}"][row] = value
-    with pytest.raises(ResultError, match=rf"outside\.arrays\.{name}: "):
-        Simulation(hall(1, 0.0)).restore(state)
-
-
-def test_who_is_inside_cannot_be_outside_in_a_state_too():
-    state = Simulation(hall(1, 0.0)).state()
-    state["outside.arrays.level"][3] = 0
-    with pytest.raises(ResultError, match=r"outside\.arrays\.level: 0 "):
-        Simulation(hall(1, 0.0)).restore(state)
 
 
 def test_without_behaviours_that_keep_distances_nobody_is_kept():

@@ -1,11 +1,9 @@
 """Assembly areas: who goes there, who counts as there, and events that send people on."""
 
-import pytest
 from shapely import box
 
 import evac
 from evac.analysis.queues import find_queues
-from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of
 from evac.simulation.simulation import Simulation
@@ -115,39 +113,3 @@ def test_other_behaviours_do_not_choose_exits_for_people_on_their_way_to_an_area
     case["behaviours"] = {"route_choice": {"exits": ["out"], "every": 1.0}}
     results = evac.run(evac.load(case))
     assert len(results.places[0].people) == 8
-
-
-@pytest.mark.parametrize(
-    ("case", "key"),
-    [
-        ({"assembly": ["at yord"]}, r"people\.class\.assembly: .*'at yard'"),
-        ({"assembly": ["yard"]}, r"people\.class\.assembly: "),
-    ],
-)
-def test_unknown_areas_are_named(case, key):
-    with pytest.raises(evac.EvacError, match=key):
-        case_of(**case)
-
-
-def test_an_event_names_exits_or_areas():
-    with pytest.raises(evac.EvacError, match=r"event\.0\.value: .*not both"):
-        case_of({"time": 5.0, "value": ["at yard", "out"]})
-
-
-def test_a_change_to_an_area_without_directions_is_refused():
-    case = case_of(places=("yard", "corner"), rooms=(None, None))
-    with pytest.raises(evac.EvacError, match=r"no directions for the route at corner"):
-        Simulation(case).scene.apply(evac.Change(5.0, "strategy", "class", {"value": ["at corner"]}))
-
-
-def test_lines_have_a_level_of_the_building_and_a_name_of_their_own():
-    line = {"name": "across", "level": "nowhere", "segment": [[0, 0], [1, 0]]}
-    with pytest.raises(ScenarioError, match=r"line\.across\.level: .*'nowhere'"):
-        evac.run(evac.load("square_room", {"line": [line]}))
-    beside = line | {"level": "room", "segment": [[50, 0], [60, 0]]}
-    with pytest.raises(ScenarioError, match=r"line\.across\.segment: .*'room'"):
-        evac.run(evac.load("square_room", {"line": [beside]}))
-    with pytest.raises(ScenarioError, match="two lines"):
-        evac.load("square_room", {"line": [line, line]})
-    with pytest.raises(ScenarioError, match="same point"):
-        evac.load("square_room", {"line": [line | {"segment": [[1, 0], [1, 0]]}]})

@@ -65,23 +65,6 @@ def test_by_default_nobody_is_faster_on_stairs(make_case, house, fields):
     assert (crowd.speed[20:, 2] == 0.9).all()
 
 
-def test_a_default_that_is_written_down_draws_the_same_speeds(make_case, house, fields):
-    written = {"speed_up": {"uniform": [0.5, 1.0]}, "speed_down": {"uniform": [0.5, 1.0]}}
-    speeds = [
-        build_population(make_case(group(speed=0.7, **keys)), house, fields(), seed=1).crowd.speed
-        for keys in ({}, written)
-    ]
-    assert np.array_equal(*speeds)
-
-
-def test_a_position_that_rounding_put_over_a_portal_is_moved_inside(make_case, house, fields):
-    case = make_case(standing(positions=[[4.0000005, 2.0], [3.5, 2.0]]))
-    crowd = build_population(case, house, fields(), seed=1).crowd
-    assert crowd.position[0, 0] == pytest.approx(4.0, abs=3e-6)
-    assert crowd.position[0, 0] < 4.0
-    assert crowd.position[1].tolist() == [3.5, 2.0]
-
-
 def test_what_a_group_draws_depends_on_seed_and_group_alone(make_case, house, fields):
     first = build_population(make_case(group("a"), group("b")), house, fields(), seed=1).crowd
     other = build_population(

@@ -14,11 +14,6 @@ def group(crowd):
     return [Group("walkers", np.arange(len(crowd.level), dtype=np.int32), {})]
 
 
-def test_usual_people_are_not_told_of():
-    crowd = make_crowd([[0.0, 0.0], [0.5, 0.0]], radius=0.25, speed=1.3, mass=80.0, tau=0.5)
-    assert unusual(crowd, group(crowd)) == ()
-
-
 @pytest.mark.parametrize(
     ("quantity", "value", "words"),
     [

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from evac.base.errors import PluginError
 from evac.base.parameters import Parameter
 from evac.jit import body_force, pair_force
 from evac.physics.force import Force, add_body_forces, add_forces
@@ -190,27 +189,3 @@ def test_nothing_is_loaded_where_there_is_no_such_force():
     assert add_forces not in engine.entries(Dem())
     engine.load(Dem())
     assert engine.state.parts.forces == 0 != engine.state.parts.body_forces
-
-
-class Neither(Force):
-    """Names nothing."""
-
-    name = "neither"
-
-    def cutoff(self):
-        return 0.0
-
-
-class Swapped(Wind):
-    """Names a function between two people for one on each."""
-
-    name = "swapped"
-    body = apart
-
-
-@pytest.mark.parametrize(
-    ("force", "words"), [(Neither(), "'neither': names no function"), (Swapped(), "'swapped': body")]
-)
-def test_a_force_without_a_right_function_is_named(force, words):
-    with pytest.raises(PluginError, match=words):
-        make_engine(make_crowd([(0, 0)]), forces=[force]).load(Dem())

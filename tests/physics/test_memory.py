@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from evac.base.errors import PluginError
 from evac.base.parameters import Parameter
 from evac.base.saved import SavedError
-from evac.contract.registry import Registry
-from evac.jit import pair_contact, pair_friction
+from evac.jit import pair_friction
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.order import rows_by_place
@@ -309,46 +307,6 @@ def test_a_resumed_walk_goes_on_to_the_bit():
         np.testing.assert_array_equal(engine.snapshot()[key], array)
 
 
-@pytest.mark.parametrize("key", ["pairs", "numbers"])
-@pytest.mark.parametrize("fault", ["person", "wall", "negative", "width", "many", "kind", "nan"])
-def test_a_saved_memory_that_cannot_be_is_refused(fault, key):
-    _, saved = half_way()
-    pairs, numbers = saved["memory.sticking.pairs"], saved["memory.sticking.numbers"]
-    of_pairs = {
-        "person": np.where(pairs == pairs.max(), 30, pairs),
-        "wall": np.where(pairs < 0, -99, pairs),
-        "negative": np.column_stack([np.full(len(pairs), -1), pairs[:, 1]]),
-        "width": pairs[:, :1],
-        "many": np.repeat(pairs, 100, axis=0),
-        "kind": pairs.astype(np.int32),
-        "nan": pairs[:-1],
-    }
-    of_numbers = {
-        "person": numbers[:-1],
-        "wall": numbers[:0],
-        "negative": numbers.astype(np.float32),
-        "width": np.repeat(numbers, 2, axis=1),
-        "many": np.repeat(numbers, 100, axis=0),
-        "kind": numbers.astype(np.int64),
-        "nan": numbers * np.nan,
-    }
-    name = f"memory.sticking.{key}"
-    saved[name] = (of_pairs if key == "pairs" else of_numbers)[fault]
-    _, engine = crowd_at_a_door()
-    engine.load(Sticking())
-    with pytest.raises(SavedError, match=r"memory\.sticking\."):
-        engine.restore(saved)
-
-
-def test_an_infinite_number_is_restored():
-    _, saved = half_way()
-    saved["memory.sticking.numbers"][0] = -np.inf
-    _, engine = crowd_at_a_door()
-    engine.load(Sticking())
-    engine.restore(saved)
-    np.testing.assert_array_equal(engine.snapshot()["memory.sticking.numbers"], saved["memory.sticking.numbers"])
-
-
 def test_friction_counts_in_the_energy():
     """Two people who hit each other aslant stick and slip, and part; each loses what percussions account for."""
     crowd = make_crowd([(-0.21, 0.0), (0.21, 0.12)], [(1.5, 0.0), (-1.0, 0.3)], mass=[60.0, 100.0], tau=FREE)
@@ -367,20 +325,3 @@ def test_models_that_declare_nothing_have_no_memory(model):
     assert not {"recall", "retain"} & {entry.title for entry in engine.entries(model)}
     assert {"recall", "retain"} <= {entry.title for entry in engine.entries(Sticking())}
     assert not [key for key in engine.snapshot() if key.startswith("memory")]
-
-
-@pytest.mark.parametrize("names", ["stretch", ["stretch"], ("a", "a"), ("two words",), 1])
-def test_a_memory_is_a_tuple_of_names(names):
-    with pytest.raises(PluginError, match=r"Odd\.memory"):
-        Registry().add_class(type("Odd", (Counting,), {"name": "odd", "memory": names, "__doc__": "Odd."}))
-
-
-@pair_contact
-def forgetful(gap, closing_speed, reduced_mass, parameters):
-    return -1e5 * gap
-
-
-def test_a_function_that_does_not_receive_the_memory_is_refused():
-    model = type("Odd", (PairContact,), {"name": "odd", "memory": ("stretch",), "pair": forgetful})()
-    with pytest.raises(PluginError, match=r"'odd'.*pair_friction"):
-        walk(model, make_crowd([(0, 0)]), 1)

@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from evac.base.errors import PluginError
 from evac.base.parameters import Parameter
-from evac.jit import kernel, pair_contact, pair_friction
-from evac.physics.contact.contacts import use_free_velocity
+from evac.jit import pair_contact, pair_friction
 from evac.physics.contact.model import border_scene
-from evac.physics.contact.pair_contact import COARSEST, PairContact, PairLaw
-from evac.physics.state import State, make_crowd
-from evac.physics.status import OK
-from evac_plugins.contact_dem import Dem
+from evac.physics.contact.pair_contact import COARSEST, PairContact
+from evac.physics.state import make_crowd
 from tests.physics.scenes import kinetic_energy, make_building, make_engine, walk
 
 FREE = 1e30
@@ -170,25 +166,6 @@ def test_bodies_push_and_do_not_pull():
     np.testing.assert_array_equal(crowd.velocity[:, 0], [-1.0, 1.0])
 
 
-class Without(PairContact):
-    """Has no law."""
-
-    name = "without"
-
-
-class Wrong(PairContact):
-    """Has a kernel of another signature for one."""
-
-    name = "wrong"
-    pair = Dem.law
-
-
-@pytest.mark.parametrize("model", [Without(), Wrong()])
-def test_a_model_without_the_law_of_a_contact_is_named(model):
-    with pytest.raises(PluginError, match=rf"contact model '{model.name}': pair: must be a kernel"):
-        walk(model, make_crowd([(0, 0)]), 1)
-
-
 @pair_contact
 def stiffer(gap, closing_speed, reduced_mass, parameters):
     return -3.0 * parameters[0] * gap
@@ -212,37 +189,3 @@ def test_a_subclass_has_the_law_of_its_own_function_or_that_of_its_base():
     for model in (Stiffer(), Renamed()):
         np.testing.assert_array_equal(collide(model, (80.0, 60.0))[0].velocity, wanted.velocity)
     assert Renamed.law is Stiffer.law is not Linear.law
-
-
-@kernel
-def no_contact(state: State, own: PairLaw, h: float) -> int:
-    use_free_velocity(state)
-    return OK
-
-
-class WithLaw(Linear):
-    """Names a law besides the function of its base class."""
-
-    name = "with_law"
-    law = no_contact
-
-
-class WithProperty(PairContact):
-    """Has a function that the class does not know."""
-
-    name = "with_property"
-    pair = property(lambda self: linear)
-
-
-def replaced():
-    """Return a model whose function has been replaced after its law was made."""
-    model = Linear()
-    model.pair = stiffer
-    return model
-
-
-@pytest.mark.parametrize("make", [WithLaw, WithProperty, replaced])
-def test_a_law_that_does_not_call_the_function_is_refused(make):
-    model = make()
-    with pytest.raises(PluginError, match=rf"contact model '{model.name}': .* law .*pair"):
-        walk(model, make_crowd([(0, 0)]), 1)

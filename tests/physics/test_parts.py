@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from evac.base.errors import PluginError
-from evac.base.parameters import Parameter
-from evac.jit import Struct, inner, kernel
-from evac.physics.contact.model import ContactModel, NoParameters
-from evac.physics.force import Force
+from evac.jit import Struct, kernel
+from evac.physics.contact.model import ContactModel
 from evac.physics.state import State, make_crowd
 from evac.physics.status import NEEDS_SEPARATION, NEEDS_STRONGER_SOLVER
-from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import SOLVERS, fields_towards, make_building, make_engine, random_crowd, walk
@@ -139,26 +136,6 @@ def law_of_constants(state: State, own: Constants, h: float) -> int:
     return 0
 
 
-@kernel
-def law_without_step(state: State, own: Constants) -> int:
-    return 0
-
-
-@kernel
-def law_unannotated(state: State, own: Constants, h) -> int:
-    return 0
-
-
-@inner
-def law_without_address(state, own, h):
-    return 0
-
-
-@kernel
-def plain_force(gap: float, nx: float, ny: float) -> float:
-    return 0.0
-
-
 class Odd(ContactModel):
     """A model whose law does not read what it is given."""
 
@@ -166,63 +143,7 @@ class Odd(ContactModel):
     law = law_of_constants
 
 
-class OddForce(Force):
-    """A force whose kernel takes other arguments."""
-
-    name = "odd"
-    pair = plain_force
-    strength = Parameter(1.0, "strength", unit="N")
-
-    def cutoff(self):
-        return 1.0
-
-
-def no_parameters(self, people, world):
-    return NoParameters()
-
-
-@pytest.mark.parametrize("law", [law_of_constants, law_without_step, law_without_address])
-def test_a_law_of_another_signature_is_refused(law):
-    """Among them one whose struct is not that of the model's `own`."""
-    model = type("Odd", (Odd,), {"law": law, "own": no_parameters})()
-    with pytest.raises(PluginError, match=r"'odd': law: must be a kernel \(State, NoParameters, float64\)"):
-        walk(model, make_crowd([(0, 0)]), 1)
-
-
 def test_a_law_reads_the_attributes_of_its_model():
     assert type("Even", (Odd,), {"stiffness": 7.0})().own(1, None).stiffness == 7.0
     with pytest.raises(PluginError, match=r"'odd'.*Constants\.stiffness"):
         walk(Odd(), make_crowd([(0, 0)]), 1)
-
-
-def test_a_law_without_annotations_names_the_argument():
-    model = type("Odd", (Odd,), {"law": law_unannotated})()
-    with pytest.raises(PluginError, match=r"law_unannotated: 'h'"):
-        walk(model, make_crowd([(0, 0)]), 1)
-
-
-@pytest.mark.parametrize(("pair", "words"), [(plain_force, "'odd': pair: must be a kernel"), (None, "'odd': names no")])
-def test_a_force_of_another_signature_is_refused(pair, words):
-    force = type("OddForce", (OddForce,), {"pair": pair})()
-    crowd = make_crowd([(0, 0)])
-    with pytest.raises(PluginError, match=f"force {words}"):
-        walk(Dem(), crowd, 1, forces=[force])
-
-
-def test_an_unknown_solver_names_the_closest_one():
-    with pytest.raises(PluginError, match=r"contact\.nsm1\.solver: .*'uzava'.*'uzawa'"):
-        walk(Nsm1(solver="uzava"), make_crowd([(0, 0)]), 1)
-
-
-@kernel
-def law_of_no_status(state: State, own: Constants, h: float) -> int:
-    return 77
-
-
-def test_a_law_that_returns_no_status_is_named():
-    def own(self, people, world):
-        return Constants(stiffness=1.0)
-
-    model = type("Odd", (Odd,), {"law": law_of_no_status, "own": own})()
-    with pytest.raises(PluginError, match=r"'odd': .* 77"):
-        walk(model, make_crowd([(0, 0)]), 1)

@@ -6,7 +6,7 @@ import shapely
 from evac import Plan
 from evac.building.model.findings import Finding
 from evac.building.model.storeys import storeys
-from evac.pictures.annotated import Mark, draw_levels, levels_figure, panel_of
+from evac.pictures.annotated import Mark, draw_levels, panel_of
 
 
 @pytest.fixture
@@ -65,35 +65,6 @@ def test_marks_and_findings_are_in_the_picture(building, tmp_path):
     ):
         assert word in text, word
     assert "a door" not in text
-
-
-def test_names_cover_no_other_name():
-    plan = Plan()
-    plan.storey("ground", shapely.box(0, 0, 60, 6))
-    plan.exit("door", "ground", [(0, 3), (0, 4)])
-    for k in range(40):
-        plan.area(f"office number {k}", "ground", shapely.box(1.4 * k + 1, 1, 1.4 * k + 2, 2))
-    figure = levels_figure(plan.building(), greatest=(4.0, 3.0))
-    figure.draw_without_rendering()
-    shown = [text.get_window_extent() for text in figure.axes[0].texts if text.get_visible() and text.get_text()]
-    assert 2 <= len(shown) < 41
-    assert all(box.count_overlaps(shown) == 1 for box in shown)  # itself
-
-
-def test_names_stay_in_their_plan_and_doors_in_a_row_keep_their_widths():
-    plan = Plan()
-    rooms = [shapely.box(8 * k, 3.2, 8 * k + 7.8, 9) for k in range(4)]
-    plan.storey("ground", [shapely.box(0, 0, 32, 3), *rooms])
-    plan.exit("the great door of the west", "ground", [(0.2, 0), (1.4, 0)])
-    for k in range(4):
-        plan.door(f"door of the office {k}", "ground", [(8 * k + 3, 3.1), (8 * k + 4, 3.1)])
-    figure = levels_figure(plan.building(), greatest=(4.0, 3.0))
-    figure.draw_without_rendering()
-    (axes,) = (one for one in figure.axes if one.get_title("left") == "ground")
-    shown = [text for text in axes.texts if text.get_visible() and text.get_text()]
-    assert sum(text.get_text().endswith("1.00 m") for text in shown) == 4
-    frame = axes.bbox.padded(0.01)
-    assert all(frame.fully_containsx(x) for text in shown for x in text.get_window_extent().intervalx)
 
 
 def test_doors_between_rooms_are_in_the_picture_with_their_widths(tmp_path):

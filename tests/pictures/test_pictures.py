@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evac.base.errors import ResultError
 from evac.pictures.pictures import egress_figure
 from evac.pictures.writing import save
 
@@ -51,13 +50,3 @@ def test_all_that_is_written_has_room(results, people, words, groups):
     assert inner.x1 < figure.get_figwidth()
     assert inner.y1 < figure.get_figheight()
     assert np.ptp(figure.axes[0].get_position(), axis=0).min() > 0.5
-
-
-def test_a_name_wider_than_the_picture_leaves_half_of_it_to_the_curve(results):
-    long = [SimpleNamespace(name=letter * 300, rows=np.array([0, 1])) for letter in "mn"]
-    assert egress_figure(replace(results, groups=long)).axes[0].get_position().x1 == 0.5
-
-
-def test_unwritable_place_is_named(results, tmp_path):
-    with pytest.raises(ResultError, match="absent"):
-        save(egress_figure(results), tmp_path / "absent" / "egress.png")

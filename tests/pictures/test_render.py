@@ -168,49 +168,6 @@ def test_frame_without_people_is_drawn(descent, tmp_path):
     assert np.asarray(Image.open(tmp_path / "empty.png")).std() > 5.0
 
 
-def test_what_cannot_be_drawn_is_refused(trajectory, tmp_path, monkeypatch):
-    renderer = Renderer(trajectory, SIZE, "plan")
-    with pytest.raises(ResultError, match=r"run\.avi"):
-        render_animation(renderer, tmp_path / "run.avi")
-    with pytest.raises(ResultError, match=r"run\.gif"):
-        render_picture(renderer, tmp_path / "run.gif")
-    with pytest.raises(ResultError, match=r"99 s .* 0 to [0-9]"):
-        render_picture(renderer, tmp_path / "run.png", time=99.0)
-    for name, value in (("fps", 0.0), ("fps", 1e6), ("fps", 1e-300), ("speed", 0.0), ("speed", 1e-9)):
-        with pytest.raises(ResultError, match=f"^{name}: "):
-            render_animation(renderer, tmp_path / "run.gif", **{name: value})
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ResultError, match="imageio-ffmpeg"):
-        render_animation(renderer, tmp_path / "run.mp4")
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [({"colour_by": "mood"}, "'mood'"), ({"view": "side"}, "'side'"), ({"size": (0, 100)}, "size: 0 x 100")]
-    + [({"size": size}, f"size: {size[0]} x") for size in ((30_000, 30_000), (100_000, 64), (8000, 8000))]
-    + [({"size": (4000, 3000), "camera": Camera(zoom=100.0)}, "^zoom: ")],
-)
-def test_looks_that_are_none_are_refused(trajectory, options, words):
-    with pytest.raises(ResultError, match=words):
-        Renderer(trajectory, **options)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"stretch": -1.0},
-        {"stretch": 1e300},
-        {"zoom": 0.0},
-        {"zoom": 1e300},
-        {"elevation": 90.0},
-        {"azimuth": float("nan")},
-    ],
-)
-def test_cameras_that_are_none_are_refused(options):
-    with pytest.raises(ResultError, match=next(iter(options))):
-        Camera(**options)
-
-
 def closed(path, *names):
     """A trajectory of nobody, with links of the building closed."""
     building = close_links(read_trajectory(path).building, names)
@@ -242,27 +199,6 @@ def test_closed_exits_and_portals_are_not_drawn_open(trajectory, tmp_path):
     assert shares[("door",)][1] > 2e-4
     assert shares[("portal 3",)][0] == shares[()][0]
     assert shares[("portal 3",)][1] > 2e-4
-
-
-def test_unwritable_places_are_named(trajectory, tmp_path):
-    with pytest.raises(ResultError, match="absent"):
-        render_picture(Renderer(trajectory, SIZE, "plan"), tmp_path / "absent" / "run.png")
-    with pytest.raises(ResultError, match="absent"):
-        render_animation(Renderer(trajectory, SIZE, "plan"), tmp_path / "absent" / "run.gif")
-
-
-def test_trajectory_without_frames_is_refused(tmp_path, building):
-    header = {
-        "title": "",
-        "groups": [],
-        "group": [],
-        "radius": [],
-        "height": [],
-        "building": building_to_json(building),
-    }
-    TrajectoryWriter(tmp_path / "none.evac", header, np.zeros(2)).close()
-    with pytest.raises(ResultError, match=r"none.evac"):
-        Renderer(read_trajectory(tmp_path / "none.evac"))
 
 
 def test_places_are_drawn_in_three_dimensions(building):
@@ -304,10 +240,3 @@ def test_names_of_storeys_cover_no_name_of_an_exit():
     (name,), (exit_,) = plans.names, plans.axes[0].texts
     assert (name.get_text(), exit_.get_text()) == ("Ground", "North")
     assert not name.get_window_extent().overlaps(exit_.get_window_extent())
-
-
-def test_long_names_of_floors_leave_room_for_the_building(trajectory):
-    """The names are wider than the picture."""
-    renderer = Renderer(trajectory, (64, 64), letters=30)
-    assert renderer.view_at(0.0).scale > 0.0
-    assert renderer.image(0).shape == (64, 64, 3)

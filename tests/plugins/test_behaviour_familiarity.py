@@ -1,7 +1,6 @@
 """Familiarity: known exits, signs, exits in sight, others who walk, and resumed runs."""
 
 import numpy as np
-import pytest
 from shapely import box
 
 import evac
@@ -100,45 +99,6 @@ def test_a_run_goes_on_with_the_same_bits():
         run_ticks(simulation, 30)
     assert_same_bits(one, two)
     assert np.array_equal(*(simulation.population.crowd.route for simulation in (one, two)))
-
-
-@pytest.mark.parametrize(
-    ("familiarity", "key"),
-    [
-        ({"main": ["mian"]}, r"behaviours\.familiarity\.main: there is no exit 'mian'; did you mean 'main'"),
-        ({"main": ["main"], "knows": {"eats": 0.5}}, r": behaviours\.familiarity\.knows: there is no exit 'eats'"),
-        ({"main": "main"}, r": behaviours\.familiarity\.main: "),
-        ({"main": ["main"], "knows": {"east": 2.0}}, r": behaviours\.familiarity\.knows: "),
-        ({"knows": {"east": 0.5}}, r"people\.people\.behaviours\.familiarity\.knows: .*may know no exit"),
-        ({"main": ["main"], "own": {"knows": {"west": 0.5}}}, r"people\.people\..*'west' is not in"),
-    ],
-)
-def test_wrong_knowledge_is_named(familiarity, key):
-    with pytest.raises(evac.EvacError, match=key):
-        Simulation(case_of(**familiarity))
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"exit": "bakc"}, r"place\.sign\.exit: no exit is named 'bakc'"),
-        ({"position": [30.0, 1.0]}, r"place\.sign\.position: "),
-        ({"area": "room"}, r"place\.sign\.area: "),
-        ({"z": None}, r"place\.sign\.level: "),
-        ({"exit": "east"}, r"place\.sign\.exit: 'east' is not in behaviours\.familiarity\.knows"),
-    ],
-)
-def test_wrong_signs_are_named(change, key):
-    sign = {name: value for name, value in (SIGN | change).items() if value is not None}
-    with pytest.raises(evac.EvacError, match=key):
-        Simulation(case_of(sign, main=["main"], knows={"back": 0.0}))
-
-
-def test_a_sign_needs_a_behaviour_that_follows_it():
-    case = case_of(main=["main"]).to_dict()
-    case["behaviours"], case["place"], case["people"][0]["behaviours"] = {}, [SIGN], {}
-    with pytest.raises(evac.EvacError, match=r"place\.sign\.kind: no behaviour of the case follows signs"):
-        evac.load(case)
 
 
 def test_an_event_changes_the_strategy_of_those_only_for_whom_there_are_directions():

@@ -1,17 +1,14 @@
 """Headway: the published speed and turn, and who is followed, against exact numbers and searches over all pairs."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import shapely
 
-from evac.case.loading import load_case
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
-from evac.simulation.assembly import make_behaviours
 from evac.simulation.scene import Scene, SharedScene
 from evac_plugins.behaviour_headway import Headway
 from evac_plugins.contact_nsm1 import Nsm1
@@ -61,80 +58,6 @@ def turns(position, **given):
     return acted(position, **given).extra_direction
 
 
-@pytest.mark.parametrize("distance", [0.31, 0.6, 1.0, 1.49])
-def test_the_speed_is_the_distance_beyond_the_length_over_the_time_gap(distance):
-    assert factors([[0.0, 0.0], [distance, 0.0]]) == pytest.approx([(distance - 0.3) / 1.2, 1.0], rel=1e-12)
-
-
-def test_it_is_the_own_speed_from_where_that_is_slower():
-    assert factors([[0.0, 0.0], [1.51, 0.0]]).tolist() == [1.0, 1.0]
-
-
-@pytest.mark.parametrize("distance", [0.1, 0.3])
-def test_nearer_than_the_length_one_stands(distance):
-    assert factors([[0.0, 0.0], [distance, 0.0]]).tolist() == [0.0, 1.0]
-
-
-def test_time_gap_and_length_are_those_given():
-    found = factors([[0.0, 0.0], [1.0, 0.0]], speed=2.0, time_gap=0.5, length=0.4)
-    assert found[0] == pytest.approx((1.0 - 0.4) / 0.5 / 2.0)
-
-
-def test_the_nearest_of_several_ahead_counts():
-    assert factors([[0.0, 0.0], [1.2, 0.1], [0.8, 0.0], [1.0, -0.1]])[0] == pytest.approx(0.5 / 1.2)
-
-
-def test_a_factor_that_others_have_set_is_what_is_wanted():
-    crowd = make_crowd([[0.0, 0.0], [0.8, 0.0], [0.0, 5.0], [0.8, 5.0]], speed=1.2)
-    crowd.speed_factor[:] = [0.5, 1.0, 0.1, 1.0]
-    prepared(crowd, repulsion=0.0).act(crowd, 0.0)
-    # 0.6 m/s wanted, 0.5 left; 0.12 m/s wanted, less than 0.5.
-    assert crowd.speed_factor == pytest.approx([0.5 / 1.2, 1.0, 0.1, 1.0])
-
-
-@pytest.mark.parametrize(("across", "is_followed"), [(0.29, True), (-0.29, True), (0.31, False), (-0.31, False)])
-def test_only_who_stands_on_the_line_is_followed(across, is_followed):
-    distance = math.hypot(0.8, across)
-    expected = (distance - 0.3) / 1.2 if is_followed else 1.0
-    assert factors([[0.0, 0.0], [0.8, across]])[0] == pytest.approx(expected)
-
-
-def test_nobody_follows_who_is_behind_or_beside():
-    assert factors([[0.0, 0.0], [-0.5, 0.0]])[0] == 1.0
-    assert factors([[0.0, 0.0], [0.0, 0.25]]).tolist() == [1.0, 1.0]
-
-
-@pytest.mark.parametrize("other", [EAST, NORTH_EAST, NORTH, WEST], ids=str)
-def test_whoever_is_ahead_is_braked_for_whichever_way_it_goes(other):
-    found = factors([[0.0, 0.0], [0.8, 0.0]], fields=uniform_fields(1, EAST, other), route=[0, 1])
-    assert found[0] == pytest.approx(0.5 / 1.2)
-
-
-def test_who_is_turned_round_brakes_for_who_comes_up_behind():
-    """The one in the middle is turned back by the one ahead, towards the one behind."""
-    crowd = acted([[0.0, 0.0], [0.42, 0.0], [-0.9, 0.0]])
-    assert crowd.extra_direction[0, 0] < -1.0
-    assert crowd.speed_factor[0] == pytest.approx((0.9 - 0.3) / 1.2)
-
-
-def test_who_has_not_set_off_is_not_followed_until_it_does():
-    people = {"position": [[0.0, 0.0], [0.8, 0.0]], "start_time": [0.0, 5.0]}
-    assert factors(**people, time=4.9)[0] == 1.0
-    assert factors(**people, time=5.0)[0] == pytest.approx(0.5 / 1.2)
-
-
-def test_who_does_not_want_to_walk_is_not_followed():
-    crowd = make_crowd([[0.0, 0.0], [0.8, 0.0]], speed=1.2)
-    crowd.speed_factor[1] = 0.0
-    prepared(crowd, repulsion=0.0).act(crowd, 0.0)
-    assert crowd.speed_factor.tolist() == [1.0, 0.0]
-
-
-def test_who_is_out_is_not_followed():
-    assert factors([[0.0, 0.0], [0.8, 0.0]], level=[0, -1])[0] == 1.0
-    assert factors([[0.0, 0.0], [0.8, 0.0]], level=-1).tolist() == [1.0, 1.0]
-
-
 #: A door in a wall at x = 0, and another one above a post.
 DOORS = {"exits": [(0, (0.0, -0.5, 0.0, 0.5)), (0, (0.0, 0.7, 0.0, 1.7))]}
 WALLS = {"walls": [(0.0, -5.0, 0.0, -0.5), (0.0, 0.5, 0.0, 0.7), (0.0, 1.7, 0.0, 5.0)]}
@@ -161,37 +84,6 @@ def test_who_has_left_is_seen_through_the_exits_of_its_level(y, is_seen):
     assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
 
 
-def test_a_closed_exit_hides_who_has_left():
-    building = make_building(**DOORS, **WALLS)
-    closed = type(building)(**{**building.__dict__, "closed": frozenset({building.link_of(building.exits[0])})})
-    for hall, is_seen in ((building, True), (closed, False)):
-        crowd, _ = behind((-0.3, 0.0), [(0, 0.5, 0.0, EAST)], hall)
-        assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
-
-
-def test_walls_before_an_exit_hide_and_those_behind_it_do_not():
-    for x, is_seen in ((-0.1, False), (0.3, True)):
-        building = make_building(**DOORS, walls=[*WALLS["walls"], (x, -0.2, x, 0.2)])
-        crowd, _ = behind((-0.3, 0.0), [(0, 0.5, 0.0, EAST)], building)
-        assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
-
-
-def test_who_has_left_another_level_is_seen_across_a_portal_only():
-    """An exit right behind the foot of a stair, and one on the storey above."""
-    bounds = ((-10.0, -10.0, -0.2, 10.0), (-0.2, -10.0, 0.0, 10.0))
-    exits = [(1, (0.0, -0.5, 0.0, 0.5))]
-    foot = make_building(bounds, portals=[(0, 1, (-0.2, -0.5, -0.2, 0.5))], exits=exits)
-    for building, is_seen in ((foot, True), (make_building(bounds, exits=exits), False)):
-        crowd, _ = behind((-0.3, 0.0), [(1, 0.5, 0.0, EAST)], building)
-        assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
-
-
-def test_outside_people_follow_those_ahead_from_the_same_level():
-    building = make_building(((-10.0, -10.0, 0.0, 10.0),) * 2, exits=[*DOORS["exits"], (1, (0.0, -0.5, 0.0, 0.5))])
-    _, outside = behind((-9.0, 0.0), [(0, 0.1, 0.0, EAST), (0, 0.9, 0.0, EAST), (1, 0.5, 0.0, EAST)], building)
-    assert outside.speed_factor == pytest.approx([1.0, 0.5 / 1.2, 1.0, 1.0])
-
-
 @pytest.mark.parametrize("repulsion", [0.0, 8.0])
 def test_outside_nobody_waits_for_who_comes_towards_it_or_is_nearer_to_its_exit(repulsion):
     """Exits that face each other across a lane would otherwise block for ever; nor do people inside count."""
@@ -205,24 +97,11 @@ def test_outside_nobody_waits_for_who_comes_towards_it_or_is_nearer_to_its_exit(
     assert outside.speed_factor.tolist() == [1.0, pytest.approx((math.hypot(0.4, 0.1) - 0.3) / 1.2), 1.0]
 
 
-@pytest.mark.parametrize("way", [EAST, NORTH])
-def test_in_a_long_row_everybody_follows_the_next(way):
-    """As many cells along one axis as one along the other."""
-    places = 0.8 * np.arange(20.0)[:, None] * np.array(way) - 8.0 * np.array(way)
-    found = factors(places, fields=uniform_fields(1, way))
-    assert found == pytest.approx([0.5 / 1.2] * 19 + [1.0])
-
-
 def test_of_two_side_by_side_at_a_door_the_nearer_goes_first():
     """Each stands ahead of the other, for their ways meet; the travel time decides."""
     found = factors([[-0.2, 0.16], [-0.2, -0.14]], fields=fields_towards((0.0, 0.0)), length=0.35)
     assert found[1] == 1.0
     assert found[0] < 0.1
-
-
-def test_of_two_as_far_from_a_door_nobody_waits():
-    found = factors([[-0.25, 0.125], [-0.25, -0.125]], fields=fields_towards((0.0, 0.0)), length=0.35)
-    assert found.tolist() == [1.0, 1.0]
 
 
 def test_of_two_on_two_routes_whose_ways_meet_one_goes_first():
@@ -236,69 +115,6 @@ def test_of_two_on_two_routes_whose_ways_meet_one_goes_first():
         assert (found == factors(places, fields=to_door)).all()
 
 
-def test_on_a_stair_the_wanted_speed_is_that_of_the_stair():
-    crowd = make_crowd([[0.0, 0.0], [0.7, 0.0]], speed=[[1.2, 0.5, 0.8]] * 2)
-    building = make_building()
-    slope = 0.5
-    flight = type(building.levels[0])(
-        **{**building.levels[0].__dict__, "uphill": np.array([1.0, 0.0]), "slope": slope, "kind": "flight"}
-    )
-    building = type(building)(**{**building.__dict__, "levels": (flight,)})
-    prepared(crowd, building, repulsion=0.0).act(crowd, 0.0)
-    assert crowd.speed_factor[0] == pytest.approx(min(1.0, 0.4 / (0.5 * math.cos(slope))))
-
-
-def test_it_acts_behind_the_others_wherever_a_case_names_it():
-    case = load_case("square_room", {"behaviours": {"headway": {}, "response_time": {"time": 1.0}}})
-    assert [behaviour.name for behaviour in make_behaviours(case)] == ["response_time", "headway"]
-
-
-def test_a_single_person_needs_none():
-    behaviour = Headway()
-    scene = SimpleNamespace(crowd=make_crowd([[0.0, 0.0]]))
-    assert not behaviour.is_needed(scene)
-    assert behaviour.is_needed(SimpleNamespace(crowd=make_crowd([[0.0, 0.0], [1.0, 0.0]])))
-
-
-def test_through_a_wall_nobody_is_seen_but_beside_it():
-    behind = [[0.0, 0.0], [0.8, 0.0]]
-    assert factors(behind, building=make_building(walls=[(0.4, -1.0, 0.4, 1.0)]))[0] == 1.0
-    assert factors(behind, building=make_building(walls=[(0.4, 0.1, 0.4, 1.0)]))[0] < 1.0
-
-
-def test_the_joint_of_two_walls_hides_too():
-    joined = make_building(walls=[(0.4, -1.0, 0.4, 0.0), (0.4, 0.0, 0.4, 1.0)])
-    assert factors([[0.0, 0.0], [0.8, 0.0]], building=joined)[0] == 1.0
-
-
-def test_walls_of_either_level_hide_across_a_portal_and_those_of_other_storeys_nobody():
-    bounds = ((-10.0, -10.0, 0.4, 10.0), (0.4, -10.0, 10.0, 10.0), (-10.0, -10.0, 10.0, 10.0))
-    people = {"position": [[0.0, 0.0], [0.8, 0.0]], "level": [0, 1]}
-    for x, level, is_hidden in ((0.2, 0, True), (0.6, 1, True), (0.2, 2, False), (0.6, 2, False)):
-        wall = {"walls": [(x, -0.2, x, 0.2)], "wall_level": [level]}
-        building = make_building(bounds, portals=[(0, 1, (0.4, -0.5, 0.4, 0.5))], **wall)
-        assert factors(**people, building=building)[0] == pytest.approx(1.0 if is_hidden else 0.5 / 1.2), (x, level)
-
-
-def test_far_ahead_a_wall_hides_too():
-    """The fast look farther than the reach of one bucket of walls."""
-    people = {"position": [[-3.0, 0.0], [3.0, 0.0]], "speed": 8.0}
-    assert factors(**people)[0] == pytest.approx(5.7 / 8.0)
-    for x in np.linspace(-2.9, 2.9, 13):
-        assert factors(**people, building=make_building(walls=[(x, -0.1, x, 0.1)]))[0] == 1.0, x
-
-
-def test_across_a_portal_people_are_followed_and_on_another_storey_they_are_not():
-    bounds = ((-10.0, -10.0, 0.4, 10.0), (0.4, -10.0, 10.0, 10.0))
-    doorway = make_building(bounds, portals=[(0, 1, (0.4, -0.5, 0.4, 0.5))])
-    above = make_building(bounds)
-    people = {"position": [[0.0, 0.0], [0.8, 0.0]], "level": [0, 1]}
-    assert factors(**people, building=doorway)[0] == pytest.approx(0.5 / 1.2)
-    assert factors(**people, building=above)[0] == 1.0
-    beside = {"position": [[0.0, 2.0], [0.8, 2.0]], "level": [0, 1]}
-    assert factors(**beside, building=doorway)[0] == 1.0
-
-
 def test_people_turn_from_each_other_by_the_published_repulsion():
     (left, right) = turns([[0.0, 0.0], [0.3, 0.4]])
     push = 8.0 * math.exp((0.3 - 0.5) / 0.1)
@@ -306,40 +122,6 @@ def test_people_turn_from_each_other_by_the_published_repulsion():
     assert right == pytest.approx(-left)
     (left, _) = turns([[0.0, 0.0], [0.3, 0.4]], repulsion=5.0, range=0.2, length=0.4)
     assert np.hypot(*left) == pytest.approx(5.0 * math.exp((0.4 - 0.5) / 0.2))
-
-
-def test_a_faint_repulsion_is_left_out_and_none_is_none():
-    reach = 0.3 + 0.1 * math.log(8.0 / 0.01)
-    assert np.hypot(*turns([[0.0, 0.0], [0.999 * reach, 0.0]])[0]) == pytest.approx(0.01, rel=0.02)
-    assert turns([[0.0, 0.0], [1.001 * reach, 0.0]]).tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert turns([[0.0, 0.0], [0.2, 0.0]], repulsion=0.0).tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert turns([[0.0, 0.0], [0.1, 0.0]], repulsion=0.008)[0, 0] == pytest.approx(-0.008 * math.exp(2.0))
-    assert turns([[0.0, 0.0], [0.0, 0.0]]).tolist() == [[0.0, 0.0], [0.0, 0.0]]
-
-
-def test_people_turn_from_who_waits_but_not_from_who_is_out_or_hidden():
-    assert turns([[0.0, 0.0], [0.5, 0.0]], start_time=[0.0, 9.0])[0, 0] < -0.5
-    assert turns([[0.0, 0.0], [0.5, 0.0]], level=[0, -1])[0].tolist() == [0.0, 0.0]
-    wall = make_building(walls=[(0.25, -1.0, 0.25, 1.0)])
-    assert turns([[0.0, 0.0], [0.5, 0.0]], building=wall)[0].tolist() == [0.0, 0.0]
-
-
-def test_the_turn_is_added_to_that_of_other_behaviours():
-    crowd = make_crowd([[0.0, 0.0], [0.3, 0.4]])
-    crowd.extra_direction[:] = 0.5, -0.25
-    prepared(crowd).act(crowd, 0.0)
-    push = 8.0 * math.exp((0.3 - 0.5) / 0.1)
-    assert crowd.extra_direction[0] == pytest.approx([0.5 - 0.6 * push, -0.25 - 0.8 * push])
-
-
-def test_who_has_turned_follows_on_the_way_turned_to():
-    """A third person turns the first by 45 degrees, out of the line of the second."""
-    push = 8.0 * math.exp((0.3 - 0.4) / 0.1)
-    crowd = acted([[0.0, 0.0], [1.2, 0.0], [0.0, -0.4]])
-    assert crowd.extra_direction[0] == pytest.approx([0.0, push])
-    assert push > 1.0
-    assert crowd.speed_factor[0] == 1.0
-    assert acted([[0.0, 0.0], [1.2, 0.0]]).speed_factor[0] < 1.0
 
 
 def test_two_who_come_towards_each_other_pass():

@@ -15,9 +15,6 @@ from tests.runs import assert_same_bits, run_ticks
 HALL = {"name": "hall", "kind": "assembly", "area": "hall"}
 
 
-SLED = {"flat": 0.7, "up": 0.0, "down": 0.6, "handlers": 2}
-
-
 def ward(*places, patients=None, staff=None, device="evacuation_chair", **parameters):
     """Return a case of patients upstairs, and staff downstairs who fetch them over a stair of 5 m in plan, 3 m high."""
     plan = evac.Plan()
@@ -124,12 +121,6 @@ def test_nobody_is_fetched_whom_the_device_cannot_bring_all_the_way():
     assert simulation.results().notes == ("helpers: person 0 was not fetched",)
 
 
-def test_a_refuge_from_which_nobody_fetches_is_refused():
-    refuge = {"name": "lobby", "kind": "refuge", "area": "lobby"}
-    with pytest.raises(evac.ScenarioError, match=r"behaviours\.helpers\.areas: people\.patients .*'lobby'"):
-        Simulation(ward(refuge, patients={"preset": "wheelchair"}))
-
-
 def test_people_in_wheelchairs_are_fetched_from_their_refuge():
     refuge = {"name": "lobby", "kind": "refuge", "area": "lobby"}
     case = ward(refuge, patients={"preset": "wheelchair", "number": 2}, areas=["lobby"])
@@ -170,28 +161,6 @@ def test_a_run_goes_on_to_the_same_bits():
         run_ticks(other, 60)
         assert_same_bits(one, other)
         assert one.places.found() == other.places.found()
-
-
-@pytest.mark.parametrize(
-    ("change", "line"),
-    [
-        ({"device": "sled"}, r"people\.patients\.behaviours\.helpers\.device: there is no 'sled'"),
-        ({"areas": ["wrad"]}, r"behaviours\.helpers\.areas: there is no area 'wrad'; did you mean 'ward'"),
-        ({"areas": ["office"]}, r"people\.patients: person 0 at .* is in none of behaviours\.helpers\.areas"),
-        ({"areas": "ward"}, r"helpers\.areas: must be a list"),
-        ({"to": "hall"}, r"behaviours\.helpers\.to: 'hall' is not the area of a place"),
-        ({"devices": {"sled": {"flat": 1.0}}}, r": behaviours\.helpers\.devices\.sled: must be a table"),
-        ({"devices": {"sled": SLED | {"flat": 0.0}}}, r": behaviours\.helpers\.devices\.sled: must be a table"),
-        ({"exits": ["dor"]}, r": behaviours\.helpers\.exits: there is no exit 'dor'"),
-        ({"staff": {"speed": 0.0, "speed_up": 0.0, "speed_down": 0.0}}, r": people\.staff\.speed: helpers must"),
-        ({"device": "carry", "staff": {"number": 1}}, r"people\.patients: 2 helpers are needed for a person, 1"),
-        ({"patients": {"speed": 0.0}}, r"people\.patients\.speed: 0 cannot be scaled"),
-        ({"staff": {"behaviours": {"helpers": {"fetches": "x"}}}}, r"people\.staff\..*fetches: no group 'x' has"),
-    ],
-)
-def test_mistakes_are_named(change, line):
-    with pytest.raises(evac.EvacError, match=line):
-        Simulation(ward(**change))
 
 
 def test_a_helper_who_is_still_needed_returns_from_the_exit():

@@ -3,10 +3,8 @@
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from shapely import box
 
-from evac.base.errors import PluginError, ScenarioError
 from evac.building.model.building import Area
 from evac.people.behaviour import BehaviourScene
 from evac.simulation.scene import Scene, SharedScene
@@ -85,13 +83,6 @@ def test_a_groups_own_time_replaces_the_shared_one():
     assert times.tolist() == [1.0, 2.0, 3.0, 20.0, 20.0, 0.0]
 
 
-def test_the_same_generator_gives_the_same_times():
-    def draw():
-        return start_times(ResponseTime(time=UNIFORM), scene(("a", 30, {}), seed=5))
-
-    assert np.array_equal(draw(), draw())
-
-
 def test_left_out_exactly_if_everybody_sets_off_at_once():
     assert not ResponseTime().is_needed(scene(("a", 3, {})))
     assert ResponseTime().is_needed(scene(("a", 3, {"time": 2.0})))
@@ -104,21 +95,3 @@ def test_does_all_its_work_at_the_start_unless_people_wait_for_a_cue():
         behaviour = ResponseTime(begin=begin)
         behaviour.prepare(scene(("a", 3, {})))
         assert behaviour.acts_at_ticks() == (begin == "cue")
-
-
-@pytest.mark.parametrize("time", [-1.0, {"uniform": [-1.0, 5.0]}, {"normal": [5.0, 1.0]}, "soon"])
-def test_refuses_times_before_the_alarm(time):
-    with pytest.raises(PluginError, match=r"response_time\.time"):
-        ResponseTime(time=time)
-    with pytest.raises(ScenarioError, match=r"people\.pupils\.behaviours\.response_time\.time"):
-        ResponseTime().prepare(scene(("pupils", 2, {"time": time})))
-
-
-def test_refuses_an_unknown_share():
-    with pytest.raises(PluginError, match="'person'"):
-        ResponseTime(per="persons")
-
-
-def test_a_list_too_short_names_its_key():
-    with pytest.raises(ScenarioError, match=r"^people\.pupils\.behaviours\.response_time\.time: .* 2 .* 3"):
-        ResponseTime().prepare(scene(("pupils", 3, {"time": {"list": [1.0, 2.0]}})))

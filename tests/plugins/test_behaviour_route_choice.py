@@ -216,14 +216,6 @@ def test_goes_on_from_a_saved_state(building):
         assert chosen(of) == [Route(("stair",), "comfortable")]
 
 
-def test_left_out_where_there_is_one_route(building):
-    behaviour = RouteChoice()
-    assert behaviour.routes() == (Route(),)
-    assert not behaviour.is_needed(scene(building, behaviour, [([1.0], [1.0], {})]))
-    behaviour = RouteChoice(exits=["flat"])
-    assert behaviour.is_needed(scene(building, behaviour, [([1.0], [1.0], {})]))
-
-
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

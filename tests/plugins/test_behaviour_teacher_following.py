@@ -7,14 +7,13 @@ import pytest
 from shapely import box
 
 import evac
-from evac.base.errors import ScenarioError
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.people.behaviour import BehaviourScene
 from evac.physics.state import make_crowd
 from evac.simulation.scene import Scene, SharedScene
 from evac.simulation.simulation import Simulation
-from evac_plugins.behaviour_teacher_following import HINDERED, WAITED, TeacherFollowing
+from evac_plugins.behaviour_teacher_following import TeacherFollowing
 
 LENGTH = 100.0
 TICK = 0.1
@@ -122,24 +121,11 @@ def test_teacher_slows_for_the_widest_gap_in_its_line(gap, factor):
     assert class_.crowd.speed_factor[0] == pytest.approx(factor)
 
 
-def test_a_long_line_without_gaps_is_no_reason_to_wait():
-    class_ = Corridor(("teacher", [90.0], [1.0], {}), ("class", np.linspace(10, 89, 40), [1.0] * 40, FOLLOWS), lag=8.0)
-    class_.behaviour.act(class_.crowd, 0.0)
-    assert class_.crowd.speed_factor[0] == 1.0
-
-
 @pytest.mark.parametrize(("left", "factor"), [(20.0, 0.0), (8.0, 0.0), (6.0, 0.5), (4.0, 1.0), (1.0, 1.0)])
 def test_in_front_of_the_exit_a_teacher_leads_its_class_out(left, factor):
     class_ = Corridor(("teacher", [LENGTH - left], [1.0], {}), ("class", [10.0], [1.0], FOLLOWS), lag=8.0)
     class_.behaviour.act(class_.crowd, 0.0)
     assert class_.crowd.speed_factor[0] == pytest.approx(factor)
-
-
-def test_multiplies_what_others_have_set():
-    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [9.0], [1.0], FOLLOWS), trail=2.0)
-    class_.crowd.speed_factor[:] = 0.5
-    class_.behaviour.act(class_.crowd, 0.0)
-    assert class_.crowd.speed_factor.tolist() == pytest.approx([0.5, 0.25])
 
 
 def test_nist_2_9_a_group_with_a_slow_member_arrives_together():
@@ -203,29 +189,6 @@ def test_a_blocked_teacher_releases_its_class():
     assert np.isfinite(class_.out[1:]).all()
 
 
-def test_jiggling_is_no_progress():
-    """A teacher that is pushed to and fro by more than `PROGRESS` gets nowhere."""
-    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [10.5], [1.2], FOLLOWS), stuck=5.0)
-    class_.blocked[0] = True
-    for _ in range(6):
-        for place in (9.0, 10.0):
-            class_.x[0] = class_.crowd.position[0, 0] = place
-            class_.run(0.5)
-    assert class_.x[1] > 10.5
-
-
-def test_on_another_route_progress_counts_anew():
-    """On route 1 more travel time is left than ever on route 0."""
-    class_ = Corridor(("teacher", [80.0], [1.0], {}), ("class", [79.0], [1.0], FOLLOWS), stuck=5.0)
-    class_.tick()
-    class_.crowd.route[0] = 1
-    for _ in range(100):
-        class_.tick()
-        class_.x[0] -= 0.2  # towards x = 0, against the walk of this corridor
-        class_.crowd.position[0, 0] = class_.x[0]
-        assert class_.behaviour.state()["memory"][0, HINDERED] < 1.0
-
-
 def test_a_teacher_that_waits_in_vain_goes_on():
     class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [9.0, 1.0], [1.0] * 2, FOLLOWS), patience=10.0)
     class_.blocked[2] = True
@@ -235,52 +198,12 @@ def test_a_teacher_that_waits_in_vain_goes_on():
     assert np.isfinite(class_.out[:2]).all()
 
 
-def test_a_teacher_waits_as_long_as_its_last_member_gets_nearer():
-    class_ = Corridor(("teacher", [60.0], [1.0], {}), ("class", [10.0], [0.5], FOLLOWS), patience=10.0)
-    class_.run(80.0)
-    assert class_.x[0] == 60.0
-    class_.run(30.0)
-    assert class_.x[0] > 60.0
-
-
 def waiting(straggler=10.0, **parameters):
     """Return a teacher at x = 50 whose class is one pupil who does not come nearer; it stands for a gap of 4 s."""
     given = {"lag": 4.0, "patience": 10.0, **parameters}
     class_ = Corridor(("teacher", [50.0], [1.0], {}), ("class", [straggler], [1.0], FOLLOWS), **given)
     class_.blocked[1] = True
     return class_
-
-
-def test_half_a_pace_is_half_the_time_waited():
-    """A gap of 3/4 of `lag` halves the pace: 15 s of it are 7.5 s of waiting, within the patience."""
-    class_ = waiting(straggler=47.0, stuck=100.0)
-    class_.blocked[0] = True
-    class_.run(15.0 + TICK)  # the first tick sees where everybody is
-    assert class_.behaviour.state()["memory"][0, WAITED] == pytest.approx(7.5, abs=1e-9)
-    assert class_.crowd.speed_factor[0] == pytest.approx(0.5)
-
-
-def test_a_teacher_that_waits_is_not_hindered():
-    """While it stands for a straggler, those ahead of it do not go on alone."""
-    class_ = Corridor(
-        ("teacher", [50.0], [1.0], {}),
-        ("class", [10.0, 51.0], [1.0] * 2, FOLLOWS),
-        patience=np.inf,
-        stuck=10.0,
-    )
-    class_.blocked[1] = True
-    class_.run(20.0)
-    assert class_.x.tolist() == [50.0, 10.0, 51.0]
-    assert not class_.behaviour.state()["goes_alone"].any()
-
-
-def test_waiting_counts_from_the_start_of_the_teacher():
-    class_ = waiting()
-    class_.crowd.start_time[0] = 30.0
-    class_.run(29.0)
-    assert class_.behaviour.state()["memory"][0, WAITED] == 0.0
-    class_.run(10.0)
-    assert class_.x[0] == 50.0
 
 
 def test_a_teacher_waits_again_once_its_class_has_caught_up():
@@ -292,21 +215,6 @@ def test_a_teacher_waits_again_once_its_class_has_caught_up():
     class_.x[1] = class_.crowd.position[1, 0] = 10.0
     class_.tick()
     assert class_.crowd.speed_factor[0] == 0.0
-
-
-def test_who_is_under_way_keeps_its_start_time():
-    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [5.0, 6.0], [1.0] * 2, FOLLOWS), start_time=[30, 1, 6])
-    class_.behaviour.act(class_.crowd, 5.0)
-    assert class_.crowd.start_time.tolist() == [30.0, 1.0, 30.0]
-
-
-def test_a_wait_goes_on_from_its_state():
-    first, second = waiting(), waiting()
-    first.run(9.0)
-    second.behaviour.restore(first.behaviour.state())
-    np.testing.assert_array_equal(second.behaviour.state()["memory"], first.behaviour.state()["memory"])
-    second.run(2.0)
-    assert second.x[0] > 50.0
 
 
 def test_two_classes_in_each_others_way_get_out():
@@ -342,19 +250,6 @@ def test_goes_on_from_its_state_to_the_same_bits():
         run.step, run.blocked[:] = 30, False
         run.run(20.0)
     assert np.array_equal(whole.x, second.x)
-
-
-@pytest.mark.parametrize(
-    ("wanted", "message"),
-    [("techer", "'teacher'"), ("class", "teacher"), ("staff", "number = 1")],
-)
-def test_refuses_a_teacher_that_is_none(wanted, message):
-    with pytest.raises(ScenarioError, match=message):
-        Corridor(
-            ("teacher", [1.0], [1.0], {}),
-            ("staff", [1.0, 2.0], [1.0] * 2, {}),
-            ("class", [0.0], [1.0], {"teacher": wanted}),
-        )
 
 
 def walking_class(plan, others, force):

@@ -1,7 +1,6 @@
 """Families and classes: how far apart they are, that they gather and are counted first, and resumed runs."""
 
 import numpy as np
-import pytest
 from shapely import box
 
 import evac
@@ -202,18 +201,6 @@ def test_wheelchairs_gather_without_stairs():
     assert on_stair[crowd.group == 0].any()
 
 
-def test_without_the_keys_nobody_takes_part():
-    simulation = corridor(("people", 4, {}, SPEEDS))
-    assert "together" not in {behaviour.name for behaviour, _ in simulation.behaviours}
-
-
-def test_a_unit_of_which_nobody_comes_is_left_out():
-    case = corridor(("here", 2, {"gather": "hall"}, [1.2, 1.0]), places=["hall"], count=0.0).case.to_dict()
-    rare = {"arrive": {"rate": 1e-6, "from": 0.0, "to": 1.0}, "behaviours": {"together": {"size": 2}}}
-    case["people"].append({"name": "rare", "area": "home"} | rare)
-    assert Simulation(evac.load(case)).run().ended == "everybody out"
-
-
 def test_a_run_goes_on_to_the_same_bits():
     def one_more():
         return families({"size": 4, "gather": "hall"}, places=["hall"], count=3.0)
@@ -226,19 +213,3 @@ def test_a_run_goes_on_to_the_same_bits():
         run_ticks(other, 60)
         assert_same_bits(one, other)
         one, other = one_more(), one_more()
-
-
-@pytest.mark.parametrize(
-    ("settings", "places", "line"),
-    [
-        ({"gather": "hall"}, [], r"people\.families\.behaviours\.together\.gather: 'hall' is not in behaviours"),
-        ({"gather": "hal"}, ["hall"], r"'hal' is not in behaviours\.together\.places; .*'hall'"),
-        ({"size": -1}, [], r"together\.size: .*0"),
-        ({"gather": "hal"}, ["hal"], r"behaviours\.together\.places: there is no area 'hal'; .*'hall'"),
-        ({"gather": "hall"}, "hall", r"together\.places: must be a list of words, got .hall."),
-        ({"size": 4}, [["hall"]], r"together\.places: must be a list of words"),
-    ],
-)
-def test_mistakes_are_named(settings, places, line):
-    with pytest.raises(evac.EvacError, match=line):
-        families(settings, places=places)

@@ -8,7 +8,6 @@ import ezdxf
 import numpy as np
 import pytest
 import shapely
-from ezdxf.render.forms import cube
 
 import evac
 from evac import import_building
@@ -227,29 +226,6 @@ def test_several_plans_of_one_drawing(tmp_path, plan, storeys):
     assert sum(areas) == pytest.approx(FLOOR * {"": 2.5, "2": 1.5, "2,1": 2.5}[plan], rel=0.02)
     lowest = min(made.building.levels, key=lambda level: level.z_min)
     assert (lowest.polygon.bounds[0] > 15.0) == plan.startswith("2")
-
-
-@pytest.mark.parametrize(("x", "y", "number"), [(10.9, 0.0, 1), (9.4, 0.0, 0), (0.0, 6.1, 1), (20.0, 0.0, 0)])
-def test_plans_that_lie_too_close_for_two_storeys_are_told(tmp_path, x, y, number):
-    drawing = double_lines("m", None, "WALL", "DOOR")
-    drawing.rings(shapely.transform(BODY, lambda xy: xy + np.array([x, y])), "WALL")
-    drawing.document.saveas(tmp_path / "a.dxf")
-    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", partial=True)
-    found = [one for one in made.findings if one.kind == "warning" and "another one" in one.text]
-    assert len(found) == number
-    right_or_below = shapely.box(x, 0.0, x + 9.4, 4.6)
-    assert all(shapely.Point(one.place[:2]).within(right_or_below) for one in found)
-
-
-def test_what_is_drawn_elsewhere_or_as_bodies_is_told(tmp_path):
-    drawing = double_lines("m", None, "walls", "doors")
-    drawing.document.add_xref_def("other.dwg", "columns")
-    drawing.space.add_blockref("columns", (0, 0))
-    cube().render_mesh(drawing.space, dxfattribs={"layer": "walls"})
-    drawing.document.saveas(tmp_path / "a.dxf")
-    made = import_building([tmp_path / "a.dxf"], tmp_path / "case")
-    told = [one.kind for one in made.findings if "columns: drawn in other files" in one.text or "MESH" in one.text]
-    assert sorted(told) == ["left out", "warning"]
 
 
 def two_plans():

@@ -1,6 +1,5 @@
 """What exporters write, read with the programs that it is for."""
 
-import csv
 import json
 import sqlite3
 from types import SimpleNamespace
@@ -10,7 +9,6 @@ import pytest
 from shapely.geometry import shape
 
 from evac import Plan, read_building
-from evac.analysis.tables import MOTION_COLUMNS, motion_table
 from evac.base.errors import ResultError
 from evac.contract.registry import Registry, built_in
 from evac.export.exporter import export, file_stems
@@ -92,28 +90,6 @@ def test_a_last_frame_between_two_output_times_is_left_out(trajectory, tmp_path)
         regular_frames(Fewer)
 
 
-def test_tables_hold_everybody_at_every_time(trajectory, tmp_path):
-    table = motion_table(trajectory)
-    assert list(table) == [name for name in MOTION_COLUMNS if name not in ("dose", "extinction")]
-    (path,) = export(trajectory, EXPORTERS["csv"](), tmp_path / "motion.csv")
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 5 * trajectory.number_of_people
-    frame, last = trajectory[4], rows[-1]
-    assert (last["group"], last["level"]) == ("teacher_2b", "second")
-    for name, value in {"x": frame["position"][-1, 0], "z": frame["z"][-1], "speed": frame["speed"][-1]}.items():
-        assert float(last[name]) == value
-
-
-def test_parquet_equals_the_table_and_has_units(trajectory, tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet")
-    (path,) = export(trajectory, EXPORTERS["parquet"](), tmp_path / "motion.parquet")
-    read = parquet.read_table(path)
-    for name, values in motion_table(trajectory).items():
-        assert read.column(name).to_pylist() == values.tolist()
-        assert read.schema.field(name).metadata[b"unit"].decode() == MOTION_COLUMNS[name]
-
-
 def test_geojson_has_the_building_by_name(trajectory, tmp_path):
     (path,) = export(trajectory, EXPORTERS["geojson"](), tmp_path / "building.geojson")
     data = json.loads(path.read_text(encoding="utf-8"))
@@ -161,13 +137,6 @@ def test_geojson_keeps_doors_and_tells_what_was_closed(tmp_path):
     assert len(other.walls) == len(one.walls)
     told = [text.text for text in other.findings if "closed at the start" in text.text]
     assert [text.split(" was ")[0] for text in told] == ["exit 'back'", "door 'door'"]
-
-
-def test_a_place_that_cannot_be_written_is_named(trajectory, tmp_path):
-    (tmp_path / "taken").write_text("a file")
-    for exporter in EXPORTERS.values():
-        with pytest.raises(ResultError, match="taken"):
-            export(trajectory, exporter(), tmp_path / "taken" / "inside")
 
 
 def test_names_of_files_are_safe_and_differ():

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import sys
 
 import ezdxf
 import pytest
@@ -10,7 +9,6 @@ import shapely
 
 import evac
 from evac import BuildingError, import_building, read_building
-from evac.conformance import check_plugin
 from evac.contract.registry import Registry, built_in
 
 REGISTRY = Registry(builtins=built_in("importer"))
@@ -71,13 +69,6 @@ def test_an_outline_that_crosses_itself_is_repaired_and_told(drawing, tmp_path):
     assert len(findings(building, "repaired")) == 1
 
 
-def test_an_exit_farther_from_the_outline_stays_where_it_is(drawing, tmp_path):
-    add(drawing.modelspace(), "walkablearea", ROOM)
-    add(drawing.modelspace(), "exits", [(7.0, 1), (7.7, 1), (7.7, 2), (7.0, 2)])
-    building = building_of(drawing, tmp_path)
-    assert building.exits[0].width == pytest.approx(2 * 0.7 + 2 * 1.0)
-
-
 def test_blocks_are_expanded_on_their_layer_or_their_own(drawing, tmp_path):
     inner = drawing.blocks.new("column")
     add(inner, "0", [(0, 0), (0.5, 0), (0.5, 0.5), (0, 0.5)])
@@ -129,13 +120,6 @@ def test_units_are_doubted(drawing, tmp_path, said, size, kind):
     assert any("unit" in one for one in findings(building, kind))
 
 
-def test_a_unit_that_is_given_is_not_doubted(drawing, tmp_path):
-    add(drawing.modelspace(), "walkablearea", ROOM)
-    building = building_of(drawing, tmp_path, unit=0.1)
-    assert ground(building) == pytest.approx(0.4)
-    assert any("building.scale = 1000" in one for one in findings(building, "warning"))
-
-
 def test_rooms_of_an_architect(drawing, tmp_path):
     """Walls with two sides as single lines, doors as gaps, a swing in a block; in millimetres."""
     drawing.header["$INSUNITS"] = 4
@@ -169,20 +153,6 @@ def test_open_lines_of_the_floor_are_closed_and_told(drawing, tmp_path):
         import_building([tmp_path / "a.dxf"], tmp_path / "case", options={"gap": 0.01})
 
 
-def test_without_a_floor_the_layers_are_named(drawing, tmp_path):
-    add(drawing.modelspace(), "A-SLAB", ROOM)
-    drawing.saveas(tmp_path / "a.dxf")
-    with pytest.raises(BuildingError, match=r"A-SLAB \(1\)"):
-        read_building(tmp_path / "a.dxf")
-
-
-def test_a_drawing_on_a_layout_alone_is_refused_with_the_reason(drawing, tmp_path):
-    add(drawing.layout("Layout1"), "walls", ROOM)
-    drawing.saveas(tmp_path / "a.dxf")
-    with pytest.raises(BuildingError, match="the model space of the drawing is empty"):
-        read_building(tmp_path / "a.dxf")
-
-
 def test_a_file_that_is_cut_off_is_refused_with_its_line(drawing, tmp_path):
     add(drawing.modelspace(), "walkablearea", ROOM)
     drawing.saveas(tmp_path / "a.dxf")
@@ -203,22 +173,6 @@ def test_a_damaged_file_is_refused_unless_its_repair_is_asked_for(drawing, tmp_p
         read_building(path)
     plan = REGISTRY.importer_for(path)(repair=True).read(path)
     assert any("damaged" in one for one in findings(plan, "warning"))
-
-
-def test_without_ezdxf_the_message_says_what_to_install(drawing, tmp_path, monkeypatch):
-    drawing.saveas(tmp_path / "a.dxf")
-    monkeypatch.setitem(sys.modules, "ezdxf", None)
-    with pytest.raises(BuildingError, match=r"pip install 'evac\[dxf\]'"):
-        read_building(tmp_path / "a.dxf")
-
-
-def test_keeps_to_the_contract(drawing, tmp_path):
-    add(drawing.modelspace(), "walkablearea", ROOM)
-    add(drawing.modelspace(), "exits", [(8, 1), (8, 2)], close=False)
-    drawing.saveas(tmp_path / "a.dxf")
-    people = [{"name": "people", "level": "floor", "number": 3}]
-    case = {"title": "DXF", "building": {"mesh": str(tmp_path / "a.dxf")}, "people": people}
-    check_plugin(type(REGISTRY.importers["dxf"]()), evac.load({**case, "contact": {"model": "nsm2"}}))
 
 
 def test_a_drawing_of_the_convention_becomes_a_case_that_runs(drawing, tmp_path):

@@ -3,7 +3,7 @@
 import pytest
 
 import evac
-from evac import BuildingError, import_building, read_building
+from evac import import_building, read_building
 
 DECK = """&HEAD CHID='office', TITLE='two storeys / one deck' /
 &MESH IJK=50,40,30, XB=0.0,10.0,0.0,8.0,0.0,6.0 /
@@ -74,17 +74,3 @@ def test_an_open_side_of_the_meshes_is_told(tmp_path):
     (tmp_path / "a.fds").write_text(DECK)
     told = [one.text for one in read_building(tmp_path / "a.fds").findings if one.kind == "warning"]
     assert len([text for text in told if "open at a side (&VENT, line 9)" in text]) == 1
-
-
-@pytest.mark.parametrize(
-    ("deck", "message"),
-    [("&HEAD CHID='a' /\n", "no &MESH"),
-     ("&MESH IJK=1,1,1, XB=0,1,0,1,0 /\n", "line 1: XB"),
-     ("&MESH IJK=1,1,1, XB=0,1,0,1,0,1 /\n", "m2 of floor"),
-     ("&MESH XB=0,9,0,9,0,3\n&OBST XB=0,1,0,1,0,3 /\n", "line 1: &MESH is not closed"),
-     ("&MULT ID='m', I_UPPER=999999 /\n&MESH XB=0,9,0,9,0,3, MULT_ID='m' /\n", "line 1: &MULT m makes more")],
-)  # fmt: skip
-def test_a_deck_without_floors_is_refused(tmp_path, deck, message):
-    (tmp_path / "a.fds").write_text(deck)
-    with pytest.raises(BuildingError, match=message):
-        read_building(tmp_path / "a.fds")

@@ -1,15 +1,12 @@
 """IFC files: floors of spaces and slabs, doors, exits, stairs, and what cannot be walked."""
 
 import math
-import sys
 import zipfile
 
 import numpy as np
 import pytest
 
 import evac
-from evac import BuildingError, read_building
-from evac.conformance import check_plugin
 from evac.contract.registry import Registry, built_in
 from tests.ifcfiles import IfcFile, steps
 
@@ -63,15 +60,6 @@ def test_rooms_doors_and_exits(tmp_path, spaces, unit):
     (way,) = building.exits
     assert (way.name, round(way.width, 2)) == ("front", 1.2)
     assert sorted(area.name for area in building.areas) == (["001", "002"] if spaces else [])
-
-
-def test_a_file_without_ground_is_told_once_with_what_it_has(tmp_path):
-    ifc = IfcFile()
-    ifc.box("IFCWALL", "W", (0, 0, 0), (4, 0.2, 3))
-    path = ifc.write(tmp_path / "a.ifc")
-    with pytest.raises(BuildingError, match=r"only wall$") as caught:
-        read_building(path)
-    assert str(caught.value).startswith(f"{path}: ")
 
 
 def test_an_archive_of_one_file(tmp_path):
@@ -546,37 +534,3 @@ def test_a_void_in_a_slab_is_no_ground(tmp_path):
     assert sum(level.polygon.area for level in upper) == pytest.approx(59.0 - 4.0, rel=1e-3)
     (void,) = [one for one in plan_of(path).findings if one.kind == "left out"]
     assert (void.level, 6 < void.place[0] < 8) == ("L1", True)
-
-
-def test_names_that_are_long_or_not_unique(tmp_path):
-    ifc = IfcFile()
-    ifc.storey("L0", 0.0)
-    ifc.box("IFCSLAB", "S", (0, 0, -0.2), (9, 4, 0.0), predefined="FLOOR")
-    for k in range(2):
-        ifc.space("room", [(4.2 * k, 0), (4.2 * k + 4, 0), (4.2 * k + 4, 4), (4.2 * k, 4)], 0.0)
-    building = building_of(ifc.write(tmp_path / "a.ifc"))
-    assert sorted(area.name for area in building.areas) == ["room", "room (2)"]
-
-
-@pytest.mark.parametrize(
-    "content", ["", "nothing", "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n", "\0" * 100]
-)
-def test_what_is_no_building_is_refused(tmp_path, content):
-    path = tmp_path / "a.ifc"
-    path.write_text(content, encoding="utf-8")
-    with pytest.raises(BuildingError, match=r"a\.ifc"):
-        read_building(path)
-
-
-def test_without_the_library_the_message_says_what_to_install(tmp_path, monkeypatch):
-    path = house(IfcFile()).write(tmp_path / "a.ifc")
-    monkeypatch.setitem(sys.modules, "ifclite_geom", None)
-    with pytest.raises(BuildingError, match=r"a\.ifc.*evac\[ifc\]'$"):
-        read_building(path)
-
-
-def test_it_keeps_to_the_contract(tmp_path):
-    path = house(IfcFile()).write(tmp_path / "a.ifc")
-    people = [{"name": "people", "area": "001", "number": 3}]
-    case = evac.load({"building": {"mesh": str(path)}, "people": people, "contact": {"model": "nsm2"}})
-    check_plugin(type(REGISTRY.importers["ifc"]()), case)

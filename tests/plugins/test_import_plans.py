@@ -7,7 +7,6 @@ import pytest
 
 import evac
 from evac import BuildingError, read_building
-from evac.conformance import check_plugin
 from evac.contract.registry import Registry, built_in
 
 REGISTRY = Registry(builtins=built_in("importer"))
@@ -46,14 +45,6 @@ def test_options_of_wkt(tmp_path):
     assert {level.z_min for level in building.levels} == {-3.5}
     assert [level.name for level in building.levels] == ["ground", "ground (2)"]
     assert sum(level.polygon.area for level in building.levels) == pytest.approx(24.0 - 0.6)
-
-
-@pytest.mark.parametrize(
-    "text", ["POLYGON ((0 0, 1", "POINT (1 1)", "GEOMETRYCOLLECTION EMPTY", "POLYGON ((0 0, 1 nan, 2 2, 0 0))"]
-)
-def test_wkt_without_ground_is_refused(tmp_path, text):
-    with pytest.raises(BuildingError, match=r"a\.wkt"):
-        building_of(tmp_path / "a.wkt", text)
 
 
 def feature(kind, coordinates, of="Polygon", **properties):
@@ -170,18 +161,6 @@ def test_what_is_wrong_with_the_file_of_a_storey_is_told_with_both(plan_file):
     (plan_file.parent / "ground.wkt").unlink()
     with pytest.raises(BuildingError, match=r"house\.plan\.toml: storey 'ground': .*ground\.wkt: "):
         read_building(plan_file)
-
-
-@pytest.mark.parametrize("name", ["plan", "wkt", "geojson"])
-def test_importers_keep_to_the_contract(name, plan_file, tmp_path):
-    (tmp_path / "a.geojson").write_text(collection(feature("", rectangle(0, 0, 4, 3))), encoding="utf-8")
-    mesh = {"plan": plan_file, "wkt": tmp_path / "ground.wkt", "geojson": tmp_path / "a.geojson"}[name]
-    level = "ground" if name == "plan" else "floor"
-    exits = [{"name": "door", "segment": [[0, 1], [0, 2]], "level": level}]
-    people = [{"name": "people", "level": level, "number": 3}]
-    building = {"mesh": str(mesh), "exits": exits}
-    case = evac.load({"title": name, "building": building, "people": people, "contact": {"model": "nsm2"}})
-    check_plugin(type(REGISTRY.importers[name]()), case)
 
 
 def test_the_line_of_a_plan_file_that_is_no_toml_is_quoted(tmp_path):

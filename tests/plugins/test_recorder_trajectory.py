@@ -7,7 +7,6 @@ from shapely.geometry import box
 
 from evac.base.change import Change
 from evac.building.model.building import Building, Exit, Level
-from evac.folder.files import TRAJECTORY_NAME
 from evac.results.results import versions
 from evac.trajectory.trajectory import read_trajectory
 from evac_plugins.recorder_trajectory import TrajectoryRecorder
@@ -120,14 +119,3 @@ def test_changes_are_kept_once_in_the_frame_after_them(simulation):
     trajectory = read_trajectory(simulation.folder)
     assert [len(rows.changes) for rows in trajectory.rows] == [0, 1, 0, 1]
     assert list(trajectory.changes) == simulation.scene.changes
-
-
-def test_without_a_folder_nothing_is_kept(simulation, tmp_path):
-    simulation.folder = None
-    run(simulation, [0.0]).finish(simulation, None)
-    assert list(tmp_path.rglob(TRAJECTORY_NAME)) == []
-
-
-def test_run_that_ended_before_its_start_can_be_finished(simulation, tmp_path):
-    TrajectoryRecorder().finish(simulation, None)
-    assert list(tmp_path.rglob(TRAJECTORY_NAME)) == []

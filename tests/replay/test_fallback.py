@@ -2,7 +2,6 @@
 
 import base64
 import io
-import json
 import re
 import time
 
@@ -13,40 +12,9 @@ from evac.replay.motion import GRAIN, MotionPacker
 from evac.replay.poster import poster
 from evac.trajectory.trajectory import read_trajectory
 
-VIEW = "['time', 'view', 'storey', 'layer', 'quantity', 'selected'].map((name) => replay.state[name])"
-AIM = "[replay.camera.azimuth, replay.camera.tilt, replay.camera.size, ...replay.camera.target]"
-
 
 def image_of(address):
     return np.array(Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))).convert("RGB")).astype(int)
-
-
-def test_a_link_leads_to_the_view(browser, storeys):
-    page, _ = storeys
-    browser.open(page)
-    browser.run("replay.act.seek(1.25); replay.act.spread(2.5); replay.camera.orbit(0.4, 0.1); replay.camera.zoom(0.6)")
-    browser.run("replay.act.layer('density now'); replay.act.colour('speed'); replay.act.select(2)")
-    browser.wait("location.hash.includes('selected=2')")
-    shown, aim, link = browser.run(VIEW), browser.run(AIM), browser.run("location.hash")
-    browser.run("replay.act.restart()")
-    browser.wait("location.hash === ''")  # as it opens
-    assert browser.run(VIEW) != shown
-    browser.run(f"location.hash = {json.dumps(link)}")
-    browser.wait("replay.state.time === 1.25")
-    browser.settle()
-    assert browser.run(VIEW) == shown
-    np.testing.assert_allclose(browser.run(AIM), aim, rtol=1e-5, atol=1e-5)
-
-
-def test_a_link_from_anywhere_is_read_with_care(browser, storeys):
-    page, _ = storeys
-    browser.open(page)
-    odd = "time=1e999&view=<b>&storey=9&selected=2.5&size=nan&target=1,x,2&layer=__proto__&spread=0.1"
-    browser.run(f"location.hash = {json.dumps(odd)}")
-    browser.settle()
-    found = browser.run(VIEW)
-    assert found == [browser.run("replay.record.end"), "3d", -1, "plain", "group", None]
-    assert all(np.isfinite(browser.run(AIM)))
 
 
 def test_a_picture_has_what_is_shown_with_labels_and_legend(browser, room):

@@ -3,7 +3,6 @@
 import io
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,11 +11,9 @@ from shapely import box
 
 import evac
 from evac.analysis.maps import QUANTITIES, level_maps
-from evac.building.model.elevation import elevation
 from evac.pictures.palette import NOTHING, group_colours
-from evac.replay.account import account_of_run
-from evac.replay.motion import GRAIN, MotionPacker
-from evac.replay.writer import replay_trajectory, write_page
+from evac.replay.motion import GRAIN
+from evac.replay.writer import replay_trajectory
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -68,64 +65,6 @@ def test_people_are_where_and_when_they_were(browser, storeys):
         assert found["force"] == [float(f"{force:.2g}") for force in frame["contact_force"]]  # the same in all frames
 
 
-def test_heights_on_an_uneven_level_are_those_of_its_cells(browser, tmp_path, building, room):
-    vertices = building.vertices.copy()
-    vertices[6, 2] += 0.4  # a corner of the lower flight, which becomes two planes
-    building = replace(building, vertices=vertices)
-    person, level = np.arange(20, dtype=np.int32), np.full(20, 1, np.int32)
-    position = np.column_stack([np.linspace(10.1, 13.9, 20), np.linspace(1.9, 0.1, 20)])
-    motion = MotionPacker(20, building)
-    motion.add(0.0, person, level, position, np.zeros((20, 3)), np.ones(20, bool), np.zeros(20))
-    write_page(tmp_path / "replay.html", motion, account_of_run(room[1]), ())
-    browser.open(tmp_path / "replay.html")
-    z = browser.run("Array.from(replay.record.motion.z)")
-    np.testing.assert_allclose(z, elevation(building, level, position), atol=0.01)
-    assert np.ptp(np.array(z) - np.interp(position[:, 0], [10, 14], [0, 3])) > 0.1
-
-
-def test_people_are_drawn_as_tall_as_they_are(browser, tmp_path, room):
-    results, height = room[1], np.full(20, 1.0)
-    height[[0, 3]] = 1.9
-    motion = MotionPacker(20, results.building)
-    corners = np.array([[0.5, 0.5], [4.5, 0.5], [0.5, 4.5], [4.5, 4.5]])  # so that nobody is behind another's head
-    still = np.zeros((4, 3)), np.ones(4, bool), np.zeros(4)
-    motion.add(0.0, np.arange(4, dtype=np.int32), np.zeros(4, np.int32), corners, *still)
-    account = replace(account_of_run(results), height=height)
-    write_page(tmp_path / "replay.html", motion, account, ())
-    browser.open(tmp_path / "replay.html")
-    places = browser.run(
-        """(() => {
-          const { people, camera } = replay, box = document.getElementById("view").getBoundingClientRect();
-          return [...people.shown.subarray(0, people.count)].map((i, k) => {
-            const [x, y, z] = people.bodies.subarray(4 * k, 4 * k + 3);
-            const at = camera.project([x, y, z + 1.7]);
-            const place = [box.left + (at[0] + 1) / 2 * box.width, box.top + (1 - at[1]) / 2 * box.height];
-            return [...place, people.pick(camera.ray(at[0], at[1]))];
-          });
-        })()"""
-    )
-    image = pixels(browser)
-    reached = [bool(np.ptp(image[round(y), round(x)]) > 60) for x, y, _ in places]  # a figure, neither floor nor wall
-    met = [person == k for k, (_, _, person) in enumerate(places)]
-    assert reached == met == [True, False, False, True]
-
-
-def test_counts_and_curves_are_those_of_the_run(browser, room):
-    folder, results = room
-    browser.show(folder / "replay.html")
-    exit_time = results.crowd.exit_time
-    for time in (0.0, 2.6, 5.05, results.time):
-        out = int((exit_time <= time).sum())
-        browser.run(f"replay.act.seek({time})")
-        browser.settle()
-        assert browser.text("#time") == f"{time:.1f} s"
-        assert (browser.text("#inside"), browser.text("#outside")) == (str(20 - out), str(out))
-        assert browser.text("#exits tbody td:nth-child(2)") == str(out)
-    heights = browser.run("[...document.querySelector('#chart .total').points].map((point) => [point.x, point.y])")
-    assert len({y for _, y in heights}) > 15
-    assert browser.run("document.title") == results.case.title
-
-
 def test_exits_that_are_closed_or_only_let_in_are_marked(browser, tmp_path):
     plan = evac.Plan()
     plan.storey("hall", box(0, 0, 6, 4))
@@ -169,24 +108,6 @@ def test_people_are_drawn_in_the_colour_of_their_group_at_their_place(browser, s
     assert np.ptp(image[y - 3 : y + 3, x - 3 : x + 3].reshape(-1, 3), axis=0).max() <= 2
 
 
-def test_all_levels_are_in_the_picture_and_one_alone(browser, storeys):
-    page, _ = storeys
-    browser.open(page)
-    assert browser.run("replay.people.count") == 6
-    browser.press("p", "KeyP")
-    assert browser.run("document.getElementById('view-plan').getAttribute('aria-pressed')") == "true"
-    boxes = browser.run(
-        """replay.layout.storeys.map((_, k) =>
-             replay.layout.frames[replay.layout.building.levels.findIndex((level) => level.storey === k)])"""
-    )
-    assert len({(x, y) for (*_, x), (*_, y) in boxes}) == 3  # side by side
-    browser.press("PageUp", "PageUp")
-    assert browser.run("replay.state.storey") == 0
-    assert browser.run("replay.people.count") == 2
-    browser.press("PageDown", "PageDown")
-    assert browser.run("replay.people.count") == 6
-
-
 def test_keys_play_and_pause_and_step(browser, room):
     folder, results = room
     browser.show(folder / "replay.html")
@@ -209,32 +130,6 @@ def test_keys_play_and_pause_and_step(browser, room):
     assert browser.run("document.getElementById('help').open")
     browser.press("Escape", "Escape")
     assert not browser.run("document.getElementById('help').open")
-
-
-def test_the_pointer_turns_moves_and_zooms(browser, room):
-    folder, _ = room
-    browser.show(folder / "replay.html")
-    view = "[replay.camera.azimuth, replay.camera.tilt, replay.camera.size, ...replay.camera.target]"
-
-    def drag(**more):
-        browser.mouse("mousePressed", 400, 400, 1, **more)
-        browser.mouse("mouseMoved", 450, 420, 1, **more)
-        browser.mouse("mouseReleased", 450, 420, **more)
-        browser.settle()
-        return browser.run(view)
-
-    start = browser.run(view)
-    turned = drag()
-    assert abs(turned[0] - start[0]) > 0.1
-    assert turned[1] > start[1]
-    assert turned[2:] == start[2:]
-    moved = drag(modifiers=8)
-    assert moved[:3] == turned[:3]
-    assert np.hypot(*np.subtract(moved[3:5], turned[3:5])) > 0.1
-    browser.mouse("mouseWheel", 500, 400, deltaX=0, deltaY=-200)
-    browser.settle()
-    assert browser.run(view)[2] < 0.9 * moved[2]
-    assert browser.run("document.getElementById('person').hidden")  # a drag is no click
 
 
 def test_a_click_tells_who_somebody_is(browser, room):
@@ -318,23 +213,6 @@ def test_levels_of_service_colour_people_in_bands(browser, room):
     assert len({(band, colour) for band, colour in zip(bands.tolist(), colours, strict=True)}) == len(set(colours)) > 1
 
 
-def test_density_is_a_number_of_people_and_lies_on_the_floor(browser, room):
-    folder, _ = room
-    browser.show(folder / "replay.html")
-    browser.run("replay.act.view('plan'); replay.act.seek(3.0)")
-    browser.settle()
-    before = pixels(browser)
-    browser.press("l", "KeyL")
-    after = pixels(browser)
-    assert (np.abs(after - before).max(axis=2) > 60).sum() > 2000
-    people = browser.run(
-        """(() => { const { density } = replay; let sum = 0;
-             density.sums.forEach((value, k) => { sum += value * density.cover[k]; });
-             return [sum * density.cell ** 2, replay.record.now.count]; })()"""
-    )
-    assert 0.75 * people[1] < people[0] <= 1.01 * people[1]  # what of the kernel lies beyond the grid is missing
-
-
 def show_map(browser, name):
     """Choose a map of the floors and wait until it is there."""
     browser.run(f"replay.act.layer({json.dumps(name)})")
@@ -382,15 +260,6 @@ def test_a_map_is_drawn_on_the_floor_with_its_scale(browser, room, name):
     assert browser.saved() == saved
 
 
-def test_dark_and_narrow_pages_have_all_controls_in_sight(browser, room):
-    folder, _ = room
-    browser.open(folder / "replay.html", width=400, height=800, dark=True)
-    assert browser.run("document.documentElement.dataset.theme") == "dark"
-    assert browser.run("document.documentElement.scrollWidth <= innerWidth")
-    assert browser.run("getComputedStyle(document.getElementById('play')).visibility") == "visible"
-    assert pixels(browser)[300:500, :, :].mean() < 110
-
-
 #: Colours of texts and of graphics, by what they are on.
 TEXTS = {
     "panel": ("text", "soft", "exit", "accent", "error", "notice", "mark-text"),
@@ -427,13 +296,6 @@ def contrast(*colours):
     parts = [np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4) for colour in colours]
     low, high = sorted(float(part @ [0.2126, 0.7152, 0.0722]) for part in parts)
     return (high + 0.05) / (low + 0.05)
-
-
-def test_play_is_the_first_tab_stop(browser, room):
-    folder, _ = room
-    browser.open(folder / "replay.html")
-    browser.press("Tab", "Tab")
-    assert browser.run("document.activeElement.id") == "play"
 
 
 def test_every_control_has_a_name_and_can_be_reached(browser, room):

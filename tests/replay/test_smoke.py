@@ -6,7 +6,6 @@ import pytest
 import evac
 from evac.pictures import palette
 from evac.pictures.colouring import colouring
-from evac.replay.writer import replay_trajectory
 from tests.conditions.corridor import corridor, prescribed
 
 
@@ -74,9 +73,3 @@ def test_a_run_without_conditions_has_neither(browser, storeys):
     options = "[...document.querySelectorAll('#colour option, #layer option')]"
     choices = browser.run(f"{options}.map((one) => one.value)")
     assert not {"dose", "visibility", "smoke at heads"} & {*choices}
-
-
-def test_the_page_of_the_folder_is_that_of_the_run(result):
-    page = result.trajectory.path.with_name("again.html")
-    replay_trajectory(result.trajectory, page)
-    assert page.read_bytes() == page.with_name("replay.html").read_bytes()

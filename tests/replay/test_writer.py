@@ -7,11 +7,8 @@ import zlib
 import numpy as np
 import pytest
 
-import evac
 from evac.base.errors import ResultError
 from evac.building.model.cells import LevelField
-from evac.pictures.palette import group_looks
-from evac.replay.account import account_of_folder, account_of_run
 from evac.replay.motion import STREAMS, MotionPacker
 from evac.replay.writer import replay_trajectory
 from evac.trajectory.trajectory import read_trajectory
@@ -71,13 +68,6 @@ def test_states_are_chosen_by_time(descent):
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=100.0) == 2
 
 
-@pytest.mark.parametrize("every", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_time_between_states_that_is_none_is_refused(descent, every):
-    path = descent().path
-    with pytest.raises(ResultError, match="between two states"):
-        replay_trajectory(read_trajectory(path), path.with_name("replay.html"), every)
-
-
 @pytest.mark.parametrize(
     ("name", "text"),
     [
@@ -92,28 +82,3 @@ def test_tables_of_another_run_are_refused_by_name(descent, name, text):
     path.with_name(name).write_text(text)
     with pytest.raises(ResultError, match=name):
         replay_trajectory(read_trajectory(path), path.with_name("replay.html"))
-
-
-def test_the_account_of_a_folder_is_that_of_its_run(tmp_path):
-    changes = {"people.people.number": 3, "output.picture": False, "output.animation": False}
-    of_run = vars(account_of_run(evac.run(evac.load("square_room", changes), tmp_path / "r")))
-    of_folder = vars(account_of_folder(read_trajectory(tmp_path / "r")))
-    moves, same = vars(of_run.pop("moves")), vars(of_folder.pop("moves"))
-    assert all(np.array_equal(same[name], values) for name, values in moves.items())
-    for name, value in of_run.items():
-        assert np.array_equal(of_folder[name], value) if isinstance(value, np.ndarray) else of_folder[name] == value
-    (tmp_path / "r" / "people.csv").unlink()
-    assert account_of_folder(read_trajectory(tmp_path / "r")).facts == of_run["facts"]
-    (tmp_path / "r" / "people.csv").write_text("speed\n1\n1\n1\n", encoding="utf-8")
-    with pytest.raises(ResultError, match=r"people\.csv"):
-        account_of_folder(read_trajectory(tmp_path / "r"))
-
-
-def test_groups_keep_their_colours_when_there_are_more():
-    assert group_looks(30)[:7] == group_looks(7)[:7]
-
-
-def test_a_response_time_as_large_as_a_float_can_be_is_written(tmp_path):
-    changes = {"behaviours.response_time.time": 1e308, "simulation.duration": 0.2, "people.people.number": 2}
-    evac.run(evac.load("square_room", changes | {"output.picture": False, "output.animation": False}), tmp_path / "r")
-    assert (tmp_path / "r" / "replay.html").is_file()

@@ -6,7 +6,6 @@ import json
 import re
 import tomllib
 
-import numpy as np
 import pytest
 
 import evac
@@ -17,10 +16,9 @@ from evac.case.loading import load_case
 from evac.evidence.validation.page import SUBJECTS
 from evac.pictures.colouring import colouring
 from evac.report.of_run import run_report
-from evac.report.pages import Labels, shown
-from evac.report.sections import SHARES, Places
+from evac.report.pages import Labels
+from evac.report.sections import Places
 from evac.report.verification import evidence, meaning, subject_like
-from evac.results.answer import time_of_share
 from evac.results.recordedcase import CaseTable
 
 from .conftest import HOSTILE, Page
@@ -72,56 +70,6 @@ def test_links_lead_to_sections_and_ids_are_unique(page):
     assert targets <= set(ids)
     assert len(ids) == len(set(ids))
     assert {"building", "occupants", "model", "verification", "times", "congestion", "maps", "limits"} <= targets
-
-
-def test_fields_are_filled_in_or_empty(page):
-    assert page.fact("Project") == "A hall"
-    assert page.fact("Reviewer") == ""
-    assert page.fact("Signature") == ""
-
-
-def test_main_results_are_those_of_the_summary(page, summary):
-    assert page.fact("Answer") == f"Everybody out: {summary['evacuated']} of {summary['people']} people out"
-    assert f" {summary['last_out']:.2f} s; 95 % are out after " in page.fact("Evacuation")
-    assert page.fact("Quality warnings") == str(len(summary["quality_warnings"]))
-    assert page.fact("seed") == str(summary["seed"])
-    assert page.fact("numpy") == summary["versions"]["numpy"]
-    assert all(warning in page.text for warning in summary["quality_warnings"])
-
-
-def test_times_of_shares_groups_and_exits(page, summary, people):
-    times = np.sort([float(row["exit_time"]) for row in people])
-    for row, share in zip(page.table("share of the people")[1:], SHARES, strict=True):
-        rank = int(np.ceil(share / 100 * len(times)))
-        assert row == [f"{share} %", str(rank), f"{times[rank - 1]:.1f}"]
-    groups = {row[0]: row for row in page.table("each group left")[1:]}
-    late = [float(row["exit_time"]) for row in people if row["group"] == "late"]
-    assert groups["late"][1:5] == ["6", "6", f"{min(late):.1f}", f"{np.mean(late):.1f}"]
-    assert groups["everybody"][-1] == f"{times[-1]:.1f}"
-    door = summary["exits"]["door"]
-    (row,) = page.table("Exits; the flow")[1:]
-    assert row[:2] == ["door", str(door["people"])]
-    assert row[3:5] == [f"{door['last_out']:.1f}", f"{door['width']:.2f}"]
-
-
-def test_occupants_as_set_and_as_drawn(page, people):
-    rows = {row[0]: row for row in page.table("14 people")[1:]}
-    speed = [float(row["speed"]) for row in people]
-    assert rows["desired speed on the flat"][1:] == [
-        "m/s",
-        "uniform from 1.2 to 2",
-        f"{min(speed):.2f}",
-        f"{np.mean(speed):.2f}",
-        f"{max(speed):.2f}",
-    ]
-    responses = {row[0]: row[1:] for row in page.table("Response times drawn")[1:]}
-    assert responses == {"early": ["0.0"] * 3, "late": ["2.0"] * 3}
-
-
-def test_the_building_has_levels_exits_widths_and_areas(page):
-    assert page.table("Levels")[1] == ["room", "floor", "0.00", "0.00", "-", "25.0"]
-    assert page.table("Exits, with")[1][:2] == ["door", "room"]
-    assert page.table("Areas in which")[1] == ["room", "25.0", "1", "room"]
 
 
 def test_the_case_of_the_appendix_is_the_case(page, summary, tmp_path, finished):
@@ -187,26 +135,6 @@ def test_every_failed_test_has_a_meaning():
     assert all(meaning(name) for name in names)
 
 
-def test_annexes_follow_the_body(page):
-    titles = page.text.partition("Project and purpose")[2]
-    order = [titles.index(words) for words in ("Limits of use", "Appendix A", "Appendix B")]
-    assert order == sorted(order)
-    ids = [one for one in page.of("id") if one != "project"]
-    assert ids[: ids.index("checklist")] == [
-        "purpose",
-        "building",
-        "occupants",
-        "times",
-        "congestion",
-        "warnings",
-        "verification",
-        "assessment",
-        "limits",
-    ]
-    words = [one for one in page.of("alt") if "% of the people are out" in one]
-    assert [one.split()[0] for one in words] == ["25", "50", "75", "95"]
-
-
 def test_each_bottleneck_has_a_map_and_a_curve(page, finished):
     queues = find_queues(evac.read_trajectory(finished))
     assert queues
@@ -223,36 +151,6 @@ def test_people_left_inside_are_marked_on_the_plan(tmp_path):
     assert f"{inside} in all, as red marks" in run_report(tmp_path / "r", places=Places(maps=()))
 
 
-def test_shares_of_people_who_are_not_all_out():
-    times = np.array([4.0, np.nan, 1.0, 2.0])
-    assert [time_of_share(times, share) for share in (25, 50, 51, 75, 76, 100)] == [1.0, 2.0, 4.0, 4.0, None, None]
-
-
-def test_shares_are_of_those_who_are_to_leave(tmp_path):
-    people = [
-        {"name": "guests", "number": 4, "area": "room"},
-        {"name": "staff", "number": 3, "area": "room", "leave": False},
-        {"name": "train", "area": "room", "arrive": {"times": [0.0, 500.0]}},
-    ]
-    results = evac.run(load_case("square_room", {"people": people, **QUIET}), tmp_path / "r", progress=False)
-    rows = {group.name: group.rows for group in results.groups}
-    assert results.leaving.tolist() == [*rows["guests"], rows["train"][0]]
-    page = Page(run_report(tmp_path / "r", places=Places(maps=())))
-    times = np.sort(results.crowd.exit_time[results.leaving])
-    assert page.table("share of the people")[-1] == ["100 %", "5", f"{times[-1]:.1f}"]
-    groups = {row[0]: row for row in page.table("each group left")[1:]}
-    assert groups["guests"][1:3] == ["4", "4"]
-    assert groups["staff"][1:3] == ["0", "0"]
-    assert groups["train"][1:3] == ["1", "1"]
-    assert groups["everybody"][1:3] == ["5", "5"]
-    top = page.text.partition("Project")[0]
-    assert "0 of 9 people were still inside" in top
-    assert "1 person had not entered the building" in top
-    occupants = {row[0]: row[1:] for row in page.table("Groups, their start areas")[1:]}
-    assert occupants["train"][:3] == ["2", "arrive: area room, 2 from 0 to 500 s", "-"]
-    assert occupants["staff"][3] == "they stay"
-
-
 def test_groups_are_listed_in_the_order_that_people_expect(tmp_path):
     people = [{"name": f"group {number}", "number": 2, "area": "room"} for number in (10, 2, 1)]
     case = load_case("square_room", {"people": people, **QUIET})
@@ -265,17 +163,6 @@ def test_groups_are_listed_in_the_order_that_people_expect(tmp_path):
     legend = results.plot().axes[0].get_legend_handles_labels()[1]
     assert [name for name in legend if name in wanted] == wanted
     assert [name for name, _ in colouring(results.trajectory, "group").legend] == wanted
-
-
-def test_people_who_arrive_at_a_rate_are_counted_as_drawn(tmp_path):
-    arrive = {"rate": 0.5, "from": 0.0, "to": 10.0, "exit": "door"}
-    people = [{"name": "guests", "number": 4, "level": "room"}, {"name": "visitors", "arrive": arrive}]
-    results = evac.run(load_case("square_room", {"people": people, **QUIET}), tmp_path / "r", progress=False)
-    came = results.number_of_people - 4
-    assert came
-    occupants = {row[0]: row[1:] for row in Page(run_report(tmp_path / "r")).table("Groups, their start areas")[1:]}
-    assert occupants["guests"][:2] == ["4", "level room"]
-    assert occupants["visitors"][:2] == [str(came), "arrive: exit door, 0.5 per second from 0 to 10 s"]
 
 
 def test_a_run_in_which_nobody_is_to_leave_has_a_report(tmp_path):
@@ -322,10 +209,3 @@ def test_the_same_files_give_the_same_page(finished, text):
     head, _, rest = again.partition('<section id="congestion"')
     assert head.partition("<nav>")[0] in text
     assert rest.partition("</section>")[0] in text
-
-
-def test_long_words_can_be_broken_and_stay_what_they_are():
-    word = "<&>" + 40 * "x"
-    found = shown(word)
-    assert "<wbr>" in found
-    assert Page(f"<p>{found}</p>").text == word

@@ -4,10 +4,8 @@ import csv
 import json
 
 import numpy as np
-import pytest
 
 import evac
-from evac.base.errors import ResultError
 from evac.case.loading import load_case
 from evac.report.sections import Places
 from evac.report.study import is_study, study_report
@@ -60,21 +58,6 @@ def test_a_run_of_the_study_adds_plans_places_and_maps(study, tmp_path):
     assert [share for share, _, rest in words if rest.startswith("% of the people are out")] == ["25", "50", "75", "95"]
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"simulation.seed": 30}, "seed 30"),
-        ({"simulation.seed": 3, "people.people.number": 4}, "[people]"),
-        ({"simulation.seed": 3, "simulation.duration": 0.5}, "at no time here"),
-    ],
-)
-def test_a_run_of_another_study_is_refused(study, tmp_path, change, words):
-    evac.run(load_case("square_room", CASE | change), tmp_path / "other")
-    with pytest.raises(ResultError) as error:
-        study_report(study, [tmp_path / "other"])
-    assert words in str(error.value)
-
-
 def test_blocked_runs_have_a_banner_and_are_not_averaged_away(repeated, tmp_path):
     times = np.sort(repeated.times(0)[:5])
     case = load_case("square_room", CASE | {"simulation.duration": float(np.mean(times[2:4]))})
@@ -98,12 +81,3 @@ def test_a_sweep_has_its_points(tmp_path):
     assert "points" in page.of("id")
     assert "people.0.name\na\n<b>\n" in page.text
     assert len(page.of("src")) == 2
-
-
-@pytest.mark.parametrize("name", ["summary.json", "study.json", "egress.csv"])
-def test_damaged_files_are_named(study, name):
-    path = study / name
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text[: text.rindex("\n", 0, len(text) - 2)] + "\n1", encoding="utf-8")
-    with pytest.raises(ResultError, match=name):
-        study_report(study)

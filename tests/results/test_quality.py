@@ -58,16 +58,6 @@ def test_large_overlaps_are_told_with_people_period_place_and_remedies(keepers):
     assert "stiffness" not in line
 
 
-def test_contacts_that_give_back_what_springs_took_are_all_right():
-    springs = {"driving_work": 1000.0, "contact_dissipation": 8900.0, "contact_creation": 8700.0}
-    assert contact_warnings(ALL_RIGHT | {"energy": springs}, RIGID) == ()
-
-
-def test_driving_that_brakes_more_than_it_works_is_no_work_of_contacts():
-    braked = {"driving_work": -1000.0, "contact_dissipation": 5.0, "contact_creation": 0.0}
-    assert contact_warnings(ALL_RIGHT | {"energy": braked}, RIGID) == ()
-
-
 @pytest.mark.parametrize(("people", "who"), [(1, "1 person "), (12, "12 people ")])
 def test_what_was_noticed_of_people_is_one_line_with_time_and_place(people, who):
     seen = Observation(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (0.92, 0.19))

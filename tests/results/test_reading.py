@@ -1,7 +1,6 @@
 """Results that are read from a folder: equal to those that were written; damage is found at this border."""
 
 import json
-import os
 import shutil
 from dataclasses import fields
 from pathlib import Path
@@ -13,7 +12,6 @@ from shapely import box
 import evac
 from evac.base.errors import EvacError, ResultError
 from evac.folder.jsonfile import plain
-from evac.folder.resultfolder import find_result
 
 #: What is not written: the objects of the process, and what the loop needs for its next step.
 LIVE = {"case_or_reader", "building_or_none", "crowd", "groups"}
@@ -179,21 +177,3 @@ def test_damaged_files_and_files_of_other_runs_are_named(folder, name, change, w
     assert name in str(error.value)
     assert words in str(error.value)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes and devices of POSIX")
-@pytest.mark.parametrize("kind", ["pipe", "device"])
-@pytest.mark.parametrize("name", ["people.csv", "summary.json", "trajectory.evac", "manifest.jsonl"])
-def test_what_is_no_file_is_not_read(folder, name, kind):
-    path = folder / name
-    path.unlink(missing_ok=True)
-    if kind == "pipe":
-        os.mkfifo(path)
-    else:
-        path.symlink_to("/dev/zero")
-    if name in ("people.csv", "summary.json"):
-        with pytest.raises(ResultError, match=f"{name}.*not a file"):
-            evac.read_results(folder)
-    else:  # both can be missing
-        assert evac.read_results(folder).number_of_people
-    assert find_result(folder) == folder

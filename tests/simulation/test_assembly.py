@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import BuildingError, PluginError
 from evac.contract.registry import Registry
-from evac.simulation.assembly import make_building, make_importers, read_building
+from evac.simulation.assembly import make_building, make_importers
 
 PLUGIN = """
 from evac import Importer, SurfaceMesh, hookimpl
@@ -32,24 +31,6 @@ def evac_importers():
 def registry(tmp_path):
     (tmp_path / "odd.py").write_text(PLUGIN)
     return Registry([tmp_path / "odd.py"], builtins=())
-
-
-@pytest.mark.parametrize(
-    ("content", "error", "words"),
-    [
-        ("bug", PluginError, r"importer 'odd': ZeroDivisionError: .*odd\.py, line 12"),
-        ("other", PluginError, "importer 'odd': read\\(\\) returns an object of class str"),
-        ("", BuildingError, "the file is empty"),
-        (None, BuildingError, "no such file"),
-    ],
-)
-def test_an_importer_that_fails_is_named(tmp_path, registry, content, error, words):
-    path = tmp_path / "a.odd"
-    if content is not None:
-        path.write_text(content)
-    with pytest.raises(error, match=words) as caught:
-        read_building(path, registry=registry)
-    assert str(caught.value).startswith(str(path))
 
 
 def square(folder):
@@ -102,17 +83,3 @@ def test_a_fault_of_a_dictionary_names_the_key(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(evac.ScenarioError, match=r"<dictionary>: people\.people\.numbr: unknown key"):
         evac.load(square(tmp_path), {"people.people.numbr": 5})
-
-
-def test_plans_that_name_each_other_are_refused(tmp_path):
-    for name, other in (("a", "b"), ("b", "a")):
-        (tmp_path / f"{name}.plan.toml").write_text(
-            f'[[storeys]]\nname = "{name}"\nz = 0.0\nfile = "{other}.plan.toml"\n'
-        )
-    case = {
-        "building": {"mesh": str(tmp_path / "a.plan.toml")},
-        "contact": {"model": "dem"},
-        "people": [{"name": "p", "number": 1, "level": "a"}],
-    }
-    with pytest.raises(BuildingError, match=r"a\.plan\.toml: storey 'a': .*b\.plan\.toml"):
-        make_building(evac.load(case))

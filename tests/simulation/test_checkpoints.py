@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import EvacError, FolderWarning, PluginError, ResultError, ScenarioError
+from evac.base.errors import EvacError, FolderWarning, PluginError, ResultError
 from evac.folder.checkpoint import write_checkpoint
 from evac.folder.files import CHECKPOINT_NAME
 from evac.replay.writer import replay_trajectory
@@ -164,32 +164,6 @@ def test_a_door_that_has_closed_stays_closed(tmp_path, closing):
     for page in ("r/replay.html", "whole/replay.html", "later.html"):
         assert closed_by_time(tmp_path / page) == [[0.0, []], [1.0, [0]]]
     assert (tmp_path / "r" / "inside.txt").read_text() == (tmp_path / "whole" / "inside.txt").read_text()
-
-
-def test_the_animation_is_the_same(tmp_path):
-    case = evac.load("square_room", {"simulation.duration": 2.0, "output.picture": False, "output.animation": True})
-    check_goes_on(case, tmp_path, [1.2])
-    one, other = tmp_path / "whole", tmp_path / "r"
-    names = [path.relative_to(one) for path in one.rglob("*.*") if path.suffix in (".vtp", ".pvd")]
-    assert len(names) > 4
-    assert all((one / name).read_bytes() == (other / name).read_bytes() for name in names)
-
-
-def test_a_run_that_was_stopped_leaves_tables_and_goes_on(tmp_path, hall):
-    case = evac.load(hall)
-    evac.run(case, tmp_path / "whole")
-    for time in (1.0, 2.0):
-        go_on = {"progress": until(time, Stopped)}
-        results = evac.resume(tmp_path / "r", **go_on) if time > 1.0 else evac.run(case, tmp_path / "r", **go_on)
-        assert (results.ended, results.folder) == ("interrupted", tmp_path / "r")
-        assert results.time == pytest.approx(time)
-        assert json.loads((tmp_path / "r" / "summary.json").read_text())["ended"] == "interrupted"
-    evac.resume(tmp_path / "r")
-    assert_same_files(tmp_path / "whole", tmp_path / "r")
-    with pytest.raises(ResultError, match="--checkpoint"):
-        evac.resume(tmp_path / "r")
-    with pytest.raises(ResultError, match="nowhere: "):
-        evac.resume(tmp_path / "nowhere")
 
 
 def test_a_stopped_run_goes_on_beside_what_a_killed_one_has_left(tmp_path, hall):
@@ -438,11 +412,6 @@ def test_checkpoints_change_no_bit_and_are_gone_at_the_end(tmp_path, hall):
     assert not (tmp_path / "with" / CHECKPOINT_NAME).exists()
 
 
-def test_checkpoints_need_a_folder(hall):
-    with pytest.raises(ScenarioError, match="folder"):
-        evac.run(evac.load(hall), checkpoint=60)
-
-
 @pytest.mark.parametrize("duration", [1.0, 60.0])
 def test_a_kill_after_the_last_step_loses_no_more_than_others(tmp_path, duration, monkeypatch):
     """When the outputs are being written, no step is left to make, of time or of people."""
@@ -461,12 +430,3 @@ def test_a_kill_after_the_last_step_loses_no_more_than_others(tmp_path, duration
     assert results.ended == ("duration over" if duration == 1.0 else "everybody out")
     for name in TABLES:
         assert (tmp_path / "r" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
-
-
-def test_a_state_after_the_last_step_is_known_as_such():
-    simulation = evac.Simulation(evac.load("square_room", QUIET | {"simulation.duration": 0.3}))
-    simulation.run()
-    again = evac.Simulation(simulation.case)
-    again.restore(simulation.state())
-    assert again.ended == "duration over"
-    assert np.isfinite(again.run().crowd.velocity).all()

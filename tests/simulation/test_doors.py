@@ -6,7 +6,7 @@ import pytest
 import evac
 from evac.physics.world import make_world
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
+from tests.runs import run_ticks
 
 
 def flat(*events, **changes):
@@ -121,21 +121,6 @@ def test_directions_and_world_are_those_of_a_building_with_the_door_closed():
     assert near > far + 2.0
 
 
-def test_a_resumed_run_and_what_is_written_have_the_closed_door(tmp_path):
-    case = flat((3.0, "close", "near"), (8.0, "open", "near"))
-    one, other = Simulation(case), Simulation(case)
-    run_ticks(one, 31)
-    other.restore(one.state())
-    for simulation in (one, other):
-        simulation.run()
-    assert_same_bits(one, other)
-    results = evac.run(case, tmp_path / "r", progress=False)
-    closed = frozenset({results.building.n_links})
-    assert results.trajectory.building_at(5.0).closed == closed
-    assert results.trajectory.building_at(9.0).closed == frozenset()
-    assert list(evac.read_results(tmp_path / "r").changes) == list(results.changes)
-
-
 @pytest.mark.parametrize("model", ["nsm2", "dem"])
 def test_other_models_stop_at_a_closed_door(model):
     changes = (0.0, "close", "near"), (0.0, "close", "far")
@@ -185,10 +170,3 @@ def test_people_wait_behind_doors_that_are_closed_at_the_start_until_an_event_op
     assert simulation.run().ended == "everybody out"
     with pytest.raises(evac.ScenarioError, match=r"people\.p"):
         Simulation(flat((4.0, "close", "near"), **closed))
-
-
-def test_people_who_are_stuck_are_not_told_to_be_in_contact_if_nobody_touches_them():
-    simulation = Simulation(flat((0.1, "close", "near"), (0.1, "close", "far"), **{"people.p.number": 1}))
-    results = simulation.run()
-    assert results.ended == "no progress"
-    assert not any("contact" in line for line in results.remarks)

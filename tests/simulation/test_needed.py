@@ -1,15 +1,11 @@
 """The plan: which parts a scene needs, and why."""
 
-import textwrap
-
 import numpy as np
 import pytest
 
-from evac.base.errors import PluginError
 from evac.case.loading import load_case
 from evac.directions.routes import STRATEGIES, Route
-from evac.simulation.assembly import make_forces
-from evac.simulation.needed import needed_forces, needed_routes
+from evac.simulation.needed import needed_routes
 from evac.simulation.simulation import Simulation
 
 
@@ -78,80 +74,9 @@ def test_a_route_is_needed_where_somebody_takes_it():
     assert {route.strategy for route in needed_routes(case, [], True)} == set(STRATEGIES)
 
 
-def test_forces_without_strength_are_not_needed():
-    case = load_case("square_room", {"forces.social.strength": 0.0})
-    forces = make_forces(case)
-    assert needed_forces(forces, False) == []
-    assert needed_forces(forces, True) == forces
-
-
 def test_full_is_told_as_it_was_done():
     changes = {"forces.social.strength": 0.0, "behaviours.response_time.time": {"constant": 0}}
     plan, _ = plan_of("square_room", changes, full=True)
     assert plan["force: social"][0]
     assert "0.00 m" in plan["force: social"][1]
     assert plan["behaviour: response_time"][0]
-
-
-ODD = """
-    from evac import Behaviour, ContactModel, hookimpl
-    evac_interface = 3
-
-    class Odd(Behaviour):
-        '''Fails where it is asked.'''
-        name = "odd"
-        asked = 0
-        def is_needed(self, scene):
-            Odd.asked += 1
-            if Odd.asked > 1:
-                raise ValueError("asked again")
-            return False
-        def prepare(self, scene):
-            pass
-
-    class Fails(Behaviour):
-        '''Fails where it is asked.'''
-        name = "fails"
-        def acts_at_ticks(self):
-            raise ValueError("oops")
-        def prepare(self, scene):
-            pass
-
-    class Parts(ContactModel):
-        '''Fails where it is asked.'''
-        name = "parts"
-        def parts(self):
-            raise ValueError("oops")
-
-    @hookimpl
-    def evac_behaviours():
-        return [Odd, Fails]
-
-    @hookimpl
-    def evac_contact_models():
-        return [Parts]
-"""
-
-
-def odd_case(tmp_path, changes):
-    path = tmp_path / "odd.py"
-    path.write_text(textwrap.dedent(ODD), encoding="utf-8")
-    return load_case("square_room", changes, plugin_files=[path])
-
-
-def test_a_plugin_is_asked_once_whether_it_is_needed(tmp_path):
-    simulation = Simulation(odd_case(tmp_path, {"behaviours.odd": {}}))
-    (part,) = (part for part in simulation.plan if part.name == "behaviour: odd")
-    assert part.as_row()[1] == "out"
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"behaviours.fails": {}}, "behaviour 'fails': acts_at_ticks: ValueError: oops"),
-        ({"contact.model": "parts"}, "contact model 'parts': parts: ValueError: oops"),
-    ],
-)
-def test_a_plugin_that_fails_when_asked_is_named(tmp_path, changes, words):
-    with pytest.raises(PluginError, match=words):
-        Simulation(odd_case(tmp_path, changes))

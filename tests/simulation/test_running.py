@@ -15,7 +15,7 @@ from unittest.mock import Mock
 import pytest
 
 import evac
-from evac.base.errors import FolderWarning, PluginError, ResultError, ScenarioError, SimulationError
+from evac.base.errors import FolderWarning, PluginError
 from evac.base.interrupt import Interrupt
 from evac.results.ending import INTERRUPTED, Stopped
 from evac.results.results import Results
@@ -29,38 +29,6 @@ def with_plugin(tmp_path, text, changes=()):
     return evac.load("square_room", dict(changes), plugin_files=[path])
 
 
-@pytest.mark.parametrize("summary", ['{"mine": 1}', '{"versions": null}', '{"versions": "evac"}', "[1]", "no json"])
-def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path, summary):
-    for name, text in (("summary.json", summary), ("picture.png", "mine"), ("trajectory.evac", "mine")):
-        (tmp_path / name).write_text(text)
-    with pytest.raises(ResultError, match=f"{tmp_path.name}: .*manifest.jsonl"):
-        run(evac.load("square_room"), tmp_path)
-    assert (tmp_path / "picture.png").read_text() == "mine"
-
-
-def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
-    changes = {
-        "people.people.number": 2,
-        "simulation.duration": 0.1,
-        "output.animation": False,
-        "output.picture": False,
-    }
-    case = evac.load("square_room", changes)
-    evac.repeat(case, 1, workers=1, folder=tmp_path / "r")
-    assert (tmp_path / "r" / "runs.parquet").is_file()
-    run(case, tmp_path / "r")
-    names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {
-        "summary.json",
-        "egress.csv",
-        "flows.csv",
-        "people.csv",
-        "trajectory.evac",
-        "replay.html",
-        "manifest.jsonl",
-    }
-
-
 def test_a_script_is_told_what_the_command_tells(tmp_path):
     late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
     case = evac.load("square_room", {"output.picture": False, **late})
@@ -72,14 +40,6 @@ def test_a_script_is_told_what_the_command_tells(tmp_path):
         assert "simulation.duration is 1 s" in lines[0]
         assert "20 of them had not started" in lines[-1]
         assert {one.filename for one in told} == {__file__}
-
-
-@pytest.mark.filterwarnings("error::evac.base.errors.RunWarning")
-def test_warnings_about_a_case_can_be_made_errors_that_leave_nothing(tmp_path):
-    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
-    with pytest.raises(evac.RunWarning, match="duration"):
-        run(evac.load("square_room", late), tmp_path / "r")
-    assert not list(tmp_path.glob("r*/*"))
 
 
 def interrupting(at):
@@ -177,13 +137,6 @@ def test_a_run_that_fails_leaves_its_tables(tmp_path):
     assert summary["simulated_time"] == pytest.approx(1.1)
 
 
-def test_a_run_that_fails_tells_the_warnings_it_may_come_of(tmp_path):
-    case = evac.load("square_room", {"people.people.speed": 100.0, "people.people.tau": 0.01, "simulation.step": 0.01})
-    with pytest.raises(SimulationError) as caught:
-        run(case, tmp_path / "result")
-    assert any("people.people.speed is" in line for line in caught.value.__notes__)
-
-
 def test_evac_finish_sees_how_it_ended_and_is_named_where_it_fails(tmp_path):
     text = """
         from evac import hookimpl
@@ -196,16 +149,6 @@ def test_evac_finish_sees_how_it_ended_and_is_named_where_it_fails(tmp_path):
     case = with_plugin(tmp_path, text, {"simulation.duration": 0.5})
     with pytest.raises(PluginError, match=r"odd\.py: evac_finish: KeyError: 'duration over'"):
         Simulation(case).run()
-
-
-def test_a_display_can_stop_the_run():
-    def stop(progress):
-        if progress.time >= 1.0:
-            raise Stopped
-
-    results = Simulation(evac.load("square_room")).run(stop)
-    assert results.ended == INTERRUPTED
-    assert results.time == pytest.approx(1.0)
 
 
 def test_pictures_that_fail_do_not_take_the_tables_with_them(tmp_path):
@@ -223,38 +166,6 @@ def test_a_stop_after_the_last_tick_leaves_how_it_ended():
             raise Stopped
 
     assert Simulation(evac.load("square_room")).run(stop).ended == "everybody out"
-
-
-def test_a_recorder_that_fails_after_the_run_has_failed_is_told_too(tmp_path):
-    text = """
-        from evac import Behaviour, Recorder, hookimpl
-        evac_interface = 3
-
-        class Odd(Behaviour):
-            '''Fails.'''
-            name = "odd"
-            def act(self, crowd, time):
-                raise ValueError("first")
-
-        class Also(Recorder):
-            '''Fails at the end.'''
-            name = "also"
-            def record(self, simulation):
-                pass
-            def finish(self, simulation, results):
-                raise ValueError("second")
-
-        @hookimpl
-        def evac_behaviours():
-            return [Odd]
-
-        @hookimpl
-        def evac_recorders():
-            return [Also]
-    """
-    with pytest.raises(PluginError, match="first") as caught:
-        run(with_plugin(tmp_path, text, {"behaviours.odd": {}}), tmp_path / "r")
-    assert "then: recorder 'also': finish: ValueError: second" in caught.value.__notes__[0]
 
 
 def test_the_order_of_the_tables_of_groups_changes_nothing(tmp_path):
@@ -299,15 +210,6 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
     ]
     assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
     assert sorted(name.replace("r.running", "r") for name in replaced) == sorted(written)
-
-
-@pytest.mark.parametrize("title", ["$$", "5$ to 10$", "$\\undefined$"])
-def test_titles_and_names_of_groups_are_drawn_as_they_are(tmp_path, title):
-    case = evac.load("square_room", {"simulation.duration": 0.1, "title": title})
-    people = case.to_dict()["people"][0]
-    case = case.change({"people": [{**people, "number": 3, "name": name} for name in (title, "others")]})
-    run(case, tmp_path / "r")
-    assert (tmp_path / "r" / "egress.png").is_file()
 
 
 def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earlier_ones(tmp_path, monkeypatch):
@@ -420,13 +322,3 @@ def test_a_signal_while_outputs_are_written_leaves_out_the_rest_and_names_it(tmp
         signal.signal(signal.SIGINT, before)
     assert "without egress.png, animation.pvd" in caught.value.__notes__[0]
     assert evac.read_results(tmp_path / "r").number_of_people == 20
-
-
-@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
-def test_an_interval_between_checkpoints_that_is_none_is_refused(tmp_path, seconds):
-    """Of -1 s, a checkpoint was saved after every tick that no run could be resumed from."""
-    with pytest.raises(ScenarioError, match="checkpoint: "):
-        evac.run("square_room", tmp_path / "r", checkpoint=seconds)
-    with pytest.raises(ScenarioError, match="checkpoint: "):
-        evac.resume(tmp_path / "r", checkpoint=seconds)
-    assert list(tmp_path.iterdir()) == []

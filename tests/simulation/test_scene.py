@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import BuildingError, ScenarioError
+from evac.base.errors import ScenarioError
 from evac.building.model.links import building_at
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits
@@ -93,45 +93,6 @@ def test_a_run_goes_on_to_the_same_bits_behind_a_closure(room, full):
         ticks(simulation, 20)
     assert_same_bits(one, other)
     assert_same_bits(one, lean)
-
-
-@pytest.mark.parametrize("time", [0.0, 2.0])
-def test_what_is_none_is_refused_now_and_for_later(room, time):
-    scene = Simulation(room, will_run=False).scene
-    with pytest.raises(BuildingError, match=r"'fron'.*'front'"):
-        scene.apply(evac.Change(time, "close", "fron"))
-    with pytest.raises(ScenarioError, match=r"'front'.*'clos'.*'close'"):
-        scene.apply(evac.Change(time, "clos", "front"))
-    with pytest.raises(ScenarioError, match=r"'front'.*'close'.*'slowly'"):
-        scene.apply(evac.Change(time, "close", "front", {"slowly": True}))
-    with pytest.raises(ScenarioError, match=r"'front'.*evac\.Change"):
-        scene.apply((time, "close", "front"))
-    with pytest.raises(ValueError, match="finite"):
-        evac.Change(float("nan"), "close", "front")
-    assert scene.changes == []
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ((None, "close", "front"), "time.*None"),
-        ((10**400, "close", "front"), "time"),
-        ((np.array([1.0]), "close", "front"), "time"),
-        ((1.0, ["close"], "front"), "kind and name"),
-        ((1.0, "close", None), "kind and name"),
-        ((1.0, "close", "front", None), "values.*None"),
-        ((1.0, "close", "front", {"to": float("nan")}), "values.*nan"),
-        ((1.0, "close", "front", {"to": {1, 2}}), "values"),
-        ((1.0, "close", "front", {1: 2}), "values"),
-        ((1.0, "close", "front", {"to": "\ud800"}), "values"),
-        ((1.0, "close", "front", {"let_through": 3}), "let_through"),
-        ((1.0, "close", "front", {"let_through": "12"}), "let_through"),
-        ((1.0, "close", "front", {"let_through": [1.5]}), "let_through"),
-    ],
-)
-def test_what_files_cannot_contain_is_no_change(change, words):
-    with pytest.raises(ValueError, match=words):
-        evac.Change(*change)
 
 
 def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):

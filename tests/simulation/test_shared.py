@@ -1,14 +1,11 @@
 """Building and directions that runs have in common: when they do, and that they are read without copies."""
 
 import mmap
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import evac
-from evac.case.loading import case_from
 from evac.simulation.shared import read_shared_scene, shared_key, write_shared_scene
 from evac.simulation.simulation import Simulation
 
@@ -54,24 +51,6 @@ def test_another_building_in_the_same_file_has_another_key(tmp_path, case):
     assert shared_key(case.change({"building.mesh": str(tmp_path / "room.msh")})) != one
 
 
-@pytest.mark.parametrize("named", ["in a plan file", "in the case"])
-def test_a_changed_file_of_a_storey_changes_the_key(tmp_path, named):
-    (tmp_path / "ground.wkt").write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))")
-    plan = """
-        storeys = [{ name = "ground", file = "ground.wkt" }]
-        exits = [{ name = "door", storey = "ground", segment = [[0, 1], [0, 2]] }]
-    """
-    (tmp_path / "hall.plan.toml").write_text(plan)
-    building = {"mesh": "hall.plan.toml"} if named == "in a plan file" else {"plan": tomllib.loads(plan)}
-    (tmp_path / "case.toml").write_text("")
-    content = {"title": "hall", "building": building, "people": [{"name": "a", "level": "ground", "number": 2}]}
-    case = case_from(content | {"contact": {"model": "dem"}}, tmp_path / "case.toml")
-    before = shared_key(case)
-    assert shared_key(case) == before
-    (tmp_path / "ground.wkt").write_text("POLYGON ((0 0, 7 0, 7 4, 0 4, 0 0))")
-    assert shared_key(case) != before
-
-
 @pytest.mark.parametrize("kind", [None, "close", "one_way"])
 def test_a_run_on_a_scene_from_a_file_has_the_same_bits(tmp_path, case, kind):
     if kind is not None:
@@ -101,10 +80,3 @@ def test_a_door_that_closes_in_one_run_is_open_in_the_next(case):
     assert one.building.closed
     assert not other.building.closed
     assert not np.array_equal(one.scene.world.wall_open, other.scene.world.wall_open)
-
-
-def test_a_file_that_was_changed_is_not_read(tmp_path, case):
-    file = write_shared_scene(Simulation(case, will_run=False).scene.shared_scene, tmp_path)
-    Path(file.path).write_bytes(b"other")
-    with pytest.raises(OSError, match="changed"):
-        read_shared_scene(file)

@@ -7,7 +7,7 @@ import pytest
 from shapely import box
 
 import evac
-from evac.base.errors import BuildingError, RunWarning, ScenarioError
+from evac.base.errors import RunWarning, ScenarioError
 from evac.building.model.links import building_at
 from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
@@ -231,12 +231,6 @@ def test_nobody_is_stuck_at_a_post_beside_a_barred_or_slow_doorway(what):
     assert evac.run(evac.load(table, {"simulation.duration": 60.0}), progress=False).ended == "everybody out"
 
 
-def test_a_slow_area_ends_and_the_speed_is_as_before():
-    _, free = hall()
-    _, late = hall(event("slow", "hall", 0.0, value=0.5), event("slow", "hall", 0.1, value=1.0))
-    assert late == pytest.approx(free, abs=0.1)
-
-
 def test_a_group_gets_other_exits_and_other_strategies():
     results = Simulation(house(event("strategy", "below", 0.5, value=["back"]))).run()
     rows = next(group.rows for group in results.groups if group.name == "below")
@@ -370,22 +364,6 @@ def test_runs_resumed_before_and_after_a_door_closed_have_the_bits_of_one_that_w
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        (event("close", "mian", 5.0), r"'mian'.*'main'"),
-        (event("one_way", "main", 5.0, value="up"), r"'main'.*'up'; use 'in' or 'out'"),
-        (event("one_way", "a", 5.0, value="left"), r"'left'.*'up', 'down'"),
-        (event("slow", "hal", 5.0, value=0.5), r"'hal'.*'hall'"),
-        (event("close", "main", when={"area": "hal", "count": 5}), r"'hal'.*'hall'"),
-        (event("strategy", "below", 5.0, value=["mian"]), r"'mian'.*'main'"),
-    ],
-)
-def test_what_the_building_does_not_have_is_refused_before_the_run(wrong, words):
-    with pytest.raises((BuildingError, ScenarioError), match=words):
-        Simulation(house(wrong), will_run=False)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
         (event("close", "main"), r"event\.0\.time"),
         (event("close", "main", 5.0, when={"out": 3}), r"event\.0\.time"),
         (event("close", "", 5.0), r"event\.0\.target"),
@@ -410,11 +388,3 @@ def test_events_that_say_nothing_possible_are_refused_with_their_key(wrong, word
     with pytest.raises(ScenarioError, match=words) as caught:
         house(wrong)
     assert "\n" not in str(caught.value)
-
-
-def test_events_that_wait_for_each_other_are_refused_by_name():
-    one, other = event("close", "main", name="one"), event("open", "main", name="other", when={"event": "one"})
-    follows = event("open", "main", when={"event": "other"})
-    house(one | {"time": 1.0}, other, follows)
-    with pytest.raises(ScenarioError, match=r"event\.one\.when\.event: the events other, one wait"):
-        house(one | {"when": {"event": "other"}}, other, follows)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely import box
 
-from evac.base.errors import ScenarioError, SimulationError
+from evac.base.errors import SimulationError
 from evac.results.results import Results
 from evac.standard import plans
 from evac.standard.crowds import weidmann
@@ -78,12 +78,6 @@ def test_names_are_found_in_any_case_and_once():
     assert find_tests(["RiMEA-1", "all"]) == list(TESTS)
 
 
-@pytest.mark.parametrize(("name", "near"), [("rimea-99", "RiMEA-9"), ("NIST 2.8", "NIST-2.8"), ("9", "RiMEA")])
-def test_unknown_names_are_refused_with_near_ones(name, near):
-    with pytest.raises(ScenarioError, match=f"{name}.*{near}"):
-        find_tests([name])
-
-
 def test_a_test_without_measure_says_why(tmp_path):
     for test in TESTS:
         if test.measure is None:
@@ -132,11 +126,6 @@ def test_settings_reach_the_case(tmp_path):
     (run,) = Trial(tmp_path, settings=("contact.model=dem", "people.0.tau=1.5")).runs(corridor(), [PERSON])
     assert run.results.case.contact.model == "dem"
     assert run.last_out() == pytest.approx(5.0 + 1.5, abs=0.06)
-
-
-def test_in_the_paper_nobody_keeps_a_distance(tmp_path):
-    (run,) = Trial(tmp_path, is_paper=True).runs(corridor(), [PERSON])
-    assert run.results.keeps_distance == []
 
 
 def test_a_plugin_with_half_the_speed_fails_the_corridor(tmp_path):
@@ -204,13 +193,6 @@ def test_buildings_hang_together(plan, kinds, portals):
     building = plan.building()
     assert sorted(level.kind for level in building.levels) == kinds
     assert len(building.portals) == portals
-
-
-def test_a_band_is_told_in_words():
-    assert found_times().band == "26 to 34"
-    assert check("a", "b", [], low=1.0).band == "at least 1"
-    assert check("a", "b", [], high=1.33).band == "at most 1.33"
-    assert check("a", "b", [], low=20, high=20).band == "20"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import time
 import pytest
 
 import evac
-from evac.base.errors import EvacError
 
 distributed = pytest.importorskip("distributed")
 
@@ -61,12 +60,6 @@ def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_does_not_answer_is_named():
-    with pytest.raises(EvacError, match=r"tcp://127\.0\.0\.1:9"), dask_executor("tcp://127.0.0.1:9"):
-        pass
-
-
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_scheduler_that_is_killed_ends_the_study_with_one_line(cluster, tmp_path):
     file, (scheduler, *_) = cluster
@@ -83,12 +76,3 @@ def test_a_scheduler_that_is_killed_ends_the_study_with_one_line(cluster, tmp_pa
     lines = [line for line in said.splitlines() if line.startswith("evac: ") and "--resume" in line]
     assert len(lines) == 1
     assert "Traceback" not in said
-
-
-@pytest.mark.parametrize("text", [None, "", "no json", "[]", "{}", '{"address": 1}'])
-def test_a_scheduler_file_that_is_none_is_refused_at_once(tmp_path, text):
-    path = tmp_path / "scheduler.json"
-    if text is not None:
-        path.write_text(text)
-    with pytest.raises(EvacError, match=r"scheduler\.json: not a scheduler file"), dask_executor(str(path)):
-        pass

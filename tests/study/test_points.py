@@ -25,12 +25,6 @@ def test_a_point_that_is_not_valid_is_named(case):
     assert caught.value.__notes__ == ["at the point contact.model = dom"]
 
 
-@pytest.mark.parametrize("parameters", [{"simulation.seed": [1, 2]}, {"people": [[]]}, {"contact.model": "dem"}])
-def test_what_cannot_be_swept_is_refused(case, parameters):
-    with pytest.raises(ScenarioError, match=next(iter(parameters))):
-        grid(case, parameters)
-
-
 def test_runs_of_all_points_have_the_same_seeds():
     assert [Seeds(5).changes(k) for k in range(2)] == [{"simulation.seed": 5}, {"simulation.seed": 6}]
     assert [tuple(Seeds(5, 2).changes(k).values()) for k in range(4)] == [(5, 5), (6, 5), (7, 6), (8, 6)]
@@ -63,11 +57,3 @@ def test_a_table_in_toml(case, tmp_path):
     )
     points = from_rows(case, read_table(path), tmp_path)
     assert [point.case.contact.model for point in points] == ["dem", "nsm1"]
-
-
-@pytest.mark.parametrize("text", ["", "contact.model\n", "contact.model\ndem,3\n", "[[points]\n"])
-def test_a_table_that_is_none_is_refused(tmp_path, text):
-    path = tmp_path / ("points.toml" if text.startswith("[") else "points.csv")
-    path.write_text(text)
-    with pytest.raises(ScenarioError, match=path.name):
-        read_table(path)

@@ -128,17 +128,6 @@ def test_rows_are_forced_to_disk_in_batches(tmp_path, points, monkeypatch):
     assert synced[-1] == now[0]
 
 
-def test_a_row_that_changes_while_a_study_is_open_is_refused(tmp_path, points):
-    store = filled(tmp_path, points, [(0, 0)])
-    path = tmp_path / RUNS_STREAM_NAME
-    data = bytearray(path.read_bytes())
-    data[-20] ^= 1
-    path.write_bytes(data)
-    with pytest.raises(ResultError, match=r"runs\.arrows"):
-        list(store.rows([(0, 0)]))
-    store.close()
-
-
 def test_reading_changes_no_file(tmp_path, points):
     filled(tmp_path, points, [(0, 0)]).close()
     path = tmp_path / RUNS_STREAM_NAME
@@ -208,17 +197,3 @@ def test_a_compacted_study_takes_more_rows(tmp_path, points):
     found = RowStore(tmp_path, points).table()
     assert found.column("point").to_pylist() == [0, 0, 1]
     assert found.column("exit_time").to_pylist()[1] == [2.0, 3.0, 4.0]
-
-
-def test_rows_of_other_parameters_are_refused(tmp_path, points):
-    filled(tmp_path, points, [(0, 0)]).close()
-    with pytest.raises(ResultError, match=r"runs\.arrows: "):
-        RowStore(tmp_path, grid(points[0].case, {"simulation.step": [0.01]}))
-
-
-def test_memory_does_not_hold_the_people(tmp_path, points):
-    store = filled(tmp_path, points, [])
-    for run in range(50):
-        store.append(row(0, run, people=2000))
-    store.close()
-    assert all(type(value) in (int, float) for entry in store.entries.values() for value in vars(entry).values())

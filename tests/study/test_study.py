@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
+from evac.base.errors import PluginError, ResultError, ScenarioError
 from evac.folder.files import RUNS_STREAM_NAME
-from evac.report.study import study_report
 from evac.study.store import read_identity, write_identity
 
 
@@ -79,21 +78,6 @@ def test_buildings_are_made_once(case, monkeypatch):
     assert len(made) == 2
 
 
-def test_a_study_that_was_stopped_goes_on_and_repeats_nothing(case, tmp_path):
-    whole = evac.repeat(case, 5, folder=tmp_path / "whole", workers=1)
-    with pytest.raises(StopError):
-        evac.repeat(case, 5, folder=tmp_path / "r", workers=1, progress=stopping_after(2))
-    assert (tmp_path / "r.running" / RUNS_STREAM_NAME).is_file()
-    made = []
-    again = evac.repeat(
-        case, 5, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row)
-    )
-    assert [row and row.run for row in made] == [None, 2, 3, 4]
-    assert again.table().equals(whole.table())
-    for name in ("runs.parquet", "summary.json"):
-        assert (tmp_path / "r" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
-
-
 def test_a_damaged_study_goes_on_to_the_same_tables(case, tmp_path):
     whole = evac.repeat(case, 4, folder=tmp_path / "whole", workers=1)
     with pytest.raises(StopError):
@@ -158,15 +142,6 @@ def test_a_study_stops_when_it_knows_enough(case):
     narrow = evac.repeat(case, until=0.001, least=2, most=4, workers=1)
     assert narrow.runs_of(0) == 4
     assert not narrow.rule.is_known(narrow.times(0), narrow.populations(0))
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [{"runs": 0}, {"runs": 2, "until": 0.1}, {"least": 3}, {"runs": 2, "workers": 0}, {"runs": 7, "repetitions": 5}],
-)
-def test_arguments_that_contradict_are_refused(case, arguments):
-    with pytest.raises(ScenarioError):
-        evac.repeat(case, **arguments)
 
 
 def test_blocked_runs_are_told(case, tmp_path):
@@ -237,22 +212,6 @@ def test_a_forged_study_runs_no_plugin_file_that_was_not_given(case, tmp_path):
     with pytest.raises(ResultError, match=r"evil\.py"):
         evac.read_study(tmp_path / "r").run_again(0, 0)
     assert not (tmp_path / "ran").exists()
-
-
-@pytest.mark.parametrize("damage", ["cut", "digit", "type"])
-def test_a_damaged_definition_is_refused(case, tmp_path, damage):
-    evac.repeat(case, 1, folder=tmp_path / "r", workers=1)
-    path = tmp_path / "r" / "study.json"
-    if damage == "type":
-        identity, definition = read_identity(tmp_path / "r")
-        write_identity(tmp_path / "r", identity, definition | {"rule": {"least": "x"}})
-    else:
-        text = path.read_text()
-        path.write_text(
-            text[: len(text) // 2] if damage == "cut" else text.replace('"first_seed": 5', '"first_seed": 6')
-        )
-    with pytest.raises(ResultError, match=r"study\.json"):
-        evac.read_study(tmp_path / "r")
 
 
 def test_runs_with_half_the_step_are_paired_with_the_others(case, tmp_path):
@@ -366,23 +325,6 @@ def test_a_study_with_failed_runs_goes_on_and_makes_them_again(case, tmp_path):
         assert (tmp_path / "r" / name).read_bytes() == (whole.folder / name).read_bytes()
 
 
-def test_a_refused_point_ends_no_sweep(case, tmp_path):
-    changes = {"simulation.driving": ["explicit"], "people.people.tau": [0.3, 0.005]}
-    study = evac.sweep(case, changes, 3, folder=tmp_path / "r", workers=1)
-    good, bad = study.statistics
-    assert (good.runs, good.failed, bad.runs, bad.failed) == (3, 0, 0, 3)
-    assert np.isnan(bad.mean.value)
-    assert "3 of 6 runs failed" in study_report(tmp_path / "r")
-
-
-def test_a_study_without_any_result_raises_the_first_error(case):
-    with pytest.raises(ScenarioError, match="smallest tau") as caught:
-        evac.sweep(case, {"simulation.driving": ["explicit"], "people.people.tau": [0.004, 0.005]}, 2, workers=1)
-    (note,) = caught.value.__notes__
-    assert "simulation.seed = 5" in note
-    assert "people.people.tau = 0.004" in note
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_run_that_fails_on_its_way_is_a_row(tmp_path, monkeypatch, workers):
     monkeypatch.setattr("evac.study.execute.JOINING", 0.0)
@@ -394,33 +336,6 @@ def test_a_run_that_fails_on_its_way_is_a_row(tmp_path, monkeypatch, workers):
     assert [row["ended"] for row in study.rows(columns=["ended"], failed=True)][2] == "failed"
     assert "too heavy" in list(study.rows(columns=["error"], failed=True))[2]["error"]
     assert study.statistics[0].runs == 3
-
-
-def test_a_worker_that_cannot_load_the_case_ends_the_study(case):
-    class Executor(concurrent.futures.Executor):
-        def submit(self, *task):
-            future = concurrent.futures.Future()
-            future.set_exception(PluginError("no such plugin here"))
-            return future
-
-    with pytest.raises(PluginError, match="here"):
-        evac.repeat(case, 3, executor=Executor())
-
-
-@pytest.mark.parametrize(("error", "words"), [(MemoryError("no room"), "no room"), (None, "given up")])
-def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, error, words):
-    class Executor(concurrent.futures.Executor):
-        def submit(self, *task):
-            future = concurrent.futures.Future()
-            if error is not None:
-                future.set_exception(error)
-            else:
-                future.cancel()
-                future.set_running_or_notify_cancel()
-            return future
-
-    with pytest.raises(SimulationError, match=rf"simulation.seed = \d.*{words}.*--resume"):
-        evac.repeat(case, 3, executor=Executor())
 
 
 def test_a_process_that_dies_once_loses_no_run_and_one_that_dies_again_only_its_own(tmp_path, monkeypatch, started):
@@ -438,8 +353,3 @@ def test_a_process_that_dies_once_loses_no_run_and_one_that_dies_again_only_its_
     assert study.table().filter([k != 4 for k in range(8)]).equals(whole.filter([k != 4 for k in range(8)]))
     assert len(started) >= 4  # the pool is made again after each of three deaths
     assert all(process.exitcode is not None for process in started)
-
-
-def test_a_folder_without_a_study_is_said_to_be_none(tmp_path):
-    with pytest.raises(ResultError, match=r"study\.json: no such file; .*evac repeat"):
-        evac.read_study(tmp_path)

@@ -106,11 +106,3 @@ def test_a_study_is_made_here_if_no_process_can_be_started(monkeypatch):
     with pytest.warns(ProcessWarning, match="no other process"):
         study = evac.repeat(case, 4, workers=3)
     assert study.done == 4
-
-
-def test_an_executor_that_accepts_no_task_is_named():
-    executor = ThreadPoolExecutor(1)
-    executor.shutdown()
-    case = evac.load("square_room", {"people.people.number": 3})
-    with pytest.raises(evac.SimulationError, match=r"executor.*shutdown"):
-        evac.repeat(case, 4, executor=executor)

@@ -12,7 +12,6 @@ from matplotlib.colors import to_rgb
 import evac
 from evac.pictures import palette
 from evac.pictures.render import Renderer
-from evac.report.sections import building_section
 from tests.simulation.test_timetable import event, house
 
 EVENTS = [
@@ -30,16 +29,6 @@ def results(tmp_path_factory):
     """Return the results of a run with an event of each kind."""
     case = house(*EVENTS, **{"behaviours.response_time.time": 20.0, "simulation.duration": 5.0})
     return evac.run(case, tmp_path_factory.mktemp("events") / "result", progress=False)
-
-
-def test_the_trajectory_and_the_report_have_all_of_them(results):
-    kinds = [one["kind"] for one in EVENTS]
-    assert [change.kind for change in results.trajectory.changes] == kinds
-    assert list(evac.read_results(results.folder).changes) == list(results.changes)
-    condition = results.trajectory.building_at(4.0)
-    assert (len(condition.one_way), condition.slowed, condition.barred) == (2, {("hall", 0.5)}, {"hall"})
-    html = str(building_section(results).content)
-    assert all(change.words.replace("'", "&#39;") in html for change in results.changes)
 
 
 def test_the_replay_tells_them(results):

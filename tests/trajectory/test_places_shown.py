@@ -39,14 +39,6 @@ def results(tmp_path_factory):
     return run(PLACES, tmp_path_factory.mktemp("places") / "result")
 
 
-def test_the_trajectory_has_them(results):
-    before, after = results.building.places, results.trajectory.building.places
-    assert [place.kind for place in after] == ["refuge", "assembly", "sign"]
-    for one, other in zip(before, after, strict=True):
-        assert one.shape.equals(other.shape)
-        assert (one.name, one.level, one.capacity, one.exit) == (other.name, other.level, other.capacity, other.exit)
-
-
 def test_plans_show_them(results, tmp_path):
     """The pixels of a colour with and without places: floors under areas are a quarter of the colour."""
     counts = []
