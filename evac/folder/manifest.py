@@ -21,8 +21,8 @@ MANIFEST_NAME = "manifest.jsonl"
 MARK = {"evac": "manifest", "schema": 1}
 TEMPORARY = ".evac-"
 
-#: States of a folder: a run writes to it, it is complete, or it is the earlier result that is being replaced.
-RUNNING, COMPLETE, REPLACED = "running", "complete", "replaced"
+#: States of a folder: a run writes to it, or it is complete.
+RUNNING, COMPLETE = "running", "complete"
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Manifest:
     """What a manifest says."""
 
     files: dict[str, str] = field(default_factory=dict)  # SHA-256 of each file, or empty; names relative to the folder
-    state: str = ""  # `RUNNING`, `COMPLETE`, `REPLACED`, or empty if there is no manifest
+    state: str = ""  # `RUNNING`, `COMPLETE`, or empty if there is no manifest
     result: str = ""  # name of the result folder to which the files belong
 
 

@@ -2,9 +2,8 @@
 
 For a folder ``RESULT`` there may be, in the same parent folder,
 
-- ``RESULT.running``: the files of a run that has not ended;
-- ``RESULT.lock``: locked while a run or another command writes, see `FileLock`;
-- ``RESULT.replaced``: for a short time, the earlier result while it is being replaced.
+- ``RESULT.running``: the files of a run that has not ended, or of one that was killed while it replaced ``RESULT``;
+- ``RESULT.lock``: locked while a run or another command writes, see `locked`.
 
 The next process that opens the folder cleans up after a killed one.
 """
@@ -12,21 +11,14 @@ The next process that opens the folder cleans up after a killed one.
 import os
 import shutil
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path, PurePath
-from types import TracebackType
 from typing import Any, Self
 
 from evac.base.errors import ResultError, usable_path
-from evac.folder.files import (
-    RUNS_PARQUET_NAME,
-    RUNS_STREAM_NAME,
-    sync_file,
-    sync_folder,
-    writing,
-)
-from evac.folder.lock import FileLock
-from evac.folder.manifest import COMPLETE, MANIFEST_NAME, REPLACED, RUNNING, TEMPORARY, mark, read_manifest
+from evac.folder.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, sync_folder, writing
+from evac.folder.lock import locked
+from evac.folder.manifest import COMPLETE, MANIFEST_NAME, RUNNING, TEMPORARY, mark, read_manifest
 
 #: Name of the file of a case in its folder.
 CASE_NAME = "case.toml"
@@ -50,35 +42,23 @@ class ResultFolder:
         self.path = usable_path(path, ResultError)
         self._place = self.path.resolve()  # the target of a link is replaced, not the link
         self.running = running_beside(self.path)
-        self._replaced = self._place.with_name(f"{self._place.name}.replaced")
-        self._made: os.stat_result | None = None
-        self._handle = -1  # open descriptor of the folder, so that its inode number is not reused
-        self._lock = FileLock(
-            self._place.with_name(f"{self._place.name}.lock"),
-            f"{self.path}: is being written",
-            "wait until it has ended, or choose another folder (--out)",
-        )
 
     def __enter__(self) -> Self:
         self._check_place()
-        self._lock.acquire()
-        try:
-            self._check_beside()
-            self.repair()
+        with ExitStack() as entered:
+            entered.enter_context(locked(self._place.with_name(f"{self._place.name}.lock"), str(self.path)))
+            found = read_manifest(self.running)
+            if os.path.lexists(self.running) and not is_empty(self.running) and found.result != self._place.name:
+                raise ResultError(f"{self.running}: is not of a run into {self.path}, which needs this name; move it")
+            if found.state == COMPLETE:  # its process was killed
+                with writing("the results", self.path):
+                    self._replace()
             check_folder(self.path)
-        except BaseException:
-            self._lock.release()
-            raise
+            self._held = entered.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._handle >= 0:
-            with suppress(OSError):  # a plugin may have closed it
-                os.close(self._handle)
-            self._handle = -1
-        self._lock.release()
+    def __exit__(self, *error: object) -> None:
+        self._held.close()
 
     @property
     def is_left_over(self) -> bool:
@@ -89,23 +69,18 @@ class ResultFolder:
         """Create ``RESULT.running``; files left in it by an earlier run are removed."""
         with writing("the results", self.running):
             self.running.mkdir(parents=True, exist_ok=True)
-            self._check_no_study()
-            remove_written(self.running)
-            (self.running / MANIFEST_NAME).unlink(missing_ok=True)
+            self._clear()
             mark(self.running, RUNNING, self._place.name)
-            self._hold()
 
     def reopen(self, source: Path) -> None:
         """Rename the folder of a run that is resumed to ``RESULT.running``."""
         with writing("the results", self.running):
             if not self.running.exists() or not self.running.samefile(source):
                 if self.running.exists():  # of another run, which cannot be resumed
-                    self._check_no_study()
-                    remove_written(self.running)
+                    self._clear()
                     carry_over(self.running, self._place)
                 os.rename(self._place, self.running)
             mark(self.running, RUNNING, self._place.name)
-            self._hold()
 
     def put_back(self, source: Path) -> None:
         """Undo `reopen` with the same argument, for a run that cannot be resumed."""
@@ -114,12 +89,8 @@ class ResultFolder:
             os.rename(self.running, self._place)
 
     def check(self) -> None:
-        """Check that ``RESULT.running`` is still the folder created by this run."""
-        try:
-            is_there = self._made is not None and os.path.samestat(self.running.stat(), self._made)
-        except OSError:
-            is_there = False
-        if not is_there:
+        """Check that ``RESULT.running`` is still the folder of this run."""
+        if not (self.running / MANIFEST_NAME).is_file():
             raise ResultError(
                 f"{self.running}: the folder was removed during the run, with all its files; run the case again, and "
                 "do not change the folder until it has ended"
@@ -132,11 +103,10 @@ class ResultFolder:
             for path in sorted(self.running.iterdir()):  # not the frames of an animation, which can be written again
                 if path.is_file():
                     sync_file(path)
+            mark(self.running, COMPLETE, self._place.name)
+            sync_file(self.running / MANIFEST_NAME)
             sync_folder(self.running)
-            if self._place.exists():
-                mark(self._place, REPLACED, self._place.name)
-                os.rename(self._place, self._replaced)
-            self._finish_replacement()
+            self._replace()
         return self.path
 
     def publish_if_new(self) -> Path:
@@ -147,52 +117,26 @@ class ResultFolder:
         """Remove the files of evac and plugins in ``RESULT.running``, and the folder if it is then empty."""
         with writing("the results", self.running):
             if self.running.exists():
-                remove_written(self.running)
-                (self.running / MANIFEST_NAME).unlink(missing_ok=True)
+                self._clear()
                 _remove_if_empty(self.running)
 
-    def repair(self) -> None:
-        """Finish a replacement begun by a killed process."""
-        if self._replaced.exists():
-            with writing("the results", self.path):
-                if not self._place.exists() and not self.running.exists():
-                    os.rename(self._replaced, self._place)
-                else:
-                    self._finish_replacement()
+    def _replace(self) -> None:
+        """Put ``RESULT.running``, which is complete, in the place of ``RESULT``; after a kill the next command goes on."""
+        if self._place.exists():
+            remove_written(self._place)
+            carry_over(self._place, self.running)
+        os.rename(self.running, self._place)
+        sync_folder(self._place.parent)
 
-    def _hold(self) -> None:
-        """Record the identity of the folder created by this run."""
-        self._made = self.running.stat()
-        if os.name != "nt":  # Windows cannot open folders, and does not reuse their numbers
-            self._handle = os.open(self.running, os.O_RDONLY)
-
-    def _finish_replacement(self) -> None:
-        """Rename the new result, move other files of the earlier result to it, and remove the earlier result."""
-        if not self._place.exists():
-            os.rename(self.running, self._place)
-            sync_folder(self._place.parent)
-            mark(self._place, COMPLETE, self._place.name)
-        if self._replaced.exists():
-            remove_written(self._replaced)
-            carry_over(self._replaced, self._place)
-
-    def _check_no_study(self) -> None:
-        """Refuse to remove the runs of a stopped study."""
+    def _clear(self) -> None:
+        """Remove the files of an earlier run in ``RESULT.running``, but not the runs of a stopped study."""
         if any((self.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
             raise ResultError(
                 f"{self.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "
                 "(--out), or remove this one"
             )
-
-    def _check_beside(self) -> None:
-        """Refuse folders beside the result whose names are those of a run, but that are results themselves."""
-        for folder, state in ((self.running, RUNNING), (self._replaced, REPLACED)):
-            found = read_manifest(folder)
-            is_own = is_empty(folder) or (found.state, found.result) == (state, self._place.name)
-            if os.path.lexists(folder) and not is_own:
-                raise ResultError(
-                    f"{folder}: is not a folder that this run may use, but it needs the name; move it away"
-                )
+        remove_written(self.running)
+        (self.running / MANIFEST_NAME).unlink(missing_ok=True)
 
     def _check_place(self) -> None:
         """Raise an error for folders that cannot be replaced by renaming."""
@@ -218,9 +162,11 @@ def running_beside(path: str | Path) -> Path:
 
 
 def find_result(path: Path) -> Path:
-    """Return the folder or file to read: `path`, or if it does not exist, the folder of the run that is writing it."""
+    """Return what to read: `path`, or ``RESULT.running`` if a run is writing or was killed while it replaced `path`."""
     running = running_beside(path)
-    return running if not path.exists() and running.is_dir() else path
+    found = read_manifest(running)
+    is_whole = found.state == COMPLETE and f"{found.result}.running" == running.name
+    return running if is_whole or (not path.exists() and running.is_dir()) else path
 
 
 def check_result(path: Path) -> None:
@@ -267,19 +213,20 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
         _remove_if_empty(parent)
 
 
-def carry_over(source: Path, target: Path) -> None:
+def carry_over(source: Path, target: Path, manifest: str = MANIFEST_NAME) -> None:
     """Move all files of a folder to another one, adding `EARLIER` to names that exist, and remove the folder."""
     for path in sorted(source.iterdir()):
-        if path.name == MANIFEST_NAME:
+        if path.name == manifest:
             continue  # the last to go, because it says what the folder is
         new = target / path.name
         if _is_folder(path) and _is_folder(new):
-            carry_over(path, new)
+            carry_over(path, new, "")
             continue
         while os.path.lexists(new):
             new = new.with_name(new.name + EARLIER)
         os.rename(path, new)
-    (source / MANIFEST_NAME).unlink(missing_ok=True)
+    if manifest:
+        (source / manifest).unlink(missing_ok=True)
     source.rmdir()
 
 

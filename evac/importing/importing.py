@@ -24,7 +24,7 @@ from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
-from evac.folder.lock import FileLock
+from evac.folder.lock import locked
 from evac.folder.manifest import RUNNING, mark, read_manifest
 from evac.folder.resultfolder import is_empty
 from evac.importing.documents import MOST_OPENINGS, PLAN_HEAD, case_text, report_text
@@ -303,7 +303,7 @@ def _drafted(folder: Path) -> Iterator[Path]:
     place = folder.resolve()
     draft = place.with_name(f"{place.name}.importing")
     try:
-        with FileLock(place.with_name(f"{place.name}.lock"), f"{folder}: is being written", "wait until it has ended"):
+        with locked(place.with_name(f"{place.name}.lock"), str(folder)):
             manifest = read_manifest(draft)
             if os.path.lexists(draft) and not is_empty(draft) and manifest.result != place.name:
                 raise ScenarioError(f"{draft}: is not the draft of an import, but it needs this name; move it away")

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from contextlib import suppress
 
 import pytest
 
@@ -63,32 +64,43 @@ def test_a_new_result_takes_the_place_of_an_earlier_one(earlier):
     assert [path.name for path in earlier.parent.iterdir()] == ["r"]
 
 
-@pytest.mark.parametrize("renames", range(8))
-def test_a_kill_during_the_replacement_loses_nothing(earlier, monkeypatch, renames):
-    """Killed before each rename in turn: the next to take the folder finishes what was begun."""
-    real, left = os.rename, [renames]
+class Killed(BaseException):
+    """Ends a process as a signal does."""
 
-    class Killed(BaseException):
-        pass
 
-    def rename(source, target):
-        if not left[0]:
-            raise Killed
-        left[0] -= 1
-        real(source, target)
+def publish_until(folder, calls, patch):
+    """Write a new result, and be killed after so many calls of the system while it replaces the earlier one."""
 
+    def counted(real):
+        def call(*args, **options):
+            nonlocal calls
+            calls -= 1
+            if calls < 0:
+                raise Killed
+            return real(*args, **options)
+
+        return call
+
+    with ResultFolder(folder) as place:
+        place.start()
+        write_noted(place.running, summary_json=SUMMARY, people_csv="new", notes_txt="of a plugin", deep="new")
+        for name in ("rename", "unlink", "rmdir", "open"):
+            patch.setattr(os, name, counted(getattr(os, name)))
+        place.publish()
+
+
+@pytest.mark.parametrize("calls", range(1, 24))
+def test_a_kill_during_the_replacement_loses_nothing(earlier, monkeypatch, calls):
+    """One of the two results is whole after each call of the system, and the next command ends what was begun."""
     before = contents(earlier)
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "rename", rename)
-        try:
-            run_into(earlier)
-            assert renames > 5
-        except Killed:
-            assert find_result(earlier).is_dir()
+    with monkeypatch.context() as patch, suppress(Killed):
+        publish_until(earlier, calls, patch)
+    now = contents(find_result(earlier))
+    is_new = now["people.csv"] == "new"
+    assert is_new or now == before
     with ResultFolder(earlier):
         pass
-    assert contents(earlier) == (AFTER if renames else before)
-    assert not earlier.with_name("r.replaced").exists()
+    assert contents(earlier) == (AFTER if is_new else before)
 
 
 def test_what_a_killed_run_has_left_goes_but_for_files_of_others(tmp_path):
@@ -131,7 +143,7 @@ def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
     assert contents(tmp_path) == {"r/thesis.txt": "precious"}
 
 
-NAMES = ("r.running", "r.running/notes.md", "r.running/manifest.jsonl", "r/manifest.jsonl", "r.replaced/notes.md")
+NAMES = ("r.running", "r.running/notes.md", "r.running/manifest.jsonl", "r/manifest.jsonl")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -179,12 +191,10 @@ def test_files_of_others_with_the_names_of_maps_and_exports_stay(earlier):
     assert {"map.png", "export/notes.md", "export/sub/notes.md"} <= contents(earlier).keys()
 
 
-@pytest.mark.parametrize("suffix", [".running", ".replaced"])
-def test_results_with_the_names_of_folders_of_a_run_are_left_alone(tmp_path, suffix):
-    own = tmp_path / f"r{suffix}"
-    run_into(own)
+def test_a_result_with_the_name_of_the_folder_of_a_run_is_left_alone(tmp_path):
+    run_into(tmp_path / "r.running")
     before = contents(tmp_path)
-    with pytest.raises(ResultError, match=rf"r{re.escape(suffix)}: "), ResultFolder(tmp_path / "r"):
+    with pytest.raises(ResultError, match=r"r\.running: "), ResultFolder(tmp_path / "r"):
         pass
     assert contents(tmp_path) == before
 
