@@ -121,7 +121,7 @@ class ResultFolder:
                 _remove_if_empty(self.running)
 
     def _replace(self) -> None:
-        """Put ``RESULT.running``, which is complete, in the place of ``RESULT``; after a kill the next command goes on."""
+        """Put ``RESULT.running``, which is complete, in the place of ``RESULT``; if killed, the next command does."""
         if self._place.exists():
             remove_written(self._place)
             carry_over(self._place, self.running)

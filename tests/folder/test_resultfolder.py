@@ -68,7 +68,7 @@ class Killed(BaseException):
     """Ends a process as a signal does."""
 
 
-def publish_until(folder, calls, patch):
+def publish_until(folder, calls, monkeypatch):
     """Write a new result, and be killed after so many calls of the system while it replaces the earlier one."""
 
     def counted(real):
@@ -84,17 +84,18 @@ def publish_until(folder, calls, patch):
     with ResultFolder(folder) as place:
         place.start()
         write_noted(place.running, summary_json=SUMMARY, people_csv="new", notes_txt="of a plugin", deep="new")
-        for name in ("rename", "unlink", "rmdir", "open"):
-            patch.setattr(os, name, counted(getattr(os, name)))
-        place.publish()
+        with monkeypatch.context() as patch:
+            for name in ("rename", "unlink", "rmdir", "open"):
+                patch.setattr(os, name, counted(getattr(os, name)))
+            place.publish()
 
 
 @pytest.mark.parametrize("calls", range(1, 24))
 def test_a_kill_during_the_replacement_loses_nothing(earlier, monkeypatch, calls):
     """One of the two results is whole after each call of the system, and the next command ends what was begun."""
     before = contents(earlier)
-    with monkeypatch.context() as patch, suppress(Killed):
-        publish_until(earlier, calls, patch)
+    with suppress(Killed):
+        publish_until(earlier, calls, monkeypatch)
     now = contents(find_result(earlier))
     is_new = now["people.csv"] == "new"
     assert is_new or now == before
