@@ -10,8 +10,7 @@ from evac.base.distributions import KINDS, Distribution
 from evac.base.keys import Factor, Table, table_of
 from evac.base.toml import toml_value
 from evac.case.case import Case
-from evac.case.presets import DESCRIPTION, shipped_presets
-from evac.case.schema import GroupSettings, PeopleSettings
+from evac.case.schema import DESCRIPTION, GroupSettings, PeopleSettings, shipped_presets
 
 #: Title of the first table of the reference, which is the end of its page.
 FIRST = "At the top of the file"

@@ -276,7 +276,8 @@ def noting(lines: Iterable[str]) -> Iterator[None]:
     try:
         yield
     except EvacError as error:
-        note(error, lines)
+        for line in lines:
+            error.add_note(f"warning: {line}")
         raise
 
 
@@ -284,12 +285,6 @@ def warn(lines: Iterable[str]) -> None:
     """Issue each line as a `RunWarning` about the line of code that called the function which calls this one."""
     for line in lines:
         warnings.warn(line, RunWarning, stacklevel=3)
-
-
-def note(error: EvacError, lines: Iterable[str]) -> None:
-    """Add warnings to an error as notes."""
-    for line in lines:
-        error.add_note(f"warning: {line}")
 
 
 @contextmanager

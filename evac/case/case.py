@@ -11,20 +11,23 @@ from pydantic import PrivateAttr, field_validator, model_validator
 from evac.base.keys import Key, Parameters, Table, Title, key, wrong
 from evac.base.toml import case_text
 from evac.building.options import MOST_ITEMS
-from evac.case.events import EventSettings
-from evac.case.fire import ConditionSettings, DoseSettings, SmokeSettings
-from evac.case.places import LineSettings, PlaceSettings
 from evac.case.schema import (
     MOST_PEOPLE,
     BuildingSettings,
+    ConditionSettings,
     ContactSettings,
     DirectionSettings,
+    DoseSettings,
+    EventSettings,
     GroupSettings,
+    LineSettings,
     OutputSettings,
     PeopleSettings,
+    PlaceSettings,
     PluginSettings,
     ReportSettings,
     SimulationSettings,
+    SmokeSettings,
 )
 from evac.contract.registry import Registry
 

@@ -1,10 +1,20 @@
 """The tables of case.toml: every key with its type, unit, range, default and meaning."""
 
+import tomllib
+from functools import cache
+from importlib.resources import files
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
 
-from evac.base.defaults import COMFORT, LEAST_FLOOR, MOST_SPEED, ORDER, SPACING
+from evac.base.defaults import COMFORT, CONTRAST, FARTHEST, LEAST_FLOOR, MOST_SPEED, ORDER, SIGN_RANGE, SPACING
 from evac.base.distributions import Distribution
 from evac.base.keys import (
     Coordinate,
@@ -407,3 +417,275 @@ class PluginSettings(Table):
     """`[plugins]`: plugin files in addition to the installed plugins."""
 
     files: tuple[str, ...] = key("Python files, relative to case.toml", "", ())
+
+
+class PlaceSettings(Table):
+    """`[[place]]`: an area with a task in the evacuation."""
+
+    name: Name = key("name of the place")
+    kind: Literal["refuge", "assembly", "sign"] = key(
+        "refuge: people whose group has `steepest` or `turns = false`, and who have no way out that they fit through, "
+        "go there and stay; assembly: destination of groups that name it in `assembly`, or that an event sends there; "
+        "sign: shows people the way to an exit, if a behaviour such as `familiarity` follows signs"
+    )
+    area: str | None = key("name of the area of the building, for a refuge or assembly area", "", None)
+    capacity: Whole | None = key(
+        "greatest number of people; if not given, there is no limit", "", None, ge=1, le=MOST_PEOPLE
+    )
+    position: Point | None = key("position of a sign [x, y], about 0.1 m in front of its wall", "m", None)
+    z: Coordinate | None = key("height of the floor under a sign; this or `level`", "m", None)
+    level: str | None = key("name of the level of a sign; this or `z`", "", None)
+    exit: str | None = key("name of the exit that a sign shows", "", None)
+    range: Annotated[Real, Field(gt=0, le=1000)] | None = key(
+        f"distance from which a sign is seen; if not given, {SIGN_RANGE:g} m. In EN 1838 it is 200 times the height "
+        "of internally lit signs, and 100 times that of others",
+        "m",
+        None,
+    )
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Self:
+        own = ("position", "exit") if self.kind == "sign" else ("area",)
+        others = ("area", "capacity") if self.kind == "sign" else ("position", "exit", "level", "z", "range")
+        for name in own:
+            if getattr(self, name) is None:
+                raise wrong(name, f"missing; a place of kind {self.kind} needs it")
+        for name in others:
+            if getattr(self, name) is not None:
+                raise wrong(name, f"a place of kind {self.kind} has no {name}; remove it")
+        if self.kind == "sign":
+            check_level("the level of the sign", self.level, self.z)
+        return self
+
+
+class LineSettings(Table):
+    """`[[line]]`: a line through which people are counted."""
+
+    name: Name = key("name of the line")
+    level: str = key("name of its level", "", min_length=1)
+    segment: tuple[Point, Point] = key("its ends [[x1, y1], [x2, y2]]", "m")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if self.segment[0] == self.segment[1]:
+            raise wrong("segment", "its ends are the same point; move one of them")
+        return self
+
+
+#: Greatest density [1/m2] that an event can wait for; people cannot stand closer.
+MOST_DENSITY = 20.0
+
+#: The conditions of which `when` has one.
+CONDITIONS = ("event", "out", "count", "at_most", "density")
+
+#: Those of them that are about the people in an area.
+IN_AREA = ("count", "at_most", "density")
+
+
+def _or_as_given(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+    """Return a value of a wrong type as it is: a check says what the kind of the event needs."""
+    try:
+        return check(value)
+    except ValidationError:
+        return value
+
+
+class WhenSettings(Table):
+    """`when` of an event: what makes it happen; exactly one of the keys before `area`."""
+
+    event: str | None = key("name of another event that has happened", "", None)
+    out: Whole | None = key("this many people have left the building", "", None, ge=1, le=MOST_PEOPLE)
+    count: Whole | None = key("at least this many people are in `area`", "", None, ge=1, le=MOST_PEOPLE)
+    at_most: Whole | None = key("at most this many people are in `area`", "", None, ge=0, le=MOST_PEOPLE)
+    density: Annotated[Real, Field(gt=0, le=MOST_DENSITY)] | None = key("at least this density in `area`", "1/m2", None)
+    area: str | None = key("name of an area or level", "", None)
+    after: Real = key("time from then to the event", "s", 0.0, ge=0, le=LONGEST_RUN)
+
+    @model_validator(mode="after")
+    def _one_condition(self) -> Self:
+        given = [name for name in CONDITIONS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise wrong("event", f"give exactly one of {', '.join(CONDITIONS)}, not {' and '.join(given) or 'none'}")
+        if (given[0] in IN_AREA) != (self.area is not None):
+            fault = (
+                f"missing; name the area of {given[0]}" if self.area is None else f"{given[0]} has no area; remove it"
+            )
+            raise wrong("area", fault)
+        return self
+
+
+class EventSettings(Table):
+    """`[[event]]`: a change during the run, at a time or when something happens."""
+
+    name: Name | None = key("name by which other events refer to it", "", None)
+    time: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("time of the event; this or `when`", "s", None)
+    when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
+    kind: Literal["open", "close", "one_way", "slow", "bar", "strategy", "alarm"] = key(
+        "`open` or `close` an exit, portal, stair or door, or make it `one_way`; `slow` people in an area or on a "
+        "level, or `bar` it; change the `strategy` of a group; sound an `alarm`"
+    )
+    target: str = key(
+        "name of what changes: exit, portal, stair, door, area, level or group; of an alarm, an area, a level or a "
+        "group, or everybody if not given",
+        "",
+        "",
+    )
+    value: Annotated[Switch | Real | str | tuple[str, ...] | None, WrapValidator(_or_as_given)] = key(
+        '`one_way`: for portals and stairs "up", "down" or the name of the level to which they lead, for exits "in" or '
+        '"out", for doors the name of an area on the side to which they lead; false for both directions; `slow`: the '
+        "relative speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of exits "
+        "or of assembly areas; `alarm`: the share of the response times that people still take",
+        "",
+        None,
+    )
+
+    @model_validator(mode="after")
+    def _at_one_time(self) -> Self:
+        if (self.time is None) == (self.when is None):
+            raise wrong("time", "give either the time of the event (time) or what makes it happen (when)")
+        return self
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The values of the change."""
+        return {} if self.value is None else {"value": self.value}
+
+
+#: Greatest value of a quantity of the air, whatever its unit.
+MOST_VALUE = 1e6
+
+Time = Annotated[Real, Field(ge=0, le=LONGEST_RUN)]
+Value = Annotated[Real, Field(ge=-MOST_VALUE, le=MOST_VALUE)]
+Shift = Annotated[Real, Field(ge=-FARTHEST, le=FARTHEST)]
+
+
+class ConditionSettings(Table):
+    """`[[conditions]]`: where the conditions of the air come from; where several tables apply, the last one does."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+    __pydantic_extra__: dict[str, Any] = Field(init=False)
+
+    source: str = key("name of the source: `prescribed`, `fds`, or that of a plugin")
+    level: Name | tuple[Name, ...] | None = key(
+        "name of the level or stair to which it applies, or a list of them; if not given, all", "", None
+    )
+    area: Name | None = key("name of the area to which it applies, instead of a level", "", None)
+    file: str | None = key("file of the source, relative to case.toml", "", None, min_length=1)
+    times: tuple[Time, ...] | None = key("times of the values, the first of them 0; if not given, constant", "s", None)
+    values: dict[str, Value | tuple[Value, ...]] | None = key(
+        "value of each quantity, or a list of its values at the times: extinction (1/m), co2, o2 (%), temperature (C), "
+        "radiation (kW/m2), and in ppm co, hcn, no, no2, hcl, hbr, hf, so2, acrolein, formaldehyde",
+        "",
+        None,
+    )
+    above: Real = key("height above the floor from which the values apply", "m", 0.0, ge=0, le=100)
+    below: Real | None = key("height above the floor up to which the values apply", "m", None, ge=0, le=100)
+    start: Real = key("time of the source at the start of the run", "s", 0.0, ge=0, le=LONGEST_RUN)
+    shift: tuple[Shift, Shift, Shift] = key(
+        "coordinates of the building minus those of the source", "m", (0.0, 0.0, 0.0)
+    )
+    hold: Switch = key(
+        "whether the last values hold after the last time; otherwise a run that lasts longer fails", "", False
+    )
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Parameters of the source."""
+        return self.__pydantic_extra__ or {}
+
+    @model_validator(mode="after")
+    def _at_one_place(self) -> Self:
+        if self.level is not None and self.area is not None:
+            raise wrong("area", "give either level or area, not both; remove one")
+        return self
+
+
+class SmokeSettings(Table):
+    """`[smoke]`: what people do in smoke; `[smoke.NAME]` has the parameters of a law."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+    __pydantic_extra__: dict[str, dict[str, Any]] = Field(init=False)
+
+    law: str = key("name of the law of the speed in smoke; `none`: smoke does not reduce it", "", "fds_evac")
+    irritants: Switch = key("whether irritant gases in the data reduce the speed further", "", True)
+    sampling: Real = key(
+        "time between two readings at people's heads, rounded to ticks; values are linear in between",
+        "s",
+        0.5,
+        ge=0.001,
+        le=60,
+    )
+    routes: Switch = key("whether routes are chosen for the reduced speeds in smoke", "", True)
+    visibility: Real = key(
+        "visibility below which people turn back if there is another way; 0: never", "m", 3.0, ge=0, le=100
+    )
+    contrast: Real = key(
+        "visibility times extinction coefficient: 3 for reflecting objects, 8 for illuminated signs",
+        "",
+        CONTRAST,
+        ge=1,
+        le=20,
+    )
+    period: Real = key("time between two updates of routes, rounded to ticks", "s", 5.0, ge=0.1, le=600)
+    noticed: Real = key(
+        "change of the relative speed somewhere on a level after which its routes are updated",
+        "",
+        0.1,
+        ge=0.001,
+        le=1,
+    )
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """Parameters of each law that has a table of its own."""
+        return self.__pydantic_extra__ or {}
+
+
+class DoseSettings(Table):
+    """`[dose]`: the dose of gases and heat that people take; without this table, none is computed."""
+
+    form: Literal["fds", "sfpe", "iso"] = key(
+        "fractional effective dose of gases after FDS, the SFPE Handbook (2016) or ISO 13571:2012", "", "fds"
+    )
+    activity: Literal["rest", "light", "heavy"] = key(
+        "activity, which sets the breathing rate (fds, sfpe)", "", "light"
+    )
+    heat: Literal["clothed", "unclothed", "design", "none"] = key(
+        "dose of heat: ISO 13571 clothed or unclothed, or the design equation of the SFPE Handbook", "", "clothed"
+    )
+    threshold: Real = key("dose of gases, or of heat, at which a median person is stopped", "", 1.0, gt=0, le=100)
+    susceptibility: Literal["deterministic", "log-normal"] = key(
+        "whether everybody has the same threshold, or thresholds are distributed", "", "deterministic"
+    )
+    sigma: Real = key("standard deviation of the logarithm of the thresholds", "", 0.94, gt=0, le=5)
+    without: tuple[Name, ...] = key(
+        "quantities that the dose needs and the data lack, which are declared to have no effect", "", ()
+    )
+
+
+#: Keys of a shipped preset that describe it, besides those of `PeopleSettings`.
+DESCRIPTION = ("about", "source")
+
+
+@cache
+def shipped_presets() -> dict[str, dict[str, Any]]:
+    """Return the shipped presets by name, with their `DESCRIPTION`."""
+    return tomllib.loads(files("evac.case").joinpath("presets.toml").read_text(encoding="utf-8"))
+
+
+def with_presets(content: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of a case whose groups have the keys of their presets.
+
+    Presets of the case go before shipped ones of the same name, and keys of a group before those of its preset.
+    """
+    own, groups = content.get("presets", {}), content.get("people")
+    if not isinstance(own, dict) or not isinstance(groups, list):
+        return content
+    filled = list(groups)
+    for index, group in enumerate(groups):
+        name = group.get("preset") if isinstance(group, dict) else None
+        preset = (own if name in own else shipped_presets()).get(name) if isinstance(name, str) else None
+        if isinstance(preset, dict):
+            without = () if name in own else DESCRIPTION
+            filled[index] = {key: value for key, value in preset.items() if key not in without} | group
+    return {**content, "people": filled}

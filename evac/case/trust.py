@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.errors import ScenarioError, text_of
-from evac.base.keys import Fault, Key
+from evac.base.errors import ScenarioError
+from evac.base.keys import Key
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -24,19 +24,12 @@ TABLES = {
 }
 
 
-def named_files(content: Mapping[str, Any], folder: Path) -> tuple[tuple[Path, ...], list[Fault]]:
-    """Return the plugin files named in a case, and faults for those that do not exist; none is opened."""
+def named_files(content: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Return the plugin files named in a case that exist; none is opened."""
     table = content.get("plugins")
     names = table.get("files") if isinstance(table, dict) else None
-    paths: list[Path] = []
-    faults: list[Fault] = []
-    for index, name in enumerate(names if isinstance(names, list) else []):
-        if isinstance(name, str) and os.path.isfile(folder / name):  # which is also False if the name is too long
-            paths.append((folder / name).resolve())
-        elif isinstance(name, str):
-            text = f"no such file {text_of(folder / name)}; check the path"
-            faults.append(Fault(("plugins", "files", index), text))
-    return tuple(dict.fromkeys(paths)), faults
+    words = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    return tuple(dict.fromkeys((folder / name).resolve() for name in words if os.path.isfile(folder / name)))
 
 
 def is_inside(path: Path, folder: Path) -> bool:

@@ -378,7 +378,7 @@ def execute_conditions(arguments: argparse.Namespace) -> int:
     level, and volumes on stairs, of the quantities that the case needs. The data need not exist yet. If the case has a
     table [[conditions]], its `shift` is taken into account.
     """
-    from evac.case.fire import ConditionSettings
+    from evac.case.schema import ConditionSettings
     from evac.conditions.exposure import heads_of, law_of, quantities_needed
     from evac.conditions.source import SourceScene
     from evac.simulation.assembly import make_building

@@ -6,13 +6,10 @@ bytes after the XML.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from evac.folder.files import replacing
 
 _NO_CELLS = np.zeros((0, 1), dtype=np.int64)
 
@@ -33,8 +30,8 @@ class PolyData:
     shown: str = ""  # name of the point array that viewers show by default, empty for none
 
 
-def write_polydata(data: PolyData, path: Path) -> None:
-    """Write a ``.vtp`` file."""
+def vtp_bytes(data: PolyData) -> bytes:
+    """Return the content of a ``.vtp`` file."""
     raw = _Raw()
     texts = "".join(raw.text(name, words) for name, words in data.texts.items())
     point_arrays = "".join(raw.array(name, values) for name, values in data.point_arrays.items())
@@ -56,8 +53,7 @@ def write_polydata(data: PolyData, path: Path) -> None:
 </PolyData>
 <AppendedData encoding="raw">
 _"""
-    with replacing(path, "the VTK file", is_synced=False) as new, new.open("wb") as file:
-        file.write(b"".join([head.encode(), *raw.blocks, b"\n</AppendedData>\n</VTKFile>\n"]))
+    return b"".join([head.encode(), *raw.blocks, b"\n</AppendedData>\n</VTKFile>\n"])
 
 
 class _Raw:

@@ -11,7 +11,7 @@ from evac.base.errors import ResultError
 from evac.building.model.building import Building
 from evac.building.model.elevation import on_level, triangles_on
 from evac.export.exporter import file_stems
-from evac.export.polydata import PolyData, write_polydata
+from evac.export.polydata import PolyData, vtp_bytes
 from evac.folder.files import (
     ANIMATION_NAME,
     BUILDING_FOLDER,
@@ -48,17 +48,21 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
                 raise NotADirectoryError(f"{folder / name} is a link")
             (folder / name).mkdir(parents=True, exist_ok=True)
         _remove_earlier(folder)
-        buildings = [trajectory.building_at(time) for time in trajectory.time.tolist()]
-        states = {building.condition: building for building in buildings}
-        _write_buildings([*states.values()], folder)
-        for k in range(len(trajectory)):
-            write_polydata(people_polydata(trajectory, trajectory[k]), folder / frame_name(k))
-        names = {condition: building_name(k) for k, condition in enumerate(states)}
-        shown = [names[building.condition] for building in buildings]
-        path = folder / ANIMATION_NAME
-        with replacing(path, "the VTK animation") as new:
-            new.write_text(_pvd(trajectory.time, shown), encoding="utf-8")
-    return path
+        for name, content in _files(trajectory):
+            with replacing(folder / name, "the VTK animation", is_synced=not name.endswith(".vtp")) as new:
+                new.write_bytes(content)
+    return folder / ANIMATION_NAME
+
+
+def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
+    """Yield the files of an animation, each with its content; the last one names the others."""
+    buildings = [trajectory.building_at(time) for time in trajectory.time.tolist()]
+    states = {building.condition: building for building in buildings}
+    yield from _building_files([*states.values()])
+    for k in range(len(trajectory)):
+        yield frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
+    names = {condition: building_name(k) for k, condition in enumerate(states)}
+    yield ANIMATION_NAME, _pvd(trajectory.time, [names[building.condition] for building in buildings]).encode()
 
 
 def _remove_earlier(folder: Path) -> None:
@@ -137,8 +141,8 @@ def _part(
     )
 
 
-def _write_buildings(states: Sequence[Building], folder: Path) -> None:
-    """Write the parts of a building in all its states to a file each, and for each state a file that lists them."""
+def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, bytes]]:
+    """Yield a file for each part of a building in all its states, and for each state a file that lists them."""
     parts = [list(building_blocks(building)) for building in states]
     # The parts are the same in all states, except for the kinds of links that open or close.
     kinds = [[KINDS[data.cell_arrays["kind"][0]] for _, _, data in of_state] for of_state in parts]
@@ -154,7 +158,7 @@ def _write_buildings(states: Sequence[Building], folder: Path) -> None:
         for row, (block, name, data) in enumerate(of_state):
             file = f"{BUILDING_FOLDER}/{stems[row, own[row]]}.vtp"
             if file not in written:
-                write_polydata(data, folder / file)
+                yield file, vtp_bytes(data)
                 written.add(file)
             entries = blocks.setdefault(block, [])
             entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
@@ -162,12 +166,11 @@ def _write_buildings(states: Sequence[Building], folder: Path) -> None:
             f'    <Block index="{index}" name="{block}">\n{"".join(entries)}    </Block>\n'
             for index, (block, entries) in enumerate(blocks.items())
         )
-        with replacing(folder / building_name(k), "the building") as new:
-            new.write_text(
-                '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
-                f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
-                encoding="utf-8",
-            )
+        text = (
+            '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
+            f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n"
+        )
+        yield building_name(k), text.encode()
 
 
 def _pvd(times: NDArray[np.float64], buildings: Sequence[str]) -> str:

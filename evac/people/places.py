@@ -22,8 +22,7 @@ from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.case.case import Case
-    from evac.case.places import PlaceSettings
-    from evac.case.schema import GroupSettings
+    from evac.case.schema import GroupSettings, PlaceSettings
     from evac.directions.fields import Fields
 
 #: Distance from a level within which a sign may be, so that it may hang on a wall [m].

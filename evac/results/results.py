@@ -601,6 +601,8 @@ def results_of(
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
     moves = moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
+    levels = {level.name: moves.occupancy([level.index]) for level in building.levels}
+    stairs = {name: moves.occupancy(own) for name, own in building.stairs.items()}
     exits = exit_table(building, crowd.exit_used, crowd.exit_time)
     names = [level.name for level in building.levels]
     models, behaviours = case.registry.contact_models, case.registry.behaviours
@@ -633,8 +635,8 @@ def results_of(
             )
             for k, portal in enumerate(building.portals)
         },
-        levels={level.name: moves.occupancy([level.index]) for level in building.levels},
-        stairs={name: moves.occupancy(levels) for name, levels in building.stairs.items()},
+        levels=levels,
+        stairs=stairs,
         doors=[DoorRow(name=door.name, level=names[door.level], width=door.width) for door in building.doors],
         quality_warnings=tuple(quality),
         keeps_distance=case.keeps_distance,

@@ -68,13 +68,13 @@ class Watch(Saved):
     saved = ("_speeds", "_forces", "_chatter", "_crushing", "_overlaps")
 
     def __init__(self, radius: FloatArray, levels: int, tick: float, every: float, promised: float = np.inf) -> None:
-        self._width, self._tick, self._promised = 2.0 * radius, tick, promised
+        self._width, self._tick, self.promised = 2.0 * radius, tick, promised
         self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
         self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
         self._chatter, self._crushing, self._overlaps = (_Notes(len(radius), levels) for _ in range(3))
 
-    def look_at_velocities(self, time: float, crowd: Crowd, displacement_velocity: FloatArray) -> None:
-        """Add the velocities at the end of a tick.
+    def look(self, time: float, crowd: Crowd, displacement_velocity: FloatArray, is_recorded: bool = True) -> None:
+        """Look at the people at the end of a tick; contact forces are sampled only if this state is recorded.
 
         Parameters
         ----------
@@ -82,26 +82,26 @@ class Watch(Saved):
         crowd : Crowd
         displacement_velocity : (n, 2)
             Displacement in the tick divided by its length [m/s].
+        is_recorded : bool
         """
-        velocity, displacement = np.hypot(*crowd.velocity.T), np.hypot(*displacement_velocity.T)
-        if self._speeds.add(time, crowd.level >= 0, velocity, displacement):
-            begin, inside, (velocity, displacement) = self._speeds.take()
+        inside, velocity, displacement = (
+            crowd.level >= 0,
+            np.hypot(*crowd.velocity.T),
+            np.hypot(*displacement_velocity.T),
+        )
+        if self._speeds.add(time, inside, velocity, displacement):
+            begin, stayed, (velocity, displacement) = self._speeds.take()
             excess = velocity - displacement
-            noticed = inside & (excess > CHATTER_EXCESS) & (velocity > CHATTER_RATIO * displacement)
+            noticed = stayed & (excess > CHATTER_EXCESS) & (velocity > CHATTER_RATIO * displacement)
             self._chatter.note(noticed, excess, (velocity, displacement), begin, time, crowd)
-
-    def look_at_forces(self, time: float, crowd: Crowd) -> None:
-        """Add the contact forces at a recorded time [s]."""
-        if self._forces.add(time, crowd.level >= 0, 0.5 * crowd.contact_force, 0.5 * crowd.contact_force / self._width):
-            begin, inside, (force, load) = self._forces.take()
-            noticed = inside & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
-            self._crushing.note(noticed, load, (force, load), begin, time, crowd)
-
-    def look_at_overlaps(self, time: float, crowd: Crowd) -> None:
-        """Note the overlaps of the tick that ends at a time [s]."""
-        noticed = (crowd.level >= 0) & (crowd.overlap > self._promised)
         shares = 2.0 * crowd.overlap / self._width
-        self._overlaps.note(noticed, crowd.overlap, (crowd.overlap, shares), max(time - self._tick, 0.0), time, crowd)
+        large = inside & (crowd.overlap > self.promised)
+        self._overlaps.note(large, crowd.overlap, (crowd.overlap, shares), max(time - self._tick, 0.0), time, crowd)
+        force = 0.5 * crowd.contact_force
+        if is_recorded and self._forces.add(time, inside, force, force / self._width):
+            begin, stayed, (force, load) = self._forces.take()
+            noticed = stayed & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
+            self._crushing.note(noticed, load, (force, load), begin, time, crowd)
 
     def chatter(self) -> Observation | None:
         """Return people who moved much more slowly than with the contact model's velocities, or None."""

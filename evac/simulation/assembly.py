@@ -14,16 +14,17 @@ from evac.people.groups import check_people
 from evac.people.places import Places, with_places
 from evac.people.population import Population, build_population
 from evac.people.ways import check_ways
-from evac.physics.contact.model import BorderScene, border_scene
+from evac.physics.contact.model import border_scene
 from evac.physics.engine import CompiledEngine, Engine
 from evac.simulation.needed import solve_fields
-from evac.simulation.scene import SharedScene
+from evac.simulation.scene import Scene, SharedScene
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
     from evac.building.model.building import Building
     from evac.building.plan.plan import Plan
     from evac.case.case import Case
+    from evac.conditions.exposure import Exposure
     from evac.people.behaviour import Behaviour
     from evac.physics.contact.model import ContactModel
     from evac.physics.force import Force
@@ -138,28 +139,35 @@ def make_shared_scene(case: "Case") -> SharedScene:
 
 def make_population(
     case: "Case", shared_scene: SharedScene, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
-) -> tuple[Population, Places, tuple[Finding, ...], BorderScene]:
-    """Draw the people of a case, and check all that depends on them before a run."""
-    building = shared_scene.building
-    people = build_population(case, building, shared_scene.fields, case.simulation.seed, behaviours)
-    places = Places(case, building, shared_scene.fields.routes, people.crowd)
-    places.assign(shared_scene.fields)
+) -> tuple[Population, Places, tuple[Finding, ...], float]:
+    """Draw the people of a case, and check all that depends on them before a run.
+
+    The findings are places that are too narrow for some of them, the number is the greatest overlap [m] that the
+    contact model promises them.
+    """
+    building, fields, world = shared_scene.building, shared_scene.fields, shared_scene.world
+    people = build_population(case, building, fields, case.simulation.seed, behaviours)
+    crowd = people.crowd
+    places = Places(case, building, fields.routes, crowd)
+    places.assign(fields)
     may_wait = any(one.kind in ("open", "strategy") or one.value is False for one in case.event)
-    ways = (
-        case.source,
-        building,
-        shared_scene.fields,
-        shared_scene.world,
-        people.crowd,
-        people.groups,
-        places.full,
-        may_wait,
-    )
-    stopping = check_ways(*ways)
-    border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
-    with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene", contact):
-        contact.check_scene(border)
-    return people, places, stopping, border
+    stopping = check_ways(case.source, building, fields, world, crowd, people.groups, places.full, may_wait)
+    border = border_scene(crowd, case.simulation.step, case.simulation.is_explicit)
+    with naming(case.source):
+        with plugin_code(f"contact model {contact.name!r}: check_scene", contact):
+            contact.check_scene(border)
+        with plugin_code(f"contact model {contact.name!r}: promised_overlap", contact):
+            promised = float(contact.promised_overlap(border))
+    return people, places, stopping, promised
+
+
+def make_exposure(case: "Case", scene: Scene, people: Population) -> "Exposure | None":
+    """Return the exposure of people to smoke, gases and heat; nothing is imported in a case without them."""
+    if not case.conditions:
+        return None
+    from evac.conditions.exposure import Exposure
+
+    return Exposure(case, scene, people.crowd, people.groups)
 
 
 def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]") -> Engine:

@@ -156,7 +156,7 @@ class Checkpoint:
         given = self.header.case
         source = Path(given.source)
         files = [Path(path).resolve() for path in plugin_files]
-        named, _ = named_files(given.table, source.parent)
+        named = named_files(given.table, source.parent)
         if missing := [path for path in given.plugin_files if Path(path) not in (*files, *named)]:
             raise PluginError(
                 f"{self.path}: the run was started with the plugin {', '.join(missing)} in addition to those of its "

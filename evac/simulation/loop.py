@@ -1,6 +1,6 @@
 """The loop of a run: everything that happens at ticks is an operation with a trigger, in one list."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -43,55 +43,18 @@ class Loop:
         self._steps_per_record *= self._settings.steps_per_tick
         self._before = simulation.population.crowd.position.copy()
         self._end, self._is_output = 0, False
-        self.operations = [*self._in_order()]
-
-    def _in_order(self) -> Iterator[Operation]:
-        """Yield the operations of the simulation."""
-        one, crowd, watch = self._simulation, self._simulation.population.crowd, self._simulation.watch
-        routes = None if one.exposure is None else one.exposure.routes
-        if one.timetable.is_waiting:
-            yield Operation("events", "behaviours", one.timetable.act, lambda: one.timetable.is_waiting)
-        yield Operation("changes", "behaviours", one.scene.apply_waiting)
-        if one.population.sources:
-            yield Operation("arrivals", "behaviours", one.let_in)
-        if routes is not None:
-
-            def find_ways() -> None:
-                if routes.update(one.time, one.scene):
-                    one.ending.begin_anew()  # progress is then towards other ways
-
-            yield Operation(
-                "smoke on routes", "directions", find_ways, lambda: routes.is_due(self._tick, one.scene.version)
-            )
-        if one.scene.quickest is not None:
-            yield Operation("quickest", "directions", self._find_quickest, self._is_update)
-        yield Operation("behaviours", "behaviours", self._decide)
-        yield Operation("areas", "behaviours", one.scene.act_on_areas, lambda: one.building.has_areas_to_heed)
-        yield Operation("physics", "physics", self._move)
-        yield Operation("settling", "recording", self._settle)
-        if one.case.place:
-            settle = one.places.settle
-            yield Operation("places", "recording", lambda: settle(one.time, one.fields, one.displacement_velocity))
-        if one.outside is not None:
-            walk = one.outside.advance
-            yield Operation("people outside", "recording", lambda: walk(self._left, one.time, self._span))
-        if (exposure := one.exposure) is not None:
-            steps = max(1, round(one.case.smoke.sampling / self._settings.tick)) * self._settings.steps_per_tick
-            yield Operation(
-                "conditions",
-                "behaviours",
-                lambda: exposure.act(one.time, one.fields),
-                lambda: one.step % steps == 0,
-                lambda: exposure.begin(one.time, one.fields),
-            )
-        look = watch.look_at_velocities
-        yield Operation("velocities", "recording", lambda: look(one.time, crowd, one.displacement_velocity))
-        yield Operation("overlaps", "recording", lambda: watch.look_at_overlaps(one.time, crowd))
-        yield Operation("forces", "recording", lambda: watch.look_at_forces(one.time, crowd), self._is_at_output)
-        record = one.recording.record
-        yield Operation("recorders", "recording", lambda: record(one), self._is_at_output, self._start_recording)
-        yield Operation("ending", "recording", self._end_run)
-        yield Operation("progress", "output", self._show, lambda: self.progress is not None)
+        self.operations = [
+            Operation("changes", "behaviours", self._change),
+            Operation("directions", "directions", self._find_ways, self._is_way_to_find),
+            Operation("behaviours", "behaviours", self._decide),
+            Operation("physics", "physics", self._move),
+            Operation("settling", "recording", self._settle),
+            Operation("conditions", "behaviours", self._expose, self._is_sampled, self._begin_exposure),
+            Operation("watch", "recording", self._look),
+            Operation("recorders", "recording", self._record, lambda: self._is_output, self._start_recording),
+            Operation("ending", "recording", self._end_run),
+            Operation("progress", "output", self._show, lambda: self.progress is not None),
+        ]
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
@@ -115,8 +78,26 @@ class Loop:
                         simulation.phases.turn_to(phase)
                     operation.act()
 
-    def _is_at_output(self) -> bool:
-        return self._is_output
+    def _change(self) -> None:
+        """Apply events and other changes of the scene, and let in those whose arrival time has come."""
+        simulation = self._simulation
+        simulation.timetable.act()
+        simulation.scene.apply_waiting()
+        if simulation.population.sources:
+            simulation.let_in()
+
+    def _is_way_to_find(self) -> bool:
+        return self._simulation.exposure is not None or self._simulation.scene.quickest is not None
+
+    def _find_ways(self) -> None:
+        """Solve the directions that follow smoke or the crowd again."""
+        simulation, crowd = self._simulation, self._simulation.population.crowd
+        scene, tick = simulation.scene, simulation.step // self._settings.steps_per_tick
+        routes = None if simulation.exposure is None else simulation.exposure.routes
+        if routes is not None and routes.is_due(tick, scene.version) and routes.update(simulation.time, scene):
+            simulation.ending.begin_anew()  # progress is then towards other ways
+        if (quickest := scene.quickest) is not None and quickest.is_due(tick, self._settings.tick):
+            quickest.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
 
     def _decide(self) -> None:
         simulation = self._simulation
@@ -125,20 +106,8 @@ class Loop:
         simulation.deciding.act(simulation.time)
         if rows := simulation.scene.take_new_ways():
             simulation.ending.begin_anew(rows)
-
-    @property
-    def _tick(self) -> int:
-        return self._simulation.step // self._settings.steps_per_tick
-
-    def _is_update(self) -> bool:
-        assert self._simulation.scene.quickest is not None
-        return self._simulation.scene.quickest.is_due(self._tick, self._settings.tick)
-
-    def _find_quickest(self) -> None:
-        """Solve the routes that follow the crowd again."""
-        crowd = self._simulation.population.crowd
-        assert self._simulation.scene.quickest is not None
-        self._simulation.scene.quickest.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
+        if simulation.building.has_areas_to_heed:
+            simulation.scene.act_on_areas()
 
     def _move(self) -> None:
         simulation, settings = self._simulation, self._settings
@@ -150,14 +119,38 @@ class Loop:
         )
 
     def _settle(self) -> None:
-        """Count exits and crossings, and advance the clock."""
+        """Advance the clock; count exits and crossings; people arrive at places, and walk on outside."""
         simulation = self._simulation
-        self._span = (self._end - simulation.step) * self._settings.step
+        span = (self._end - simulation.step) * self._settings.step
         simulation.step = self._end
         simulation.scene.end_tick(simulation.time)
         np.subtract(simulation.population.crowd.position, self._before, out=simulation.displacement_velocity)
-        simulation.displacement_velocity /= self._span
-        self._left = simulation.population.settle(self._events)
+        simulation.displacement_velocity /= span
+        left = simulation.population.settle(self._events)
+        simulation.places.settle(simulation.time, simulation.fields, simulation.displacement_velocity)
+        if simulation.outside is not None:
+            simulation.outside.advance(left, simulation.time, span)
+
+    def _is_sampled(self) -> bool:
+        """Return whether the conditions of the air are read at this tick."""
+        every = max(1, round(self._simulation.case.smoke.sampling / self._settings.tick))
+        steps = every * self._settings.steps_per_tick
+        return self._simulation.exposure is not None and self._simulation.step % steps == 0
+
+    def _begin_exposure(self) -> None:
+        if self._simulation.exposure is not None:
+            self._simulation.exposure.begin(self._simulation.time, self._simulation.fields)
+
+    def _expose(self) -> None:
+        assert self._simulation.exposure is not None
+        self._simulation.exposure.act(self._simulation.time, self._simulation.fields)
+
+    def _look(self) -> None:
+        simulation, crowd = self._simulation, self._simulation.population.crowd
+        simulation.watch.look(simulation.time, crowd, simulation.displacement_velocity, self._is_output)
+
+    def _record(self) -> None:
+        self._simulation.recording.record(self._simulation)
 
     def _start_recording(self) -> None:
         simulation = self._simulation

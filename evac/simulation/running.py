@@ -9,18 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.display import displayed
-from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, note, warn
+from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, warn
 from evac.base.interrupt import Interrupt, never
 from evac.base.phases import Progress
 from evac.case.loading import as_case
 from evac.folder.files import (
     ANIMATION_NAME,
     CHECKPOINT_NAME,
-    EGRESS_NAME,
     EGRESS_PICTURE_NAME,
-    PEOPLE_NAME,
     REPLAY_NAME,
-    SUMMARY_NAME,
 )
 from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.results.ending import FAILED, INTERRUPTED
@@ -28,7 +25,6 @@ from evac.results.results import Results
 from evac.simulation.checkpoints import Checkpoints, differences_of, find_checkpoint, inputs_of, made_of
 from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
-from evac.trajectory.recording import check_lengths
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -216,6 +212,7 @@ def run_into(
 ) -> Results:
     """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written."""
     first = simulation.step
+    failure: EvacError | KeyboardInterrupt | None = None
     simulation.loop.operations += [
         Operation("result folder", "output", place.check),
         Operation("interrupts", "output", simulation.stop, lambda: interrupt.count > 0),
@@ -225,89 +222,72 @@ def run_into(
     with simulation.phases.enter("output"):
         try:
             results = simulation.run(progress)
-            interrupt.may_break = never
-            results = _written(simulation, place, results)
         except (EvacError, KeyboardInterrupt) as error:
-            interrupt.may_break = never
-            if isinstance(error, EvacError):
-                note(error, simulation.warnings())
-            with suppress(ResultError, OSError):  # the first failure is reported, not a later one
-                if simulation.step == first:
-                    if not first:
+            if simulation.step == first or not (simulation.ended or isinstance(error, EvacError)):
+                if not simulation.step:
+                    with suppress(ResultError, OSError):
                         place.check()
                         place.discard()
-                elif simulation.ended or isinstance(error, EvacError):
-                    simulation.ended = simulation.ended or FAILED
-                    _written(simulation, place, simulation.results(), error)
-            raise
-        writing()
+                raise
+            simulation.ended, failure = simulation.ended or FAILED, error
+            results = simulation.results()
+        interrupt.may_break = never
         most = 1 if results.ended == INTERRUPTED else 0  # the signal that has ended the run does not stop its outputs
-        draw_pictures(results, lambda: interrupt.count > most)
-        if interrupt.count > most and (missing := _missing(results)):
-            stopped = KeyboardInterrupt()
-            stopped.add_note(f"the results are in {results.folder}, without {', '.join(missing)}")
-            raise stopped
+        is_whole = results.ended not in (FAILED, INTERRUPTED) and not isinstance(failure, ResultError)
+        try:
+            results = _published(simulation, place, results, is_whole)
+            if failure is None:
+                writing()
+            left_out = draw_pictures(results, lambda: failure is not None or interrupt.count > most)
+            if left_out and failure is None and interrupt.count > most:
+                failure = KeyboardInterrupt()
+            if failure is not None:
+                without = f", without {', '.join(left_out)}" if left_out else ""
+                failure.add_note(f"the results {'' if is_whole else 'until then '}are in {results.folder}{without}")
+        except (ResultError, OSError):
+            if failure is None:
+                raise
+        if failure is not None:
+            raise failure
         return results
 
 
-def _missing(results: Results) -> list[str]:
-    """Return the outputs that the case asks for and the folder does not have."""
-    output, folder = results.case.output, results.folder
-    assert folder is not None
-    names = {REPLAY_NAME: output.replay, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
-    return [name for name, is_wanted in names.items() if is_wanted and not (folder / name).is_file()]
-
-
-def _written(
-    simulation: Simulation, place: ResultFolder, results: Results, failure: BaseException | None = None
-) -> Results:
+def _published(simulation: Simulation, place: ResultFolder, results: Results, is_whole: bool) -> Results:
     """Write the tables and the summary of a run that has ended or failed, and publish its folder."""
     place.check()
     results = replace(results, plugin_files=simulation.recording.plugin_files())
-    output = results.case.output
-    if output.tables:
+    if results.case.output.tables:
         results.write_tables(place.running)
     results = results.with_phases(simulation.phases.seconds())
     results.write_summary(place.running)
-    is_whole = results.ended not in (FAILED, INTERRUPTED)
-    try:
-        simulation.recording.check_files()
-        tables = (EGRESS_NAME, PEOPLE_NAME) if output.tables else ()
-        check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
-    except ResultError:
-        if failure is None:
-            raise
-        is_whole = False
     folder = place.publish() if is_whole else place.publish_if_new()
     if is_whole:
         (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
-    results = replace(results, folder=folder)
-    if failure is not None:
-        missing = _missing(results)
-        without = f", without {', '.join(missing)}" if missing else ""
-        failure.add_note(f"the results {'' if is_whole else 'until then '}are in {folder}{without}")
-    return results
+    return replace(results, folder=folder)
 
 
-def draw_pictures(results: Results, is_stopped: Callable[[], bool] = never) -> None:
-    """Write egress.png if ``output.picture`` is true, and the VTK animation if ``output.animation`` is, until stopped.
+def draw_pictures(results: Results, is_stopped: Callable[[], bool]) -> list[str]:
+    """Write egress.png and the VTK animation if the case asks for them, until stopped; return the outputs that lack.
 
     The results are complete without them: one that cannot be made is a warning.
     """
+    output = results.case.output
     folder = results.folder
     assert folder is not None
-    if results.case.output.picture and not is_stopped():
+    if output.picture and not is_stopped():
         with _optional(folder / EGRESS_PICTURE_NAME):
             from evac.pictures.pictures import egress_figure
             from evac.pictures.writing import save
 
             save(egress_figure(results), folder / EGRESS_PICTURE_NAME)
-    if results.case.output.animation and not is_stopped():
+    if output.animation and not is_stopped():
         with _optional(folder / ANIMATION_NAME):
             from evac.export.vtk import export_vtk
 
             if results.trajectory is not None:
                 export_vtk(results.trajectory, folder)
+    names = {REPLAY_NAME: output.replay, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
+    return [name for name, is_wanted in names.items() if is_wanted and not (folder / name).is_file()]
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import naming, noting, plugin_code
+from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
 from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
@@ -21,7 +21,6 @@ from evac.case.trust import run_plugin_files
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
 from evac.jit.loading import Compiling, addresses_of
-from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
 from evac.people.unusual import late_starts, rivals, unusual
@@ -36,11 +35,10 @@ from evac.simulation.loop import Loop
 from evac.simulation.scene import Scene, SharedScene, doorway_warning
 from evac.simulation.timetable import Timetable
 from evac.trajectory.recorder import Recorder
-from evac.trajectory.recording import Recording, metrics
+from evac.trajectory.recording import Recording
 
 if TYPE_CHECKING:
     from evac.case.case import Case
-    from evac.conditions.exposure import Exposure
 
 
 class Simulation(Saved):
@@ -122,68 +120,59 @@ class Simulation(Saved):
     ) -> None:
         self.case = case = run_plugin_files(as_case(case))
         self.registry: Registry = case.registry
-        self.folder, self.full, self._workers = None if folder is None else Path(folder), full, workers
+        self.folder, self.full = None if folder is None else Path(folder), full
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
         with self.phases.enter("preparation"):
-            self._make(shared_scene, will_run, compiling)
+            self._make(shared_scene, will_run, workers, compiling)
 
-    def _make(self, shared_scene: SharedScene | None, will_run: bool, compiling: Compiling | None) -> None:
-        """Create all parts of the run and call the hooks and `prepare` methods of the plugins."""
-        case, full = self.case, self.full
+    def _make(
+        self, shared_scene: SharedScene | None, will_run: bool, workers: int | None, compiling: Compiling | None
+    ) -> None:
+        """Create the parts of the run, each from those before it, and call the hooks and `prepare` of plugins."""
+        case, settings = self.case, self.case.simulation
         self.registry.call_all("evac_configure", case=case, registry=self.registry)
         self.contact = assembly.make_contact_model(case)
         self.recording = Recording(assembly.make_recorders(case), self.folder)
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
-        self.forces = needed.needed_forces(forces, full)
+        self.forces = needed.needed_forces(forces, self.full)
         with self.phases.enter("building"):
             building = shared_scene.building if shared_scene else assembly.make_building(case)
             check_people(case, building)
         with self.phases.enter("kernels"):
-            kernels = [*needed.SET_UP]
-            if will_run:
-                used = assembly.ENGINE, building, self.contact, self.forces, behaviours
-                kernels += needed.run_kernels(case, *used, full)
-            addresses_of(kernels, compiling)
-        self._build(building, shared_scene, behaviours)
-        self._watch_people()
-        self.deciding.prepare()
-        self.loop = Loop(self)
-        self.plan = needed.explain(self, forces, behaviours)
-        self.registry.call_all("evac_prepare", simulation=self)
-
-    def _build(self, building: Building, shared_scene: SharedScene | None, behaviours: list[Behaviour]) -> None:
-        """Create scene, population, forces and engine for a building."""
-        case = self.case
+            used = assembly.ENGINE, building, self.contact, self.forces, behaviours
+            kernels = needed.run_kernels(case, *used, self.full) if will_run else []
+            addresses_of([*needed.SET_UP, *kernels], compiling)
+        solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=workers)
         with naming(case.source), self.phases.enter("directions"):
-            solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=self._workers)
             shared_scene = shared_scene or SharedScene(building, solve(building))
         with noting(building.warnings), self.phases.enter("people"):
-            self.population, self.places, self.stopping, border = assembly.make_population(
+            self.population, self.places, self.stopping, promised = assembly.make_population(
                 case, shared_scene, self.contact, behaviours
             )
+            crowd = self.population.crowd
+            self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
+            self.displacement_velocity = crowd.velocity.copy()
             everywhere = partial(solve, anywhere=True)
             self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest)
             with naming(case.source):
                 self.timetable = Timetable(case.event, self.scene)
-            self.exposure = self._exposure()
+            self.exposure = assembly.make_exposure(case, self.scene, self.population)
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
-            self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
-            self.displacement_velocity = self.population.crowd.velocity.copy()
+            self.outside = PeopleOutside(building, crowd) if sees_outside else None
             self.deciding = Deciding(self, behaviours)
             self.behaviours = self.deciding.used
-        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap", self.contact):
-            self._promised_overlap = float(self.contact.promised_overlap(border))
         self.engine = assembly.make_engine(self, behaviours)
-
-    def _exposure(self) -> "Exposure | None":
-        """Return the exposure of people to smoke, gases and heat; nothing is imported in a case without them."""
-        if not self.case.conditions:
-            return None
-        from evac.conditions.exposure import Exposure
-
-        return Exposure(self.case, self.scene, self.population.crowd, self.population.groups)
+        self.watch = Watch(crowd.radius, len(building.levels), settings.tick, case.output.every, promised)
+        stopped = None if self.exposure is None else self.exposure.stopped
+        routes, staying = len(self.fields.routes), self.population.staying
+        self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying, stopped)
+        self.deciding.prepare()
+        self.loop = Loop(self)
+        self.plan = needed.explain(self, forces, behaviours)
+        self.registry.call_all("evac_prepare", simulation=self)
+        self._warnings_at_start = self._warn_at_start()
 
     @property
     def dose(self) -> FloatArray | None:
@@ -195,16 +184,6 @@ class Simulation(Saved):
         """Whether people are in no queue, (n,): at a refuge or assembly area, stopped by gases, held by a behaviour."""
         standing = self.places.arrived | self.deciding.held
         return standing if self.exposure is None else standing | self.exposure.stopped
-
-    def _watch_people(self) -> None:
-        """Keep the initial state of people, and begin to watch how they get on."""
-        crowd, settings = self.population.crowd, self.case.simulation
-        self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
-        every, levels = self.case.output.every, len(self.building.levels)
-        self.watch = Watch(crowd.radius, levels, settings.tick, every, self._promised_overlap)
-        staying, routes = self.population.staying, len(self.fields.routes)
-        stopped = None if self.exposure is None else self.exposure.stopped
-        self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying, stopped)
 
     @property
     def building(self) -> Building:
@@ -237,16 +216,20 @@ class Simulation(Saved):
             that keep distances, people who stood in a closing doorway, and people whose ways have closed.
         """
         crowd = self.population.crowd
-        narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
-        from_start = np.where(crowd.arrival_time == 0.0, self.start_level, np.int32(-1))
-        start = crowd.replace(position=self.start_position, level=from_start)
-        people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
-        people += rivals(self.case.keeps_distance)
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
         if self.scene.changes or self.building.closed:
-            shut += cut_off(self.scene.building, self.fields, crowd, self.population.groups)
+            shut += cut_off(self.building, self.fields, crowd, self.population.groups)
+        return (*self._warnings_at_start, *shut)
+
+    def _warn_at_start(self) -> tuple[str, ...]:
+        """Return the warnings that follow from the state before the first step."""
+        crowd, groups = self.population.crowd, self.population.groups
         air = () if self.exposure is None else self.exposure.warnings()
-        return (*self.building.warnings, *air, *map(str, (*narrow, *self.stopping)), *people, *shut)
+        narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
+        start = crowd.replace(level=np.where(crowd.arrival_time == 0.0, crowd.level, np.int32(-1)))
+        people = (*unusual(start, groups), *late_starts(crowd, self.case.simulation.duration))
+        places = map(str, (*narrow, *self.stopping))
+        return (*self.building.warnings, *air, *places, *people, *rivals(self.case.keeps_distance))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.
@@ -274,6 +257,8 @@ class Simulation(Saved):
                 results = self.results()
             except BaseException as caught:
                 error = caught
+                for line in self.warnings() if isinstance(error, EvacError) else ():
+                    error.add_note(f"warning: {line}")
                 raise
             finally:
                 self.recording.finish(self, self.registry, results, error)
@@ -337,7 +322,7 @@ class Simulation(Saved):
             notes=self.deciding.notes(),
             stuck=tuple(self.ending.stuck(self.step, self.population.crowd).tolist()),
             warnings=self.warnings(),
-            report=self.engine.contact_report(self.contact) | {"promised_overlap": self._promised_overlap},
+            report=self.engine.contact_report(self.contact) | {"promised_overlap": self.watch.promised},
             chatter=self.watch.chatter(),
             crushing=self.watch.crushing(),
             overlaps=self.watch.overlaps(),
@@ -352,7 +337,18 @@ class Simulation(Saved):
             quickest=None if self.scene.quickest is None else self.scene.quickest.report(),
             **({} if self.exposure is None else self.exposure.results(self.time)),
         )
-        return replace(results, metrics=dict(metrics(self.registry, results)))
+        return replace(results, metrics=self._metrics(results))
+
+    def _metrics(self, results: Results) -> dict[str, Any]:
+        """Return the result of each plugin's evac_metrics; for a plugin that fails, the error instead."""
+        metrics: dict[str, Any] = {}
+        for plugin, call in self.registry.calls("evac_metrics", results=results):
+            try:
+                with plugin_code(f"{plugin}: evac_metrics", call.func):
+                    metrics[plugin] = call()
+            except PluginError as error:
+                metrics[plugin] = {"error": str(error)}
+        return metrics
 
     def data_files(self) -> list[Path]:
         """Return the files that behaviours and conditions have requested."""

@@ -16,7 +16,7 @@ from evac.building.model.links import changed
 from evac.directions.routes import Route, changed_route
 
 if TYPE_CHECKING:
-    from evac.case.events import EventSettings, WhenSettings
+    from evac.case.schema import EventSettings, WhenSettings
     from evac.people.places import Places
     from evac.simulation.scene import Scene
 

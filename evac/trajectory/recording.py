@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from evac.base.errors import EvacError, PluginError, ResultError, plugin_code
+from evac.base.errors import EvacError, ResultError, plugin_code
 from evac.base.saved import part_of, state_of
 from evac.folder.digests import RunningDigest
 from evac.folder.files import sync_file, writing
@@ -235,16 +235,6 @@ def reading(simulation: "Simulation", what: str, plugin: Any) -> Iterator[None]:
     finally:
         for array in arrays:
             array.flags.writeable = True
-
-
-def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any]]:
-    """Yield the result of each plugin's evac_metrics; for a plugin that fails, the error instead."""
-    for plugin, call in registry.calls("evac_metrics", results=results):
-        try:
-            with plugin_code(f"{plugin}: evac_metrics", call.func):
-                yield plugin, call()
-        except PluginError as error:
-            yield plugin, {"error": str(error)}
 
 
 def check_lengths(folder: Path, files: Mapping[str, int]) -> None:

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from evac.case import case_from, load_case
-from evac.case.presets import DESCRIPTION, shipped_presets
-from evac.case.schema import GroupSettings, PeopleSettings
+from evac.case.schema import DESCRIPTION, GroupSettings, PeopleSettings, shipped_presets
 from tests.case.faults import lines_of, says
 
 PRESETS = {

@@ -9,7 +9,7 @@ import pytest
 
 import evac
 from evac.case.loading import load_case
-from evac.case.presets import shipped_presets
+from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
 

@@ -23,10 +23,10 @@ def test_velocities_that_nobody_moves_with_are_chatter():
     watch = Watch(np.full(3, 0.2), 1, 0.5, 0.5)
     calm = crowd_of([1.0, 1.0, 1.0])
     for k in range(1, 5):
-        watch.look_at_velocities(0.5 * k, calm, displaced(1.0, 0.9, 0.81))
+        watch.look(0.5 * k, calm, displaced(1.0, 0.9, 0.81))
     assert watch.chatter() is None
     for k in range(5, 9):
-        watch.look_at_velocities(0.5 * k, calm, displaced(1.0, 0.4, 0.3))
+        watch.look(0.5 * k, calm, displaced(1.0, 0.4, 0.3))
     found = watch.chatter()
     assert (found.people, found.since, found.until, found.begin, found.end) == (2, 2.0, 4.0, 2.0, 4.0)
     assert (found.person, found.level, found.x, found.y) == (2, 0, 2.0, 5.0)
@@ -39,23 +39,23 @@ def test_velocities_that_nobody_moves_with_are_chatter():
 )
 def test_chatter_is_more_than_twice_as_fast_and_by_more_than_a_fifth_of_a_metre_per_second(velocity, moved, is_chatter):
     watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
-    watch.look_at_velocities(2.0, crowd_of([velocity]), displaced(moved))
+    watch.look(2.0, crowd_of([velocity]), displaced(moved))
     assert (watch.chatter() is not None) == is_chatter
 
 
 def test_who_leaves_within_a_span_is_left_out_of_it():
     watch = Watch(np.full(2, 0.2), 1, 1.0, 1.0)
     crowd = crowd_of([1.0, 1.0])
-    watch.look_at_velocities(1.0, crowd, displaced(0.0, 0.0))
+    watch.look(1.0, crowd, displaced(0.0, 0.0))
     crowd.level[0] = -1
-    watch.look_at_velocities(2.0, crowd, displaced(0.0, 0.0))
+    watch.look(2.0, crowd, displaced(0.0, 0.0))
     assert (watch.chatter().people, watch.chatter().person) == (1, 1)
 
 
 def test_people_are_counted_once_and_the_greatest_span_is_kept():
     watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
     for k, velocity in enumerate((1.0, 2.0, 1.5, 0.0), 1):
-        watch.look_at_velocities(2.0 * k, crowd_of([velocity]), displaced(0.1))
+        watch.look(2.0 * k, crowd_of([velocity]), displaced(0.1))
     found = watch.chatter()
     assert (found.people, found.since, found.until, found.begin, found.end) == (1, 0.0, 6.0, 2.0, 4.0)
     assert found.values == pytest.approx((2.0, 0.1))
@@ -67,7 +67,7 @@ def press(forces, radius):
     crowd = crowd_of(np.zeros(len(forces)), forces, radius=radius)
     for k in range(1, FEWEST_FRAMES + 1):
         assert watch.crushing() is None
-        watch.look_at_forces(float(k), crowd)
+        watch.look(float(k), crowd, np.zeros((len(forces), 2)))
     return watch.crushing()
 
 
@@ -89,7 +89,7 @@ def test_a_single_impact_crushes_nobody():
     """A man of 80 kg who meets a wall at 1.5 m/s is stopped within a step of 0.01 s by 12 kN."""
     watch = Watch(np.full(1, 0.2), 1, 0.1, 0.5)
     for k in range(1, 21):
-        watch.look_at_forces(0.5 * k, crowd_of([0.0], 12e3 if k == 7 else 0.0))
+        watch.look(0.5 * k, crowd_of([0.0], 12e3 if k == 7 else 0.0), displaced(0.0))
     assert watch.crushing() is None
 
 
@@ -104,7 +104,7 @@ def test_people_who_overlap_too_much_are_counted_once_with_period_and_greatest()
     ):
         crowd.overlap[:] = overlaps
         crowd.level[2] = -1  # who has left is not counted
-        watch.look_at_overlaps(time, crowd)
+        watch.look(time, crowd, displaced(0.0, 0.0, 0.0))
     found = watch.overlaps()
     assert (found.people, found.since, found.until) == pytest.approx((2, 0.1, 0.3))
     assert (found.person, found.begin, found.end, found.x, found.y) == pytest.approx((1, 0.2, 0.3, 1.0, 5.0))
@@ -121,9 +121,7 @@ def test_a_watch_restored_in_the_middle_of_a_span_finds_the_same():
             crowd = crowd_of(*looks[k][:2])
             crowd.overlap[:] = looks[k][2]
             crowd.level[0] = -1 if k > 40 else 0
-            watch.look_at_velocities(0.5 * k, crowd, displaced(*(0.2 * looks[k][0])))
-            watch.look_at_forces(0.5 * k, crowd)
-            watch.look_at_overlaps(0.5 * k, crowd)
+            watch.look(0.5 * k, crowd, displaced(*(0.2 * looks[k][0])))
 
     whole, other = (Watch(np.full(4, 0.2), 1, 0.5, 0.5, 0.1) for _ in range(2))
     look(whole, range(33))

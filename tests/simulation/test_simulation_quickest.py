@@ -131,7 +131,6 @@ def test_groups_with_another_strategy_keep_their_directions():
 def test_without_the_strategy_nothing_follows_the_crowd():
     simulation = Simulation(case_of("fastest"))
     assert simulation.scene.quickest is None
-    assert "quickest" not in [operation.name for operation in simulation.loop.operations]
     assert simulation.fields is simulation.scene.shared_scene.fields
     assert not [key for key in simulation.state() if "quickest." in key]
 
