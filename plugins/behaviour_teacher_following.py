@@ -4,11 +4,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import take
+from evac.base.saved import Bounds
 from evac.building.model.building import FLAT
 from evac.directions.fields import PackedFields
 from evac.directions.sampling import column_of, sample_travel_time
@@ -79,6 +78,7 @@ class TeacherFollowing(Behaviour):
     reads = ("position", "level", "contact_radius", "speed", "route", "start_time")
     writes = ("route", "speed_factor", "start_time")
     group_keys = ("teacher",)
+    saved = ("memory", "goes_alone")
 
     trail = Parameter(3.0, "time behind the teacher below which members slow down", unit="s", above=0.0)
     lag = Parameter(4.0, "gap in the line of the class at which the teacher stops", unit="s", above=0.0)
@@ -89,12 +89,14 @@ class TeacherFollowing(Behaviour):
         """Find the classes and their teachers."""
         followers = [group for group in scene.groups if "teacher" in group.settings]
         sizes = [len(group.rows) for group in followers]
+        self.memory = np.tile([np.inf, 0.0, np.inf, 0.0, 0.0, -1.0], (len(followers), 1))
+        self.goes_alone = np.zeros(sum(sizes), dtype=np.uint8)
         self._classes = Classes(
             teacher=np.array([_teacher_of(group, scene.groups) for group in followers], dtype=np.int32),
             first=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
             member=np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32),
-            memory=np.tile([np.inf, 0.0, np.inf, 0.0, 0.0, -1.0], (len(followers), 1)),
-            goes_alone=np.zeros(sum(sizes), dtype=np.uint8),
+            memory=self.memory,
+            goes_alone=self.goes_alone,
             ends_inside=np.array([bool(route.refuge) for route in scene.fields.routes], dtype=np.uint8),
             behind=np.zeros(sum(sizes)),
             speed=np.zeros(sum(sizes)),
@@ -110,13 +112,9 @@ class TeacherFollowing(Behaviour):
         """Return False if no group has a teacher."""
         return any("teacher" in group.settings for group in scene.groups)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return the memory of the classes, and which members walk independently."""
-        return {"memory": self._classes.memory, "goes_alone": self._classes.goes_alone}
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
-        take(state, self.state(), {"memory": (-np.inf, np.inf), "goes_alone": (0, 1)})
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of what is saved."""
+        return {"memory": Bounds(-np.inf, np.inf), "goes_alone": Bounds(0, 1)}
 
 
 def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:

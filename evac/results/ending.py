@@ -48,19 +48,8 @@ class Ending(Saved):
     Decreases of the least time are added up, and the sum counts once it exceeds `PROGRESS`; `PROGRESS` is subtracted
     from the sum in every `no_progress` (or `STANDING`, if that is longer), so that the creep of a blocked crowd does
     not count. People who have not started count as making progress, and so does everybody for whom a way is left when
-    the scene changes, see `begin_anew`. Those who have arrived at a refuge
-    or an assembly area do not count any more.
-
-    Parameters
-    ----------
-    settings : SimulationSettings
-    people, routes : int
-    arrived : (people,) bool, optional
-        Those who have arrived at a refuge or an assembly area; nobody if not given.
-    staying : (k,) int32, optional
-        People who do not leave: for the end of a run, they do not count.
-    stopped : (people,) bool, optional
-        Those whom gases or heat have stopped: they do not count either. The owner changes the array.
+    the scene changes, see `begin_anew`. For the end of a run, those who have arrived at a place (people,), who do not
+    leave (rows), and whom gases or heat have stopped (people,) do not count; the owners change these arrays.
     """
 
     saved = ("_least", "_gained", "_progress_at")

@@ -51,18 +51,8 @@ class Watch(Saved):
 
     The force through a body is half the sum of its contact forces, since a person who is pressed from one side is
     supported from the other; its width is its diameter. People who leave within an interval are excluded from it.
-
-    Parameters
-    ----------
-    radius : (n,) [m]
-    levels : int
-        Number of levels.
-    tick : float
-        Time between two samples of velocities [s].
-    every : float
-        Time between two samples of contact forces [s].
-    promised : float
-        Overlap that the contact model guarantees not to exceed [m].
+    Radii (n,) are in metres, as is the overlap that the contact model promises; `tick` and `every` are the times
+    between two samples of velocities, and of forces [s].
     """
 
     saved = ("_speeds", "_forces", "_chatter", "_crushing", "_overlaps")
@@ -74,15 +64,9 @@ class Watch(Saved):
         self._chatter, self._crushing, self._overlaps = (_Notes(len(radius), levels) for _ in range(3))
 
     def look(self, time: float, crowd: Crowd, displacement_velocity: FloatArray, is_recorded: bool = True) -> None:
-        """Look at the people at the end of a tick; contact forces are sampled only if this state is recorded.
+        """Look at the people at the end of a tick [s], with displacements divided by its length (n, 2) [m/s].
 
-        Parameters
-        ----------
-        time : float [s]
-        crowd : Crowd
-        displacement_velocity : (n, 2)
-            Displacement in the tick divided by its length [m/s].
-        is_recorded : bool
+        Contact forces are sampled only if this state is recorded.
         """
         inside, velocity, displacement = (
             crowd.level >= 0,

@@ -44,21 +44,12 @@ if TYPE_CHECKING:
 class Checkpoints:
     """Saves the last state of a run in its folder.
 
-    Parameters
-    ----------
-    simulation : Simulation
-    place : ResultFolder
-        Its ``running`` is the folder of the simulation.
-    every : float or None
-        Wall time between two checkpoints [s]. With None one is saved only when the run is interrupted.
+    `every` is the wall time between two checkpoints [s]; with None one is saved only when the run is interrupted.
     """
 
     def __init__(self, simulation: Simulation, place: ResultFolder, every: float | None) -> None:
-        self._simulation = simulation
-        self._place = place
-        self._every = every
-        self._saved_at = 0.0
-        self._has_warned = False
+        self._simulation, self._place, self._every = simulation, place, every
+        self._saved_at, self._has_warned = 0.0, False
 
     def operation(self) -> Operation:
         """Return the operation that saves them after a tick."""

@@ -170,20 +170,3 @@ def test_who_walks_slowly_makes_progress_however_short_the_patience(no_progress)
 def test_people_whom_no_way_leads_out_end_a_run():
     ways = Ways(np.array([np.inf, np.inf]))
     assert first_end(Ending(SETTINGS, 2, 1), two(), ways)[1] == NO_PROGRESS
-
-
-def test_it_goes_on_where_it_stopped():
-    """A creep whose gains add up to progress at 4 s, after the stop."""
-    ways = Ways()
-
-    def creep(time):
-        ways.remaining = np.array([9.0, 4.0]) - 0.1 * min(time, 4.0)
-
-    whole, ending, other = (Ending(SETTINGS, 2, 1) for _ in range(3))
-    end = first_end(whole, two(), ways, change=creep)
-    assert end == (900, NO_PROGRESS)
-    assert first_end(ending, two(), ways, last=300, change=creep) is None
-    other.restore(ending.state())
-    assert first_end(other, two(), ways, first=300, change=creep) == end
-    for name, array in other.state().items():
-        np.testing.assert_array_equal(array, whole.state()[name], name)

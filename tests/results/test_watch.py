@@ -110,27 +110,3 @@ def test_people_who_overlap_too_much_are_counted_once_with_period_and_greatest()
     assert (found.person, found.begin, found.end, found.x, found.y) == pytest.approx((1, 0.2, 0.3, 1.0, 5.0))
     assert found.values == pytest.approx((0.15, 0.6))
     assert watch.chatter() is watch.crushing() is None
-
-
-def test_a_watch_restored_in_the_middle_of_a_span_finds_the_same():
-    generator = np.random.default_rng(3)
-    looks = [[generator.uniform(0.0, most, 4) for most in (2.0, 9e3, 0.2)] for _ in range(60)]
-
-    def look(watch, numbers):
-        for k in numbers:
-            crowd = crowd_of(*looks[k][:2])
-            crowd.overlap[:] = looks[k][2]
-            crowd.level[0] = -1 if k > 40 else 0
-            watch.look(0.5 * k, crowd, displaced(*(0.2 * looks[k][0])))
-
-    whole, other = (Watch(np.full(4, 0.2), 1, 0.5, 0.5, 0.1) for _ in range(2))
-    look(whole, range(33))
-    state = whole.state()
-    look(whole, range(33, 60))
-    other.restore(state)
-    look(other, range(33, 60))
-    assert whole.chatter() is not None
-    assert whole.crushing() is not None
-    assert whole.overlaps() is not None
-    for name in ("chatter", "crushing", "overlaps"):
-        assert getattr(whole, name)() == getattr(other, name)()

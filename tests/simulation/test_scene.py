@@ -142,20 +142,6 @@ def test_a_change_after_the_last_tick_has_no_effect(room, tmp_path):
     assert results.building.closed == frozenset()
 
 
-def test_changes_to_come_are_made_in_a_run_that_goes_on(room):
-    one, other = Simulation(room), Simulation(room)
-    one.scene.set_open("front", False)
-    one.scene.apply(evac.Change(0.5, "open", "front"))
-    one.scene.apply(evac.Change(60, "close", "front"))
-    ticks(one, 4)
-    other.restore(one.state())
-    for simulation in (one, other):
-        ticks(simulation, 10)
-    assert_same_bits(one, other)
-    assert one.scene.changes == other.scene.changes
-    assert [change.kind for change in other.scene.changes] == ["close", "open"]
-
-
 @pytest.fixture
 def gap():
     """Return a case of a hall with a gap of 0.45 m and a door in its middle, and an exit at either end."""

@@ -8,7 +8,7 @@ import pytest
 from evac.base.errors import PluginError
 from evac.case.loading import load_case
 from evac.simulation.simulation import Simulation
-from tests.runs import SQUEEZED, assert_same_bits, in_the_room, model_of, run_ticks
+from tests.runs import SQUEEZED, in_the_room, model_of, run_ticks
 
 
 @pytest.mark.parametrize("model", ["dem", "nsm2"])
@@ -170,15 +170,6 @@ def test_each_behaviour_and_each_seed_draws_of_its_own(tmp_path):
     runs = [Simulation(case.change({"simulation.seed": seed})) for seed in (1, 2)]
     drawn = [behaviour.first for run in runs for behaviour, _ in run.behaviours]
     assert len(set(drawn)) == 4
-
-
-def test_a_resumed_run_goes_on_with_the_same_random_numbers(tmp_path):
-    case = in_the_room(tmp_path, RANDOM, **{"behaviours.one": {}})
-    whole = run_ticks(Simulation(case), 3)
-    resumed = Simulation(case)
-    resumed.restore(whole.state())
-    assert_same_bits(run_ticks(whole, 3), run_ticks(resumed, 3))
-    np.testing.assert_array_equal(whole.population.crowd.speed_factor, resumed.population.crowd.speed_factor)
 
 
 def test_what_a_behaviour_adds_to_a_direction_holds_for_one_tick(tmp_path):

@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 
 import evac
 from evac.simulation.simulation import Simulation
@@ -60,36 +59,6 @@ def test_more_people_take_the_wider_exit_although_it_is_farther(tmp_path):
     assert found["levels_solved"] >= 3
     assert 0.0 < found["cpu_seconds"] < summary["wall_time"]["directions"] + 1.0
     assert found["exit_returns"] <= found["exit_changes"]
-
-
-#: The speeds on some levels change in some updates only.
-RARE = {"people.b.strategy": "fastest", "directions.quickest.period": 0.5, "directions.quickest.memory": 0.0}
-
-
-@pytest.mark.parametrize(
-    ("ticks", "changes", "closing"),
-    [
-        *((0, {}, None), (13, {}, None), (1, RARE, None), (27, {"people.b.strategy": "shortest"}, None)),
-        *((27, {}, 3.3), (40, {}, 3.3)),  # before and after the exit closes
-    ],
-)
-def test_a_run_goes_on_with_the_same_bits(ticks, changes, closing):
-    case = case_of(**changes)
-    whole = Simulation(case)
-    if closing is not None:
-        whole.scene.apply(evac.Change(closing, "close", "far"))
-    run_ticks(whole, ticks)
-    state = {key: value.copy() for key, value in whole.state().items()}
-    resumed = Simulation(case)
-    resumed.restore(state)
-    run_ticks(whole, 60)
-    run_ticks(resumed, 60)
-    assert_same_bits(whole, resumed)
-    one, other = whole.scene.quickest, resumed.scene.quickest
-    np.testing.assert_array_equal(one.fields.packed.direction, other.fields.packed.direction)
-    np.testing.assert_array_equal(one.fields.packed.travel_time, other.fields.packed.travel_time)
-    counts = [{**found.report(), "cpu_seconds": 0.0} for found in (one, other)]
-    assert counts[0] == counts[1]
 
 
 def test_people_of_other_strategies_queue_at_the_gates_that_they_walk_to():

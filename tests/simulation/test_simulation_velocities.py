@@ -67,20 +67,6 @@ def test_the_first_frame_has_the_initial_velocity_and_the_last_one_that_of_its_o
     np.testing.assert_allclose(found.velocity[1:, :, :2], moved, rtol=0.0, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_a_resumed_run_knows_its_velocities_and_what_it_has_noticed(model):
-    case = load_case("square_room", CROWDED | model_of(model))
-    whole = run_ticks(Simulation(case), 27)
-    state = whole.state()
-    resumed = Simulation(case)
-    resumed.restore(state)
-    np.testing.assert_array_equal(resumed.displacement_velocity, whole.displacement_velocity)
-    for simulation in (whole, resumed):
-        run_ticks(simulation, 60)
-    np.testing.assert_array_equal(resumed.displacement_velocity, whole.displacement_velocity)
-    assert whole.results().quality_warnings == resumed.results().quality_warnings != ()
-
-
 def velocities_in_a_jam(changes):
     """Return means of |u| and of the recorded speed of people who get on at less than 0.3 m/s, and the simulation."""
     simulation = Simulation(load_case("classroom", changes))
