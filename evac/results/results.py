@@ -561,10 +561,11 @@ class Results:
         ResultError
             A file cannot be written.
         """
+        flows = flow_rows(self.flows, self.time)
         egress = zip(*(column.tolist() for column in self.egress()), strict=True)
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
         write_csv(folder / PEOPLE_NAME, self.people_columns, zip(*self._people_columns(), strict=True))
-        write_csv(folder / FLOWS_NAME, FLOWS_COLUMNS, flow_rows(self.flows, self.time))
+        write_csv(folder / FLOWS_NAME, FLOWS_COLUMNS, flows)
         if self.portals:
             names = list(self.portals)
             person, portal, time = (column.tolist() for column in self.crossings)

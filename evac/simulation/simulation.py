@@ -307,6 +307,7 @@ class Simulation(Saved):
         results = results_of(
             case=self.case,
             building=self.building,
+            stuck=tuple(self.ending.stuck(self.step, self.population.crowd).tolist()),
             crowd=copy_of(self.population.crowd),
             groups=self.population.groups,
             routes=self.fields.routes,
@@ -320,7 +321,6 @@ class Simulation(Saved):
             places=self.places.found(),
             entered_barred=self.scene.entered,
             notes=self.deciding.notes(),
-            stuck=tuple(self.ending.stuck(self.step, self.population.crowd).tolist()),
             warnings=self.warnings(),
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self.watch.promised},
             chatter=self.watch.chatter(),

@@ -56,7 +56,7 @@ def everything():
                     "helpers": {"areas": ["west"]},
                 },
                 **{"route_choice": {"exits": ["near", "far"], "every": 0.7}},
-                **{"rest": {}, "familiarity": {"main": ["near"]}},
+                **{"rest": {}, "familiarity": {"main": ["near"]}, "teacher_following": {}},
             },
             "directions": {"spacing": 0.2, "quickest": {"period": 0.5}},
             "people": [
@@ -65,6 +65,8 @@ def everything():
                 {"name": "c", **inside, "assembly": ["at yard"]},
                 {"name": "d", "arrive": {"rate": 2.0, "from": 0.5, "to": 5.0, "exit": "near"}},
                 {"name": "e", "area": "west", "number": 2, "behaviours": {"helpers": {"device": "carry"}}},
+                {"name": "g", "area": "start", "number": 2, "behaviours": {"teacher_following": {"teacher": "t"}}},
+                {"name": "t", "area": "start", "number": 1},
                 {"name": "f", "area": "west", "number": 2, "behaviours": {"helpers": {"fetches": "e"}}},
             ],
             "place": [{"name": "at yard", "kind": "assembly", "area": "yard"}],
