@@ -37,9 +37,9 @@ LEAST_AREA = 1e-6
 
 def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
     """Return the polygons of a geometry; points and lines left by overlay operations are dropped."""
-    parts = [part for part in shapely.get_parts(geometry, return_index=False) if part.geom_type == "Polygon"]
-    kept = [part for part in parts if part.area > LEAST_AREA]
-    return kept[0] if len(kept) == 1 else shapely.MultiPolygon(kept)
+    parts = shapely.get_parts(geometry)
+    kept = parts[(shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > LEAST_AREA)]
+    return kept[0] if len(kept) == 1 else shapely.multipolygons(kept)
 
 
 def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
@@ -189,13 +189,10 @@ def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
 
 def sides(polygon: BaseGeometry) -> FloatArray:
     """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left [m]."""
-    rings = []
-    for part in shapely.get_parts(polygon):
-        oriented = shapely.orient_polygons(part)
-        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
-    if not rings:
-        return np.empty((0, 4))
-    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(polygon)))
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    own: FloatArray = np.concatenate([corners[:-1], corners[1:]], axis=1)[ring[:-1] == ring[1:]]
+    return own
 
 
 def lines_of(line: BaseGeometry) -> list[BaseGeometry]:

@@ -132,33 +132,51 @@ class _Drawing:
         if len(rooms) < len(storey.polygons):
             count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
             self._find("assumed", f"{count} of another one, and left out", name, rooms[0])
-        double = _overlap(rooms)
-        if double.area > LEAST_AREA:
+        joined = united(rooms)
+        is_double = sum(room.area for room in rooms) - joined.area > LEAST_AREA
+        if is_double and (double := _overlap(rooms)).area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
             self._find("assumed", text, name, max(shapely.get_parts(double), key=lambda part: part.area))
-        if storey.wall:
-            rooms = with_walls(rooms, storey.wall)
-        self.floors[name] = united(rooms)
+        self.floors[name] = united(with_walls(rooms, storey.wall)) if storey.wall else joined
 
     def _open_doors(self) -> None:
         """Open the doors of the plan in order; each meets what is near it of the rooms and of earlier doors."""
-        parts = {name: [*shapely.get_parts(floor)] for name, floor in self.floors.items()}
-        count = {name: len(own) for name, own in parts.items()}
-        for door in self.plan.doors:
-            own, known = parts[door.storey], len(self.findings)
-            assert door.segment is not None
-            beyond = door.reach + float(np.hypot(*(door.segment[1] - door.segment[0]))) + SNAP
-            around = shapely.LineString(door.segment).envelope.buffer(beyond, cap_style="square", join_style="mitre")
+        by_storey: dict[str, list[int]] = {}
+        for row, door in enumerate(self.plan.doors):
+            by_storey.setdefault(door.storey, []).append(row)
+        near = {row: one for name, rows in by_storey.items() for row, one in self._near_doors(name, rows).items()}
+        opened: dict[int, list[BaseGeometry]] = {}
+        for row, door in enumerate(self.plan.doors):
+            around, rooms, earlier = near[row]
+            ground = [part for other in earlier for part in opened[other] if part.intersects(around)]
+            known = len(self.findings)
             with naming_part(self.plan.source, f"door {door.name!r}"):
                 try:
-                    ground = self._open_door(door, united([part for part in own if part.intersects(around)]))
+                    opened[row] = self._open_door(door, united([rooms, *ground]) if ground else rooms)
                 except ValueError:  # its message also says what is farther away
                     del self.findings[known:]
-                    ground = self._open_door(door, united(own))
-            own.extend(ground)
-        for name, own in parts.items():
-            if len(own) > count[name]:
-                self.floors[name] = united([self.floors[name], *own[count[name] :]])
+                    ground = [part for other in by_storey[door.storey] for part in opened.get(other, ())]
+                    opened[row] = self._open_door(door, united([self.floors[door.storey], *ground]))
+        for name, rows in by_storey.items():
+            if ground := [part for row in rows for part in opened[row]]:
+                self.floors[name] = united([self.floors[name], *ground])
+
+    def _near_doors(self, storey: str, rows: list[int]) -> dict[int, tuple[BaseGeometry, BaseGeometry, list[int]]]:
+        """Return, for each of some doors of a storey, what is near it: the place, the rooms, and doors before it."""
+        doors = [self.plan.doors[row] for row in rows]
+        ends = np.array([door.segment for door in doors])
+        beyond = np.array([door.reach for door in doors]) + np.hypot(*(ends[:, 1] - ends[:, 0]).T) + SNAP
+        around = shapely.box(*(ends.min(axis=1) - beyond[:, None]).T, *(ends.max(axis=1) + beyond[:, None]).T)
+        parts = shapely.get_parts(self.floors[storey])
+        near, before = (shapely.STRtree(others).query(around, "intersects") for others in (parts, around))
+        return {
+            row: (
+                around[k],
+                shapely.multipolygons(parts[np.sort(near[1, near[0] == k])]),
+                [rows[other] for other in np.sort(before[1, before[0] == k]).tolist() if other < k],
+            )
+            for k, row in enumerate(rows)
+        }
 
     def _open_door(self, door: Item, floor: BaseGeometry) -> list[BaseGeometry]:
         """Return the ground between a door and the rooms on both its sides."""
@@ -390,19 +408,34 @@ class _Drawing:
                 raise BuildingError(
                     f"{self.plan.source}: storey {name!r}: obstacles, stairs and exits cover all of it; move them"
                 )
-            parts: list[tuple[tuple[str, ...], BaseGeometry]] = [((f"floor:{name}",), floor)]
-            for item in (item for item in self.plan.areas if item.storey == name):
-                outline = united(item.polygons)
-                inside = common(floor, outline)
-                if inside.is_empty:
+            areas = {item.name: united(item.polygons) for item in self.plan.areas if item.storey == name}
+            for area, outline in areas.items():
+                if common(floor, outline).is_empty:
                     raise BuildingError(
-                        f"{self.plan.source}: area {item.name!r} is not on the floor of storey {name!r}; move it there"
+                        f"{self.plan.source}: area {area!r} is not on the floor of storey {name!r}; move it there"
                     )
-                tag = f"area:{item.name}"
-                divided = [((tags, cut(one, outline)), ((*tags, tag), common(one, outline))) for tags, one in parts]
-                parts = [part for pair in divided for part in pair if not part[1].is_empty]
-            surfaces += [(tags, one, self.plan.storeys[name].z) for tags, one in parts]
+            surfaces += [
+                ((f"floor:{name}", *(f"area:{area}" for area in own)), part, self.plan.storeys[name].z)
+                for own, part in _divided(floor, areas)
+            ]
         return surfaces
+
+
+def _divided(floor: BaseGeometry, areas: Mapping[str, BaseGeometry]) -> Iterable[tuple[tuple[str, ...], BaseGeometry]]:
+    """Return the parts of a floor and the areas that each is in; only areas that overlap divide each other."""
+    names, outlines = [*areas], np.array([*areas.values()], dtype=object)
+    one, other = shapely.STRtree(outlines).query(outlines, "intersects")
+    overlap = (one != other) & ~shapely.touches(outlines[one], outlines[other])
+    shared = np.unique(one[overlap]).tolist()
+    alone = np.setdiff1d(np.arange(len(names)), shared).tolist()
+    parts: list[tuple[tuple[str, ...], BaseGeometry]] = [((), floor)]
+    for row in shared:
+        pairs = [((own, cut(at, outlines[row])), ((*own, names[row]), common(at, outlines[row]))) for own, at in parts]
+        parts = [part for pair in pairs for part in pair if not part[1].is_empty]
+    rest = parts[0][1]
+    yield from (((names[row],), common(rest, outlines[row])) for row in alone)
+    parts[0] = parts[0][0], cut(rest, united(outlines[alone])) if alone else rest
+    yield from (part for part in parts if not part[1].is_empty)
 
 
 def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:

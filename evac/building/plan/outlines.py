@@ -247,13 +247,14 @@ def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float
     `polygon`: the floor; `ends` (2, 2) [m]; `way` (2,): unit vector across the segment; `reach` [m].
     """
     far = ends + (reach + LEAST_LENGTH) * way
-    corridor = shapely.set_precision(shapely.Polygon([*ends, *far[::-1]]), GRID)
-    line, end = shapely.LineString(ends).buffer(2 * GRID), shapely.LineString(far).buffer(2 * GRID)
-    gaps = [part for part in shapely.get_parts(cut(corridor, polygon)) if part.intersects(line)]
-    gap = shapely.union_all(gaps)
+    corridor = shapely.set_precision(shapely.polygons([*ends, *far[::-1]]), GRID)
+    line, end = shapely.linestrings([ends, far])
+    gaps = shapely.get_parts(cut(corridor, polygon))
+    gaps = gaps[shapely.dwithin(gaps, line, 2 * GRID)]
+    gap = gaps[0] if len(gaps) == 1 else shapely.union_all(gaps)
     if gap.is_empty:
         return Strip(gap, 0.0)
-    if sum(part.intersection(end).area for part in gaps) > 2 * GRID * BESIDE_JAMB:
+    if shapely.dwithin(gap, end, 2 * GRID) and gap.intersection(end.buffer(2 * GRID)).area > 2 * GRID * BESIDE_JAMB:
         return None
     depth = float(((shapely.get_coordinates(gap) - ends[0]) @ way).max())
     return Strip(gap, depth)
@@ -319,17 +320,16 @@ def written(ends: FloatArray) -> str:
 
 def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeometry]:
     """Shrink adjacent rooms so that walls of a given thickness fit between them; outer sides are not moved."""
-    tree = shapely.STRtree(rooms)
-    divided = []
-    for index, room in enumerate(rooms):
-        others = [rooms[other] for other in tree.query(room, "intersects").tolist() if other != index]
-        shared = shapely.intersection(room.boundary, shapely.union_all([other.boundary for other in others]))
-        lines = [part for part in shapely.get_parts(shared) if part.geom_type == "LineString"]
-        if not lines:
-            divided.append(room)
-            continue
-        walls = shapely.line_merge(shapely.union_all(lines))
-        divided.append(cut(room, walls.buffer(thickness / 2, cap_style="square", join_style="mitre")))
+    outlines = shapely.boundary(np.array(rooms, dtype=object))
+    one, other = shapely.STRtree(outlines).query(outlines, "intersects")
+    one, other = one[one < other], other[one < other]
+    shared, pair = shapely.get_parts(shapely.intersection(outlines[one], outlines[other]), return_index=True)
+    is_line = shapely.get_type_id(shared) == shapely.GeometryType.LINESTRING
+    lines, walls = np.tile(shared[is_line], 2), np.concatenate([one[pair[is_line]], other[pair[is_line]]])
+    divided = [*rooms]
+    for row in np.unique(walls).tolist():
+        between = shapely.line_merge(shapely.union_all(lines[walls == row]))
+        divided[row] = cut(rooms[row], between.buffer(thickness / 2, cap_style="square", join_style="mitre"))
     return [room for room in divided if not room.is_empty]
 
 
@@ -350,17 +350,17 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
 
     `floor`: the rooms of the storey; `ends` (2, 2) [m]; `reach` [m]: largest distance between the door and its rooms.
     """
-    parts = shapely.get_parts(shapely.difference(shapely.LineString(ends), floor))
+    parts = shapely.get_parts(shapely.difference(shapely.linestrings(ends), floor))
     parts = parts[shapely.length(parts) > LEAST_LENGTH]
     if not len(parts):
         return _on_floor(floor, ends, reach)
     length = float(np.hypot(*(ends[1] - ends[0])))
     longest = parts[np.argmax(shapely.length(parts))]
     at = shapely.get_coordinates(longest).mean(axis=0)
-    step = (ends[1] - ends[0]) / length
-    walls = [wall for way in (normal(ends), -normal(ends)) if (wall := _hit(floor, at, reach * way)) is not None]
+    step, own = (ends[1] - ends[0]) / length, sides(floor)
+    walls = [wall for way in (normal(ends), -normal(ends)) if (wall := _hit(own, at, reach * way)) is not None]
     if not walls:
-        beyond = [_hit(floor, at, (reach + length) * way) for way in (step, -step)]
+        beyond = [_hit(own, at, (reach + length) * way) for way in (step, -step)]
         walls = [wall for wall in beyond if wall is not None] if all(wall is not None for wall in beyond) else []
     if not walls:
         return ends, ""
@@ -397,19 +397,18 @@ def _on_floor(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[Floa
     )
 
 
-def _hit(floor: BaseGeometry, start: FloatArray, way: FloatArray) -> FloatArray | None:
-    """Return the direction (2,) of the side of the floor that a ray crosses first; None if it crosses none."""
-    own = sides(floor)
-    step = own[:, 2:] - own[:, :2]
-    own = own[np.abs(step @ way) < ALIKE * np.hypot(*step.T) * np.hypot(*way)]
-    lines = shapely.linestrings(own.reshape(-1, 2, 2))
-    met = shapely.intersection(shapely.LineString([start, start + way]), lines)
-    away = np.where(shapely.is_empty(met), np.inf, shapely.distance(met, shapely.Point(start)))
+def _hit(own: FloatArray, start: FloatArray, way: FloatArray) -> FloatArray | None:
+    """Return the direction (2,) of the side (s, 4) of a floor that a ray crosses first; None if it crosses none."""
+    step, reach = own[:, 2:] - own[:, :2], own[:, :2] - start
+    is_across = np.abs(step @ way) < ALIKE * np.hypot(*step.T) * np.hypot(*way)
+    step, reach = step[is_across], reach[is_across]
+    turn = way[0] * step[:, 1] - way[1] * step[:, 0]
+    away = (reach[:, 0] * step[:, 1] - reach[:, 1] * step[:, 0]) / turn
+    share = (reach[:, 0] * way[1] - reach[:, 1] * way[0]) / turn
+    away = np.where((away >= 0.0) & (away <= 1.0) & (share >= 0.0) & (share <= 1.0), away, np.inf)
     if not np.isfinite(away).any():
         return None
-    row = int(np.nanargmin(away))
-    side = own[row, 2:] - own[row, :2]
-    direction: FloatArray = side / np.hypot(*side)
+    direction: FloatArray = step[away.argmin()] / np.hypot(*step[away.argmin()])
     return direction
 
 

@@ -50,7 +50,10 @@ def check_overlap(building: Building) -> None:
 
 def _check_same_ground(building: Building) -> None:
     """Refuse levels that overlap without enough height between them: people on them would not see each other."""
-    for a, b in itertools.combinations(building.levels, 2):
+    polygons = [level.polygon for level in building.levels]
+    pairs = shapely.STRtree(polygons).query(polygons, "intersects").T
+    for one_row, other_row in sorted(pairs[pairs[:, 0] < pairs[:, 1]].tolist()):
+        a, b = building.levels[one_row], building.levels[other_row]
         needed = LEAST_CLEARANCE if "flight" in (a.kind, b.kind) else LEAST_HEADROOM
         if a.z_max + needed <= b.z_min or b.z_max + needed <= a.z_min:
             continue

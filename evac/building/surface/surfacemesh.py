@@ -101,28 +101,34 @@ class SurfaceMesh:
                 fault = f"it is {'empty' if plan.is_empty else f'a {plan.geom_type}'}"
             if fault:
                 raise ValueError(f"the surface {name!r} must be a polygon whose sides do not cross: {fault}")
-        ends = [_rounded(point) for _, start, end in edges for point in (start, end)]
-        ends += [_lifted(x, y, height) for _, plan, height in drawn for x, y in shapely.get_coordinates(plan)]
-        corners = np.unique(np.reshape(ends, (-1, 3)), axis=0)
+        lines = _rounded(np.reshape([[start, end] for _, start, end in edges], (-1, 2, 3)))
+        lifted = [_lifted(shapely.get_coordinates(plan), height) for _, plan, height in drawn]
+        corners = np.unique(np.concatenate([lines.reshape(-1, 3), *lifted]), axis=0)
         tree = shapely.STRtree(shapely.points(corners[:, :2]))
         pieces = [_triangles(plan, height, corners, tree) for _, plan, height in drawn]
-        points: dict[Point, int] = {}
-        triangles = [[points.setdefault(point, len(points)) for point in piece] for own in pieces for piece in own]
+        points, first, row = np.unique(
+            np.concatenate(pieces).reshape(-1, 3), axis=0, return_index=True, return_inverse=True
+        )
+        rank = np.argsort(np.argsort(first))  # points are numbered as they come
+        points, triangles = points[np.argsort(first)], rank[row.ravel()].reshape(-1, 3)
+        row_of = {(x, y, z): number for number, (x, y, z) in enumerate(points.tolist())} if edges else {}
         edge_tags: dict[str, list[list[int]]] = {}
-        for tag, *ends_ in edges:
-            start, end = map(_rounded, ends_)
-            chain = [*_split(corners, tree, [(start, end)])[0], end]
-            for x, y, z in chain:
-                if (x, y, z) not in points:
+        side, chain = _split(corners, tree, lines)
+        for number, (tag, *_) in enumerate(edges):
+            own = [*chain[side == number].tolist(), lines[number, 1].tolist()]
+            for x, y, z in own:
+                if (x, y, z) not in row_of:
                     raise ValueError(
                         f"the edge {tag!r}: its point ({x:z.2f}, {y:z.2f}, {z:z.2f}) is not on any surface; move it to "
                         "one"
                     )
-            edge_tags.setdefault(tag, []).extend([points[one], points[other]] for one, other in pairwise(chain))
+            edge_tags.setdefault(tag, []).extend(
+                [row_of[tuple(one)], row_of[tuple(other)]] for one, other in pairwise(own)
+            )
         count = [len(own) for own in pieces]
         known = dict.fromkeys(tag for own, *_ in drawn for tag in own)
         cell_tags = {tag: np.repeat([tag in own for own, *_ in drawn], count) for tag in known}
-        return cls(list(points), triangles, cell_tags, edge_tags, findings, openings, doors)
+        return cls(points, triangles, cell_tags, edge_tags, findings, openings, doors)
 
 
 @dataclass(frozen=True)
@@ -234,41 +240,41 @@ def _check_vertices(source: Path, points: FloatArray, blocks: list[IndexArray]) 
         )
 
 
-def _split(corners: FloatArray, tree: shapely.STRtree, sides: Sequence[tuple[Point, Point]]) -> list[list[Point]]:
-    """Return, for each side, its start and the corners (c, 3) between its ends, in order."""
-    split = [[side[0]] for side in sides]
-    for row, corner in zip(*points_on(corners, tree, np.array(sides, dtype=np.float64), TOLERANCE), strict=True):
-        x, y, z = corners[corner].tolist()
-        split[row].append((x, y, z))
-    return split
+def _split(corners: FloatArray, tree: shapely.STRtree, ends: FloatArray) -> tuple[IndexArray, FloatArray]:
+    """Return the starts of sides (s, 2, 3) with the corners (c, 3) between their ends, in order, and their sides."""
+    row, corner = points_on(corners, tree, ends, TOLERANCE)
+    side = np.concatenate([np.arange(len(ends)), row])
+    order = np.argsort(side, kind="stable")
+    return side[order], np.concatenate([ends[:, 0], corners[corner]])[order]
 
 
-def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: shapely.STRtree) -> list[list[Point]]:
-    """Triangulate a surface; every corner of the drawing on its sides becomes a vertex."""
-    triangles = []
+def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: shapely.STRtree) -> FloatArray:
+    """Triangulate a surface to (t, 3, 3); every corner of the drawing on its sides becomes a vertex."""
+    triangles = [np.empty((0, 3, 3))]
     for polygon in shapely.get_parts(shapely.normalize(plan)):
-        rings = []
-        for ring in (polygon.exterior, *polygon.interiors):
-            lifted = [_lifted(x, y, height) for x, y in shapely.get_coordinates(ring)]
-            sides = _split(corners, tree, list(pairwise(lifted)))
-            rings.append([(x, y) for side in sides for x, y, _ in side])
+        outline, ring = shapely.get_coordinates(shapely.get_rings(polygon), return_index=True)
+        points, is_side = _lifted(outline, height), ring[:-1] == ring[1:]
+        side, divided = _split(corners, tree, np.stack([points[:-1], points[1:]], axis=1)[is_side])
+        rings = shapely.linearrings(divided[:, :2], indices=ring[:-1][is_side][side])
         try:
-            pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:]))
+            pieces = shapely.constrained_delaunay_triangles(shapely.polygons(rings[0], rings[1:]))
         except shapely.GEOSException as error:
-            x, y = rings[-1][0]
+            x, y = shapely.get_coordinates(rings[-1])[0]
             raise ValueError(
                 f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated ({error}): parts of its outline are too "
                 "close to each other there; repair the outline"
             ) from error
-        for triangle in shapely.get_parts(pieces):
-            triangles.append([_lifted(x, y, height) for x, y in triangle.exterior.coords[:3]])
-    return triangles
+        at = shapely.get_coordinates(shapely.get_parts(pieces)).reshape(-1, 4, 2)[:, :3]
+        triangles.append(_lifted(at.reshape(-1, 2), height).reshape(-1, 3, 3))
+    return np.concatenate(triangles)
 
 
-def _rounded(point: Point) -> Point:
-    x, y, z = (round(float(value), DECIMALS) + 0.0 for value in point)
-    return x, y, z
+def _rounded(points: ArrayLike) -> FloatArray:
+    exact: FloatArray = np.asarray(points, np.float64)
+    return exact.round(DECIMALS) + 0.0
 
 
-def _lifted(x: float, y: float, height: Height) -> Point:
-    return _rounded((x, y, height(x, y) if callable(height) else height))
+def _lifted(plan: FloatArray, height: Height) -> FloatArray:
+    """Return points (n, 2) in plan with their heights, (n, 3)."""
+    z = [height(x, y) if callable(height) else height for x, y in plan.tolist()]
+    return _rounded(np.column_stack([plan, np.array(z, np.float64)]))
