@@ -6,7 +6,7 @@ import shapely
 from scipy import sparse
 
 from evac.building.geometry import connected_components, union
-from tests.building.random_meshes import random_mesh
+from tests.properties.random_meshes import random_mesh
 
 
 @pytest.mark.parametrize(("count", "links"), [(1, 0), (7, 0), (50, 20), (50, 60), (2000, 1500), (2000, 20000)])

@@ -19,11 +19,11 @@ from evac.replay.writer import replay_trajectory
 from evac.report.of_run import run_report
 from evac.report.sections import Places
 from evac.simulation.simulation import Simulation
-from tests.attacks.seeded import CASE, seeded, write_case
 from tests.building.test_indoormaps import osm
 from tests.ifcfiles import IfcFile, steps
 from tests.plugins.test_drawings import double_lines
 from tests.plugins.test_import_fds import DECK
+from tests.properties.seeded import CASE, drawn, write_case
 
 OBJECT = """g floor\nv 0.0 0.0 0.0\nv 8.0 0.0 0.0\nv 8.0 6.0 0.0\nv 0.0 6.0 0.0\nv 12.0 0.0 2.0\nv 12.0 6.0 2.0
 v 16.0 0.0 2.0\nv 16.0 6.0 2.0\nf 1 2 3 4\ng stair\nf 2 5 6 3\ng upper\nf 5 7 8 6\n"""
@@ -156,9 +156,10 @@ def test_every_built_in_format_is_damaged():
 
 
 @pytest.mark.filterwarnings("ignore")  # numpy's, of numbers that are then refused
-@pytest.mark.parametrize(("pair", "seed"), seeded(PAIRS, 1))
-def test_a_damaged_file_is_read_or_refused_by_its_name(pair, seed, tmp_path):
-    name, damage = pair
+@pytest.mark.parametrize("pair", PAIRS)
+@drawn(1)
+def test_a_damaged_file_is_read_or_refused_by_its_name(pair, seed, tmp_path_factory):
+    (name, damage), tmp_path = pair, tmp_path_factory.mktemp("damaged")
     write_case(tmp_path)
     path = tmp_path / name
     path.write_text(DAMAGES[damage](sound(name), random.Random(seed)), encoding="latin-1", newline="")
@@ -213,11 +214,10 @@ EDITS = {"cut": cut, "garbled": garbled, "value": another_summary, "cell": anoth
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(
-    ("edit", "seed"), seeded([("summary.json", "value"), ("summary.json", "cut"), ("people.csv", "cell")], 5)
-)
-def test_edited_tables_of_a_result_are_shown_or_refused_by_their_name(edit, seed, tmp_path, result):
-    name, how = edit
+@pytest.mark.parametrize("edit", [("summary.json", "value"), ("summary.json", "cut"), ("people.csv", "cell")])
+@drawn(5)
+def test_edited_tables_of_a_result_are_shown_or_refused_by_their_name(edit, seed, tmp_path_factory, result):
+    (name, how), tmp_path = edit, tmp_path_factory.mktemp("edited")
     shutil.copytree(result, tmp_path / "r")
     path = tmp_path / "r" / name
     path.write_text(EDITS[how](path.read_text(), random.Random(seed)), encoding="utf-8", errors="surrogatepass")

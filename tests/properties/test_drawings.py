@@ -13,8 +13,8 @@ from evac.building.model.building import Building
 from evac.building.surface.build import build_building
 from evac.contract.registry import Registry, built_in
 from evac.simulation.assembly import read_surface
-from tests.attacks.seeded import seeded
-from tests.building.random_plans import plan_shapes
+from tests.properties.random_plans import plan_shapes
+from tests.properties.seeded import drawn
 
 #: Greatest share by which the ground may differ from what shapely gives [1].
 AGREES = 1e-3
@@ -228,6 +228,7 @@ KINDS = {"outlines": _outlines, "lines": _lines, "truncated": _truncated, "mutat
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("kind", "seed"), seeded(KINDS, 5))
-def test_a_drawing_has_the_ground_that_shapely_gives_or_is_refused_with_a_place(kind, seed, tmp_path):
-    check(kind, seed, tmp_path)
+@pytest.mark.parametrize("kind", KINDS)
+@drawn(5)
+def test_a_drawing_has_the_ground_that_shapely_gives_or_is_refused_with_a_place(kind, seed, tmp_path_factory):
+    check(kind, seed, tmp_path_factory.mktemp("drawing"))

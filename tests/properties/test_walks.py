@@ -15,13 +15,15 @@ from evac.base.defaults import MOST_SPEED
 from evac.base.errors import ScenarioError, SimulationError
 from evac.case.schema import QuickestSettings
 from evac.contract.registry import Registry
-from tests.attacks.seeded import MODELS, seeded
-from tests.attacks.twice import KINDS, made_again
+from tests.properties.seeded import MODELS, drawn
+from tests.properties.twice import KINDS, made_again
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("kind", "seed"), seeded(KINDS, 1))
-def test_people_stay_on_the_floor_and_a_run_made_again_has_the_same_bits(kind, seed, tmp_path):
+@pytest.mark.parametrize("kind", KINDS)
+@drawn(1)
+def test_people_stay_on_the_floor_and_a_run_made_again_has_the_same_bits(kind, seed, tmp_path_factory):
+    tmp_path = tmp_path_factory.mktemp("walk")
     generator = random.Random(f"{kind}-{seed}")
     try:
         loaded = evac.load(table_of(generator))

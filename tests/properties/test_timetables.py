@@ -22,8 +22,8 @@ from evac.building.model.links import building_at
 from evac.contract.registry import Registry
 from evac.directions.build import build_fields
 from evac.folder.files import SUMMARY_NAME
-from tests.attacks.seeded import MODELS, seeded
-from tests.attacks.twice import KINDS, made_again
+from tests.properties.seeded import MODELS, drawn
+from tests.properties.twice import KINDS, made_again
 
 TICK, EVERY = 0.1, (0.1, 0.3, 0.5)
 
@@ -41,8 +41,10 @@ class Timetable(Behaviour):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("kind", "seed"), seeded(["once", *KINDS], 1))
-def test_people_pass_open_links_only_and_a_run_made_again_has_the_same_bits(kind, seed, tmp_path):
+@pytest.mark.parametrize("kind", ["once", *KINDS])
+@drawn(1)
+def test_people_pass_open_links_only_and_a_run_made_again_has_the_same_bits(kind, seed, tmp_path_factory):
+    tmp_path = tmp_path_factory.mktemp("timetable")
     generator = random.Random(f"{kind}-{seed}")
     registry = Registry()
     registry.add_class(Timetable)

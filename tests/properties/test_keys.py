@@ -1,12 +1,13 @@
 """Single keys of cases, of plugins and of plans with values that nobody expects: they run, or the key is named."""
 
 import copy
-import random
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any, get_args, get_origin
 
 import pytest
+from hypothesis import strategies
 
 from evac.base.errors import BuildingError, EvacError
 from evac.base.keys import Table, table_of
@@ -15,7 +16,7 @@ from evac.case.case import Case
 from evac.case.loading import load_case
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
-from tests.attacks.seeded import MODELS, seeded, write_case
+from tests.properties.seeded import MODELS, drawn, write_case
 
 # ruff: noqa: SIM905
 NUMBERS = """0 1 -1 2 3 7 100 1000 65536 2147483647 2147483648 9223372036854775807 -9223372036854775808
@@ -76,11 +77,19 @@ def keys_of(table: type[Table], before: str) -> Iterator[str]:
 
 
 @pytest.mark.filterwarnings("ignore")  # numpy's, of numbers that are then refused
-@pytest.mark.parametrize(("key", "seed"), [*((case, 0) for case in KEPT), *seeded(["any"], 40)])
-def test_a_case_runs_or_the_message_names_the_key(key, seed, tmp_path):
-    generator = random.Random(seed)
-    drawn = generator.choice(known_keys()), generator.choice(VALUES), generator.choice(MODELS)
-    key, value, model = drawn if key == "any" else key
+@drawn(40, case=strategies.tuples(*map(strategies.sampled_from, (known_keys(), VALUES, MODELS))))
+def test_a_case_runs_or_the_message_names_the_key(case, tmp_path_factory):
+    check(*case, tmp_path_factory.mktemp("key"))
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("case", KEPT, ids=range(len(KEPT)))
+def test_what_once_went_wrong_runs_or_is_named(case, tmp_path):
+    check(*case, tmp_path)
+
+
+def check(key: str, value: str, model: str, tmp_path: Path) -> None:
+    """Run a case with a value of a key, or find the key in the message."""
     try:
         Simulation(load_case(write_case(tmp_path, model), [f"{key}={value}"])).run()
     except EvacError as error:

@@ -1,24 +1,28 @@
-"""Cases that a kind and a seed determine, and the small case that attacks change."""
+"""Seeds that hypothesis draws, and the small case that some tests change."""
 
-import random
-from collections.abc import Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
+from hypothesis import HealthCheck, given, settings, strategies
 
 MODELS = ("nsm2", "nsm1", "dem")
 
+#: Seeds of random cases.
+SEEDS = strategies.integers(0, 10**6)
 
-def seeded(kinds: Iterable[Any], number: int, *kept: tuple[Any, int]) -> list[Any]:
-    """Return parameters (kind, seed): those kept since they once failed, a number for each kind, and slow ones."""
-    kinds, generator = list(kinds), random.Random(1)
-    cases = [*kept, *((kind, generator.randrange(10**6)) for _ in range(10 * number) for kind in kinds)]
-    fast = len(kept) + number * len(kinds)
-    return [
-        pytest.param(*case, id=f"{case[0]}-{case[1]}", marks=[] if k < fast else [pytest.mark.slow])
-        for k, case in enumerate(cases)
-    ]
+
+def drawn(number: int, **given_by: Any) -> Callable[[Any], Any]:
+    """Run a test with so many examples, always the same ones; by default with values of `seed`."""
+    share = settings.default.max_examples / 100.0  # 1, unless a profile wants more
+    options = settings(
+        max_examples=max(1, round(number * share)),
+        derandomize=True,
+        deadline=None,
+        database=None,
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.differing_executors],
+    )
+    return lambda test: options(given(**(given_by or {"seed": SEEDS}))(test))
 
 
 CASE = """\

@@ -1,1 +1,0 @@
-"""Random bad input and random runs; `-m "slow or not slow"` draws ten times as many cases."""

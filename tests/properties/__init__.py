@@ -1,0 +1,1 @@
+"""Properties that hold for random buildings, cases, files and runs, which hypothesis draws."""
