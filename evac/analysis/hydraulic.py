@@ -35,6 +35,9 @@ NFPA_LEVEL, NFPA_STAIR = 0.005, 0.0076
 #: Greatest specific flow of mixed people through doors in laboratories [1/(m s)]: Daamen and Hoogendoorn (2010).
 LABORATORY = 2.8
 
+#: Greatest specific flow on stairs [1/(m s)]: the upper end of the values with which `evac evidence people` compares.
+STAIRS = 1.16
+
 
 @dataclass(frozen=True)
 class DesignFlow:

@@ -12,6 +12,9 @@ from evac.base.errors import counted
 from evac.building.model.building import Building, Level, Portal
 from evac.trajectory.trajectory import Trajectory
 
+#: Distance within which people who wait are before the place itself [m].
+NEAR = 2.0
+
 
 @dataclass(frozen=True)
 class Queue:
@@ -38,6 +41,8 @@ class Queue:
         When that was first.
     at_once : (f,) int64
         Number who waited at each recorded time.
+    near : (f,) int64
+        Number of those who were within `NEAR` of the door, portal or exit; all of them on a stair.
     """
 
     place: str
@@ -49,6 +54,7 @@ class Queue:
     most: int
     time: float
     at_once: NDArray[np.int64] = field(repr=False, compare=False)
+    near: NDArray[np.int64] = field(repr=False, compare=False)
 
     def __str__(self) -> str:
         """Return a sentence without its end."""
@@ -67,10 +73,10 @@ def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
         return ()
     waiting = joined(parts)
     numbers: dict[tuple[str, int], int] = {}
-    place = np.zeros(len(waiting.frame), np.int64)
+    place, away = np.zeros(len(waiting.frame), np.int64), np.zeros(len(waiting.frame))
     for one in building.levels:
         here = np.flatnonzero(waiting.level == one.index)
-        words, nearest = _places(building, one, waiting.position[here])
+        words, nearest, away[here] = _places(building, one, waiting.position[here])
         keys = [(word, -1 if word.startswith("on stair") else one.index) for word in words]
         place[here] = np.array([numbers.setdefault(key, len(numbers)) for key in keys])[nearest]
     queues = []
@@ -78,7 +84,10 @@ def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
         rows_of = np.flatnonzero(place == number)
         if not rows_of.size:
             continue
-        at_once = np.bincount(waiting.frame[rows_of], minlength=len(trajectory))
+        at_once, near = (
+            np.bincount(waiting.frame[rows], minlength=len(trajectory))
+            for rows in (rows_of, rows_of[away[rows_of] <= NEAR])
+        )
         peak = int(at_once.argmax())
         then = rows_of[waiting.frame[rows_of] == peak]
         x, y = waiting.position[then].mean(axis=0).tolist()
@@ -93,16 +102,19 @@ def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
                 most=int(at_once[peak]),
                 time=float(trajectory.time[peak]),
                 at_once=at_once,
+                near=near,
             )
         )
     return tuple(sorted(queues, key=lambda queue: -queue.waited))
 
 
-def _places(building: Building, level: Level, position: FloatArray) -> tuple[list[str], NDArray[np.int64]]:
-    """Return what people on a level wait for or on, in words, and which of these each of them does, (s,)."""
+def _places(
+    building: Building, level: Level, position: FloatArray
+) -> tuple[list[str], NDArray[np.int64], FloatArray | float]:
+    """Return what people on a level wait for or on, in words, which of these each of them does, and how far from it."""
     stair_of = {index: name for name, levels in building.stairs.items() for index in levels}
     if level.index in stair_of:
-        return [f"on stair {stair_of[level.index]!r}"], np.zeros(len(position), np.int64)
+        return [f"on stair {stair_of[level.index]!r}"], np.zeros(len(position), np.int64), 0.0
 
     def beyond(portal: Portal) -> str:
         other = portal.other(level.index)
@@ -114,9 +126,9 @@ def _places(building: Building, level: Level, position: FloatArray) -> tuple[lis
         (f"before door {one.name!r}", one.segment.reshape(1, 4)) for one in building.doors if one.level == level.index
     ]
     if not links:
-        return [f"on level {level.name!r}"], np.zeros(len(position), np.int64)
+        return [f"on level {level.name!r}"], np.zeros(len(position), np.int64), 0.0
     points = shapely.points(position)
     distances = [
         shapely.distance(shapely.multilinestrings([s.reshape(2, 2) for s in segments]), points) for _, segments in links
     ]
-    return [word for word, _ in links], np.argmin(distances, axis=0)
+    return [word for word, _ in links], np.argmin(distances, axis=0), np.min(distances, axis=0)

@@ -2,15 +2,26 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from evac.analysis.hydraulic import LABORATORY
+import numpy as np
+
+from evac.analysis.hydraulic import LABORATORY, STAIRS
+from evac.analysis.lines import LineFlow
+from evac.analysis.queues import NEAR
 from evac.base.errors import counted
-from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, Observation
+from evac.building.model.building import Building
+from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, DENSITY_SPAN, Observation
 
 if TYPE_CHECKING:
     from evac.results.results import Results
+
+#: Flow of an exit below which something is in its way while people queue [1/(m s)]; a queue is of so many people per
+#: metre of width, close to the exit, and is judged after this time in total [s].
+LEAST_FLOW = 0.5
+QUEUE = 5
+QUEUE_SPAN = 10.0
 
 #: Net energy created by contacts is reported if it exceeds this share of the work of driving.
 MADE = 0.01
@@ -97,17 +108,61 @@ def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence
     )
 
 
-def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keepers: Sequence[str] | None) -> tuple[str, ...]:
-    """Return a line for each exit of `exit_table` whose specific flow is higher than measured; `keepers` as above."""
-    advice = "check in egress.csv whether they left within a short time"
+def density_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
+    """Return the quality warning on crowds that `Watch.dense` has seen; `keepers` as above."""
+    advice = "" if keepers is None else f" use a behaviour with which people keep their distance{_sets(keepers)},"
+    return (
+        f"dangerous density: crowds above {DENSITY:g} people per square metre are in danger of their lives;{advice} "
+        f"widen the passage, or reduce the number of people. {_who(seen, 'stood')} for {DENSITY_SPAN:g} s among more than "
+        f"{DENSITY:g} people per square metre, most {_where(seen, levels)}: {seen.values[0]:.1f} (docs/results.md)"
+    )
+
+
+def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequence[str] | None) -> tuple[str, ...]:
+    """Return a line for each exit, door, stair and portal with a flow higher than measured; `keepers` as above.
+
+    The flow is that in one direction of people who pass for the first time; of a stair, the greatest of its ends.
+    """
+    advice = "check in flows.csv whether they passed within a short time"
     if keepers is not None:
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
+    found = dict[str, tuple[float, float]]()
+    for line in (one for one in flows if one.kind != "line"):
+        stair = next((level.stair for level in map(building.levels.__getitem__, line.levels) if level.stair), None)
+        what = f"{line.kind} {line.name!r}" if stair is None else f"stair {stair!r}"
+        limit = LABORATORY if stair is None else STAIRS
+        for way in (line.forward, ~line.forward):
+            _, first = np.unique(line.person[way], return_index=True)
+            flow = (line.flow_of(np.flatnonzero(way)[np.sort(first)]) or 0.0) / line.width
+            if flow > limit:
+                found[what] = max(found.get(what, (flow, limit)), (flow, limit))
     return tuple(
         f"flow higher than measured: evacuation times may be too short; {advice}. "
-        f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, at most {LABORATORY} in experiments"
-        for name, use in exits.items()
-        if (use["flow_per_metre"] or 0.0) > LABORATORY
+        f"{flow:.2f} people per second and metre passed {what}, at most {limit} in experiments"
+        for what, (flow, limit) in found.items()
     )
+
+
+def queue_warnings(results: "Results") -> tuple[str, ...]:
+    """Return a line for each exit that few people left by while it was open and others waited close to it."""
+    lines, queues = [], {queue.place: queue for queue in results.queues}
+    for exit_ in results.building.exits if results.trajectory is not None else ():
+        queue, time = queues.get(f"before exit {exit_.name!r}"), results.trajectory.time
+        if queue is None:
+            continue
+        queued = np.flatnonzero(queue.near >= QUEUE * max(1.0, exit_.width))
+        queued = queued[[results.trajectory.building_at(at).is_open(exit_) for at in time[queued].tolist()]]
+        seconds = float(np.diff(time, prepend=time[0])[queued].sum())
+        left = results.crowd.exit_time[results.crowd.exit_used == exit_.index]
+        flow = np.isin(np.searchsorted(time, left), queued).sum() / max(seconds, QUEUE_SPAN) / exit_.width
+        if seconds >= QUEUE_SPAN and flow < LEAST_FLOW:
+            lines.append(
+                "flow lower than measured: evacuation times may be too long; look in the replay at who stands in the "
+                f"doorway, for example before a response time is over. {flow:.2f} people per second and metre left by "
+                f"exit {exit_.name!r} in {seconds:.1f} s between {time[queued[0]]:.1f} and {time[queued[-1]]:.1f} s in "
+                f"which {QUEUE} or more per metre waited within {NEAR:g} m of it; {LEAST_FLOW} is little for a queue"
+            )
+    return tuple(lines)
 
 
 def _models(names: Sequence[str]) -> str:

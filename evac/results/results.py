@@ -39,7 +39,15 @@ from evac.folder.tables import write_csv
 from evac.people.places import PeopleAt
 from evac.people.population import Group
 from evac.physics.state import Crowd
-from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings, remarks_of
+from evac.results.quality import (
+    chatter_warning,
+    contact_warnings,
+    crushing_warning,
+    density_warning,
+    flow_warnings,
+    queue_warnings,
+    remarks_of,
+)
 from evac.results.recordedcase import CaseTable
 from evac.results.watch import Observation
 
@@ -190,8 +198,6 @@ class Results:
     warnings: tuple[str, ...] = ()
     """The warnings that `evac check` shows: about the building, narrow places, people for whom no way is wide enough,
     unusual people, response times beyond the end of the run."""
-    quality_warnings: tuple[str, ...] = ()
-    """The quality warnings of the run (docs/results.md), one line each."""
     exits: Mapping[str, ExitUse]
     """For each exit: people, last time [s], width [m], flow between the first and the last fifth of the people [1/s],
     and this flow per metre of width. Flows need at least 20 people, not all at the same time."""
@@ -263,6 +269,8 @@ class Results:
     stuck: Unwritten[Sequence[int]] = ()
     exposure: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
     folder: Unwritten[Path | None] = None
+    noticed: Unwritten[Sequence[str]] = ()  # quality warnings but for those of flows and queues
+    advised: Unwritten[Sequence[str] | None] = None  # behaviours that would keep distances, if none does
 
     @classmethod
     def read(cls, folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> "Results":
@@ -423,6 +431,12 @@ class Results:
     def exit_status(self) -> Count:
         """0 if everybody who is to leave is out or at a safe place, otherwise 3; see docs/status.md for commands."""
         return 0 if self.is_complete else 3
+
+    @Derived
+    def quality_warnings(self) -> tuple[str, ...]:
+        """The quality warnings of the run (docs/results.md), one line each."""
+        flows = flow_warnings(self.building, self.flows, self.advised)
+        return (*self.noticed, *flows, *queue_warnings(self))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -598,6 +612,7 @@ def results_of(
     chatter: Observation | None = None,
     crushing: Observation | None = None,
     overlaps: Observation | None = None,
+    dense: Observation | None = None,
     **others: Any,
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
@@ -616,7 +631,7 @@ def results_of(
         *contact_warnings(report, rigid, advised, overlaps),
         *([chatter_warning(chatter, names, rigid)] if chatter else []),
         *([crushing_warning(crushing, names, advised)] if crushing else []),
-        *flow_warnings(exits, advised),
+        *([density_warning(dense, names, advised)] if dense else []),
     ]
     passages = np.bincount(crossings[1], minlength=len(building.portals)).tolist()
     return Results(
@@ -639,7 +654,8 @@ def results_of(
         levels=levels,
         stairs=stairs,
         doors=[DoorRow(name=door.name, level=names[door.level], width=door.width) for door in building.doors],
-        quality_warnings=tuple(quality),
+        noticed=tuple(quality),
+        advised=advised,
         keeps_distance=case.keeps_distance,
         **others,
     )

@@ -1,9 +1,11 @@
-"""Checks during a run: velocities that do not match displacements, lethal contact forces, and large overlaps."""
+"""Checks during a run: velocities that do not match displacements, lethal forces, large overlaps, high densities."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from evac.base.arrays import FloatArray
 from evac.base.saved import Bounds, Saved
@@ -27,6 +29,12 @@ CRUSHING_FORCE = 6000.0
 CRUSHING_LOAD = 4500.0
 
 
+#: Greatest number of people per square metre, the time over which it is averaged [s], and the time between samples [s].
+DENSITY = 6.0
+DENSITY_SPAN = 10.0
+DENSITY_EVERY = 1.0
+
+
 @dataclass(frozen=True)
 class Observation:
     """People for whom a quantity exceeded its limit, with the time and place of its greatest value."""
@@ -42,7 +50,8 @@ class Observation:
     y: float
     # Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
     # velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m]. For overlaps:
-    # the greatest in that tick [m], and as a share of the radius.
+    # the greatest in that tick [m], and as a share of the radius. For density: the mean number of people on the
+    # square metre around the person.
     values: tuple[float, float]
 
 
@@ -55,13 +64,16 @@ class Watch(Saved):
     between two samples of velocities, and of forces [s].
     """
 
-    saved = ("_speeds", "_forces", "_chatter", "_crushing", "_overlaps")
+    saved = ("_speeds", "_forces", "_densities", "_chatter", "_crushing", "_overlaps", "_dense")
 
     def __init__(self, radius: FloatArray, levels: int, tick: float, every: float, promised: float = np.inf) -> None:
         self._width, self._tick, self.promised = 2.0 * radius, tick, promised
         self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
         self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
-        self._chatter, self._crushing, self._overlaps = (_Notes(len(radius), levels) for _ in range(3))
+        self._ticks = max(1, round(DENSITY_EVERY / tick))
+        self._densities = _Means(len(radius), round(DENSITY_SPAN / DENSITY_EVERY))
+        notes = (_Notes(len(radius), levels) for _ in range(4))
+        self._chatter, self._crushing, self._overlaps, self._dense = notes
 
     def look(self, time: float, crowd: Crowd, displacement_velocity: FloatArray, is_recorded: bool = True) -> None:
         """Look at the people at the end of a tick [s], with displacements divided by its length (n, 2) [m/s].
@@ -86,6 +98,11 @@ class Watch(Saved):
             begin, stayed, (force, load) = self._forces.take()
             noticed = stayed & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
             self._crushing.note(noticed, load, (force, load), begin, time, crowd)
+        if round(time / self._tick) % self._ticks == 0:
+            density = densities(crowd)
+            if self._densities.add(time, inside, density, density):
+                begin, stayed, (density, _) = self._densities.take()
+                self._dense.note(stayed & (density > DENSITY), density, (density, density), begin, time, crowd)
 
     def chatter(self) -> Observation | None:
         """Return people who moved much more slowly than with the contact model's velocities, or None."""
@@ -98,6 +115,19 @@ class Watch(Saved):
     def overlaps(self) -> Observation | None:
         """Return people who overlapped others or walls by more than the contact model guarantees, or None."""
         return self._overlaps.observation()
+
+    def dense(self) -> Observation | None:
+        """Return people in a crowd that was too dense for too long, or None."""
+        return self._dense.observation()
+
+
+def densities(crowd: Crowd) -> FloatArray:
+    """Return the number of people inside on the disc of one square metre around each person, (n,) [1/m2]."""
+    density, inside = np.zeros(len(crowd.level)), np.flatnonzero(crowd.level >= 0)
+    place = np.column_stack([crowd.position[inside], 2.0 * crowd.level[inside]])  # levels are farther apart than 0.6 m
+    pairs = cKDTree(place).query_pairs(math.sqrt(1.0 / math.pi), output_type="ndarray")
+    density[inside] = 1.0 + np.bincount(pairs.ravel(), minlength=len(inside))
+    return density
 
 
 class _Means(Saved):

@@ -326,6 +326,7 @@ class Simulation(Saved):
             chatter=self.watch.chatter(),
             crushing=self.watch.crushing(),
             overlaps=self.watch.overlaps(),
+            dense=self.watch.dense(),
             phases=self.phases.seconds(),
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),

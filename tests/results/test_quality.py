@@ -2,9 +2,12 @@
 
 import re
 
+import numpy as np
 import pytest
+import shapely
 
-from evac.analysis.hydraulic import LABORATORY
+import evac
+from evac.analysis.lines import LineFlow
 from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
 from evac.results.watch import Observation
 
@@ -72,13 +75,47 @@ def test_what_was_noticed_of_people_is_one_line_with_time_and_place(people, who)
     assert "behaviour" not in crushing_warning(pressed, ["cellar", "hall"], None)
 
 
-def test_only_flows_beyond_measured_ones_have_a_warning_and_the_exit_is_named():
-    flows = {"few": None, "slow": LABORATORY, "fast": 2.81}
-    exits = {name: {"flow_per_metre": flow} for name, flow in flows.items()}
-    (line,) = flow_warnings(exits, ["gaps"])
-    assert line.startswith("flow higher than measured: ")
-    assert re.search(r"2\.81 .*'fast'", line)
-    assert "--set behaviours.gaps={}" in line
-    (line,) = flow_warnings(exits, None)
-    assert "behaviour" not in line
-    assert "egress.csv" in line
+def test_flows_beyond_measured_ones_have_a_warning_each_and_stairs_one_for_all_their_ends():
+    plan = evac.Plan()
+    plan.storey("low", [shapely.box(0, 0, 8, 2)])
+    plan.storey("high", [shapely.box(12, 0, 20, 2)], z=2.4)
+    plan.stair("west", "low", [(8, 0), (8, 1)], "high", [(12, 0), (12, 1)])
+    plan.exit("out", "low", [(0, 0.5), (0, 1.5)])
+    building = evac.load({"building": plan, "people": [{"name": "few", "number": 1}]}).building()
+    (flight,) = (level for level in building.levels if level.stair)
+
+    def line(kind, flow, name="way", level=flight.index, is_back=()):
+        person, time = np.arange(40) // 2, np.arange(40) // 2 / flow  # there, and once more
+        return LineFlow(kind, name, (level,), np.zeros((1, 4)), 1.0, ("", ""), person, time, np.arange(40) % 2 == 0)
+
+    flows = [
+        *(line(kind, flow, f"{kind} {flow}", 0) for kind in ("exit", "door") for flow in (2.79, 2.82)),
+        *(line("portal", flow) for flow in (1.15, 1.18, 1.21)),
+        line("line", 9.0),
+    ]
+    warned = flow_warnings(building, flows, ["gaps"])
+    assert [re.findall(r"([\d.]+) people .* passed (.*), at most ([\d.]+)", line) for line in warned] == [
+        [("2.82", "exit 'exit 2.82'", "2.8")],
+        [("2.82", "door 'door 2.82'", "2.8")],
+        [("1.21", "stair 'west'", "1.16")],
+    ]
+    assert all(line.startswith("flow higher than measured: ") and "--set behaviours.gaps={}" in line for line in warned)
+    assert "flows.csv" in flow_warnings(building, flows, None)[0]
+
+
+def test_an_exit_that_few_leave_by_while_others_queue_has_a_warning(tmp_path):
+    plan = evac.Plan().storey("room", [shapely.box(0, 0, 8, 2)]).exit("out", "room", [(0, 0.5), (0, 1.5)])
+    crowd = [(x, y) for x in (1.5, 2.0, 2.5, 3.0) for y in (0.4, 0.9, 1.4)]
+    post = {"name": "post", "positions": [(0.3, 1.0)], "level": "room", "behaviours": {"response_time": {"time": 40.0}}}
+    case = {
+        "building": plan,
+        "people": [{"name": "crowd", "positions": crowd, "level": "room"}, post],
+        "behaviours": {"walking": {}, "response_time": {}},
+    }
+    results = evac.run(evac.load(case), tmp_path / "post")
+    (line,) = (line for line in results.quality_warnings if line.startswith("flow lower than measured: "))
+    assert "exit 'out'" in line
+    assert evac.read_results(tmp_path / "post").quality_warnings == results.quality_warnings
+    case["people"][1]["behaviours"]["response_time"]["time"] = 5.0
+    results = evac.run(evac.load(case), tmp_path / "none")
+    assert not [line for line in results.quality_warnings if line.startswith("flow lower")]

@@ -14,7 +14,7 @@ from evac.base.errors import EvacError, ResultError
 from evac.folder.jsonfile import plain
 
 #: What is not written: the objects of the process, and what the loop needs for its next step.
-LIVE = {"case_or_reader", "building_or_none", "crowd", "groups"}
+LIVE = {"case_or_reader", "building_or_none", "crowd", "groups", "noticed", "advised"}
 OF_THE_LOOP = {"velocity", "contact_force", "overlap", "mingled", "contact_radius", "speed_factor", "extra_direction"}
 
 

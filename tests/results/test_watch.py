@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.physics.state import make_crowd
-from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, FEWEST_FRAMES, Watch
+from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, FEWEST_FRAMES, Watch
 
 
 def crowd_of(speeds, forces=0.0, **of):
@@ -41,6 +41,23 @@ def test_chatter_is_more_than_twice_as_fast_and_by_more_than_a_fifth_of_a_metre_
     watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
     watch.look(2.0, crowd_of([velocity]), displaced(moved))
     assert (watch.chatter() is not None) == is_chatter
+
+
+@pytest.mark.parametrize(("people", "is_dense"), [(6, False), (7, True)])
+def test_a_crowd_is_too_dense_if_it_is_so_for_ten_seconds_on_one_level(people, is_dense):
+    """People on a circle of 0.2 m, and one above them: each has the others on a disc of one square metre."""
+    angle = np.arange(people) * 2.0 * np.pi / people
+    crowd = make_crowd(0.2 * np.array([*np.column_stack([np.cos(angle), np.sin(angle)]), (0.0, 0.0)]))
+    crowd.level[-1] = 1
+    watch = Watch(np.full(people + 1, 0.2), 2, 1.0, 1.0)
+    for time in range(1, 10):
+        watch.look(float(time), crowd, np.zeros((people + 1, 2)))
+    assert watch.dense() is None
+    watch.look(10.0, crowd, np.zeros((people + 1, 2)))
+    found = watch.dense()
+    assert (found is not None) == is_dense == (people > DENSITY)
+    if found is not None:
+        assert (found.people, found.begin, found.end, found.values[0]) == (7, 0.0, 10.0, 7.0)
 
 
 def test_who_leaves_within_a_span_is_left_out_of_it():
