@@ -34,6 +34,9 @@ class ResponseTime(Behaviour):
     gets: an alarm at the place of the person (an event of kind "alarm"), people who walk within ``sees`` on the same
     level and are not hidden by walls, or a field, such as smoke, that has reached its threshold at the person.
 
+    People who arrive through an exit or a portal walk on at once, so that they do not block it, unless their group has
+    a ``time`` or ``begin`` of its own, which then counts from the arrival.
+
     Examples
     --------
     >>> ResponseTime(time={"uniform": [0.0, 10.0]}, per="group").per
@@ -79,6 +82,9 @@ class ResponseTime(Behaviour):
                 times = distribution.draw(scene.generator, int(unit.max()) + 1)
             scene.crowd.start_time[rows] = times[unit]
         self._scene, self._heard = scene, 0
+        for group in scene.groups:
+            if self._walks_on(group):
+                scene.crowd.start_time[group.rows] = 0.0
         self._response = scene.crowd.start_time.copy()
         for group in scene.groups:
             if self._begin_of(group) == "cue":
@@ -118,8 +124,12 @@ class ResponseTime(Behaviour):
             raise ScenarioError(f"behaviours.response_time.fields: there is no field {name!r}; {hint}")
         return known[name]
 
+    def _walks_on(self, group: Any) -> bool:
+        """Return whether people come in through a doorway, in which they do not stand unless their group says so."""
+        return group.comes_in and not group.settings
+
     def _begin_of(self, group: Any) -> str:
-        found: str = group.settings.get("begin", self.begin)
+        found: str = group.settings.get("begin", BEGIN[0] if self._walks_on(group) else self.begin)
         return found
 
     def bounds(self) -> dict[str, Bounds]:

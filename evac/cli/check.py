@@ -300,9 +300,17 @@ def show_people(simulation: "Simulation") -> None:
         radius = _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()) if len(group.rows) else ""
         rows.append((group.name, len(group.rows), levels, unimpeded, radius))
     columns = ("group", "people", "levels", "unimpeded time to an exit or place [s]", "radius [m]")
-    reach = "Not all fit through the ways to an exit" if simulation.stopping else "All can reach an exit"
-    title = f"People: {len(crowd.level)}. {reach}; see warnings for narrow places."
-    show_table(title, columns, rows)
+    refuges = {place.area for place in simulation.case.place if place.kind == "refuge"}
+    is_left = np.array([route.refuge in refuges for route in simulation.fields.routes])[crowd.route] & (
+        crowd.level >= 0
+    )
+    left = {group.name: int(is_left[group.rows].sum()) for group in in_order(population.groups)}
+    only = ", ".join(f"{number} of {name!r}" for name, number in left.items() if number)
+    others = f" but {only}, who can reach only a refuge" if only else ""
+    reach = f"All can reach an exit{others}"
+    if simulation.stopping:
+        reach = f"Not all fit through the ways to an exit{others}; see warnings for narrow places"
+    show_table(f"People: {len(crowd.level)}. {reach}.", columns, rows)
 
 
 def show_course(case: "Case") -> None:

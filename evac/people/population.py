@@ -60,11 +60,14 @@ class Group:
         Rows of its people in `Crowd`.
     settings : mapping
         Settings of the group for behaviours, by behaviour name. In `Population.groups_for`, the settings for one.
+    comes_in : bool
+        Whether its people arrive during the run through an exit or a portal.
     """
 
     name: str
     rows: IntArray
     settings: Mapping[str, Any]
+    comes_in: bool = False
 
 
 class Population(Saved):
@@ -238,7 +241,12 @@ def build_population(
     ends = np.cumsum(counts)
     own = case.simulation.population_seed
     groups = tuple(
-        Group(people.name, np.arange(end - count, end, dtype=np.int32), people.behaviours)
+        Group(
+            people.name,
+            np.arange(end - count, end, dtype=np.int32),
+            people.behaviours,
+            people.arrive is not None and bool(people.arrive.exit or people.arrive.portal),
+        )
         for people, count, end in zip(case.people, counts, ends, strict=True)
     )
     for index, (people, group) in enumerate(zip(case.people, groups, strict=True)):

@@ -113,8 +113,8 @@ def density_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[
     advice = "" if keepers is None else f" use a behaviour with which people keep their distance{_sets(keepers)},"
     return (
         f"dangerous density: crowds above {DENSITY:g} people per square metre are in danger of their lives;{advice} "
-        f"widen the passage, or reduce the number of people. {_who(seen, 'stood')} for {DENSITY_SPAN:g} s among more than "
-        f"{DENSITY:g} people per square metre, most {_where(seen, levels)}: {seen.values[0]:.1f} (docs/results.md)"
+        f"widen the passage, or reduce the number of people. {_who(seen, 'stood')} for {DENSITY_SPAN:g} s among more "
+        f"than {DENSITY:g} people per square metre, most {_where(seen, levels)}: {seen.values[0]:.1f} (docs/results.md)"
     )
 
 

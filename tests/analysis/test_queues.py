@@ -15,7 +15,9 @@ def test_people_wait_before_the_exit_that_is_nearest(written):
     (queue,) = find_queues(written(standing))
     assert (queue.place, queue.level) == ("before exit 'door'", "floor 0")
     assert queue.people == 3
-    assert queue.near.max() == 2 < queue.at_once.max()  # the third one is farther away than 2 m
+    np.testing.assert_array_equal(queue.near, queue.at_once)
+    (farther,) = find_queues(written(standing + np.array([1.5, 0.0])))  # more than 2 m away
+    assert (farther.most, farther.near.max()) == (3, 0)
     assert "1 person waited" in str(replace(queue, people=1))
     assert (queue.most, queue.time) == (3, 4.0)
     assert (queue.x, queue.y) == (pytest.approx(1.0), pytest.approx(1.5))

@@ -165,11 +165,13 @@ def test_people_come_through_a_portal_or_a_stair_onto_a_level_one_row_after_the_
 def test_response_times_of_people_who_arrive_count_from_their_arrival():
     response = {"behaviours.response_time.time": 4.0}
     early = {"name": "early", "number": 2, "level": "ground"}
-    results = Simulation(storeys(LIFT | {"arrive": {"times": [3.0, 9.0], "portal": "stair"}}, early, **response)).run()
-    start, rows = results.crowd.start_time, rows_of(results, "lift")
-    assert start[rows_of(results, "early")].tolist() == [4.0, 4.0]
-    assert start[rows] == pytest.approx([7.0, 13.0])
-    assert (results.crowd.exit_time[rows] > start[rows]).all()
+    lift = LIFT | {"arrive": {"times": [3.0, 9.0], "portal": "stair"}}
+    for own, wait in (({}, 0.0), ({"time": 5.0}, 5.0), ({"begin": "start"}, 4.0)):  # who comes through a door walks on
+        results = Simulation(storeys(lift | {"behaviours": {"response_time": own}}, early, **response)).run()
+        start, rows = results.crowd.start_time, rows_of(results, "lift")
+        assert start[rows_of(results, "early")].tolist() == [4.0, 4.0]
+        assert start[rows] == pytest.approx([3.0 + wait, 9.0 + wait])
+        assert (results.crowd.exit_time[rows] > start[rows]).all()
 
 
 def test_pictures_and_studies_count_those_who_have_come_and_leave(tmp_path):

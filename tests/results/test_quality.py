@@ -81,7 +81,7 @@ def test_flows_beyond_measured_ones_have_a_warning_each_and_stairs_one_for_all_t
     plan.storey("high", [shapely.box(12, 0, 20, 2)], z=2.4)
     plan.stair("west", "low", [(8, 0), (8, 1)], "high", [(12, 0), (12, 1)])
     plan.exit("out", "low", [(0, 0.5), (0, 1.5)])
-    building = evac.load({"building": plan, "people": [{"name": "few", "number": 1}]}).building()
+    building = plan.building()
     (flight,) = (level for level in building.levels if level.stair)
 
     def line(kind, flow, name="way", level=flight.index, is_back=()):
@@ -104,11 +104,14 @@ def test_flows_beyond_measured_ones_have_a_warning_each_and_stairs_one_for_all_t
 
 
 def test_an_exit_that_few_leave_by_while_others_queue_has_a_warning(tmp_path):
-    plan = evac.Plan().storey("room", [shapely.box(0, 0, 8, 2)]).exit("out", "room", [(0, 0.5), (0, 1.5)])
+    plan = evac.Plan()
+    plan.storey("room", [shapely.box(0, 0, 8, 2)])
+    plan.exit("out", "room", [(0, 0.65), (0, 1.35)])
     crowd = [(x, y) for x in (1.5, 2.0, 2.5, 3.0) for y in (0.4, 0.9, 1.4)]
     post = {"name": "post", "positions": [(0.3, 1.0)], "level": "room", "behaviours": {"response_time": {"time": 40.0}}}
     case = {
         "building": plan,
+        "contact": {"model": "nsm2"},
         "people": [{"name": "crowd", "positions": crowd, "level": "room"}, post],
         "behaviours": {"walking": {}, "response_time": {}},
     }
