@@ -326,10 +326,9 @@ class Helpers(Behaviour):
         along = self._scene.fields.directions_at(
             crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
         )
-        uphill = np.array([levels[level].uphill for level in crowd.level[rows].tolist()])
-        rise = (along * uphill).sum(axis=1)
-        is_flat = np.array([levels[level].kind != "flight" for level in crowd.level[rows].tolist()])
-        column = np.where(is_flat, FLAT, np.where(rise > 0.0, UP, DOWN))
+        climb = np.array([levels[level].climb for level in crowd.level[rows].tolist()])
+        rise = (along * climb).sum(axis=1)
+        column = np.where(~climb.any(axis=1), FLAT, np.where(rise > 0.0, UP, DOWN))
         share: FloatArray = np.array([device.flat, device.up, device.down])[column] / crowd.speed[rows, column]
         return share
 

@@ -11,6 +11,7 @@ from evac.analysis.lines import LineFlow
 from evac.base.arrays import FloatArray
 from evac.base.errors import in_order
 from evac.building.model.building import Building
+from evac.building.options import RAMP
 
 #: Density at which the specific flow S D = k D (1 - a D) is greatest, and the greatest specific flow over k: Gwynne and
 #: Rosenbaum, Employing the hydraulic model in assessing emergency movement, SFPE Handbook (5th edition, 2016), ch. 59.
@@ -24,9 +25,6 @@ STAIR_K = ((6.5 / 13.0, 1.23), (6.5 / 12.0, 1.16), (7.0 / 11.0, 1.08), (7.5 / 10
 
 #: Boundary layer at each side of doors and of stairs between walls [m] (the same, table 59.1).
 LAYER = 0.15
-
-#: Slope up to which a flight is a ramp: 1 in 8.
-RAMP = 1.0 / 8.0
 
 #: Width for each person, of level ways and ramps, and of stairs [m]: NFPA 101, Life Safety Code, table 7.3.3.1 (5 mm,
 #: or 0.2 inches, and 7.6 mm, or 0.3 inches). It limits the number of people that an exit may serve, and is no flow.

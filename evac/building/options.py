@@ -50,12 +50,24 @@ class Outline(Placed):
     polygon: tuple[Point, ...] = key("its corners [[x, y], ...], at least three", "m", min_length=3)
 
 
+#: Greatest slope of ramps, as rise over run: 1 in 8, that of existing ramps in NFPA 101. People walk on them at their
+#: speed on the level, as the SFPE Handbook (5th edition, 2016, table 59.2) has one k for corridors, ramps and doors.
+RAMP = 1.0 / 8.0
+
+
 class SurfaceOptions(Table):
     """How the surface in a building's file becomes walkable ground."""
 
     weld: Real = key("vertices closer than this are merged", "m", WELD, ge=0, le=1)
     flat_angle: Real = key("cells less steep than this are floors and landings", "deg", 3.0, gt=0, lt=90)
     walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", 50.0, gt=0, lt=90)
+    ramp: Real = key(
+        "slopes up to this, as rise over run, are ramps, walked at the speed on the level; 0: all are stairs",
+        "",
+        RAMP,
+        ge=0,
+        le=1.0,
+    )
     scale: Real = key("factor that turns the mesh's unit of length into metres", "", 1.0, ge=1e-6, le=1e6)
     up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", "z")
     headroom: Real = key(

@@ -245,11 +245,19 @@ def show_building(building: "Building", is_verbose: bool) -> None:
             _span(level.z_min, level.z_max),
             round(level.polygon.area, 2),
             round(math.degrees(level.slope), 1),
+            "level"
+            if level.slope == 0.0
+            else f"{'ramp' if level.is_ramp else 'stair'} 1:{1.0 / math.tan(level.slope):.3g}",
             int((building.wall_level == level.index).sum()),
         )
         for level in building.levels
     ]
-    show_table("Levels", ("level", "kind", "z [m]", "plan [m2]", "slope [deg]", "walls"), levels)
+    title = (
+        "Levels. Slopes below building.flat_angle are level; up to building.ramp they are ramps, walked at the speed on"
+    )
+    title += " the level; others are stairs, walked at speed_up and speed_down"
+    columns = ("level", "kind", "z [m]", "plan [m2]", "slope [deg]", "walked as", "walls")
+    show_table(title if any(level.slope for level in building.levels) else "Levels", columns, levels)
     names = [level.name for level in building.levels]
 
     def state(link: "Portal | Exit") -> str:

@@ -129,7 +129,7 @@ class Exposure(Saved):
             wanted |= {*COUNTED[self._dose.form], "temperature", "radiation"} - {*self._dose.without}
         self.quantities = tuple(name for name in air.quantities if name in wanted)
         self._slows = case.smoke.irritants and any(name in self.quantities for name in IRRITANTS)
-        self._uphill = np.array([level.uphill for level in scene.building.levels])
+        self._uphill = np.array([level.climb for level in scene.building.levels])
         n = len(crowd.level)
         self.share, self.doses, self.stopped = np.ones(n), np.zeros((2, n)), np.zeros(n, np.bool_)
         self.extinction, self.irritants, self.stopped_at = np.zeros(n), np.zeros(n), np.full(n, np.nan)

@@ -100,7 +100,7 @@ class RoutesInSmoke(Saved):
             own = np.flatnonzero(grid.sheet == OWN)
             places = grid.window.places(np.stack(np.unravel_index(own, grid.window.shape), axis=1))
             heads = self._air.heads_at(np.full(len(own), level.index, np.int32), places, self._height)
-            desired = np.full(len(own), self._flat if level.slope == 0.0 else self._sloped)
+            desired = np.full(len(own), self._flat if not level.climb.any() else self._sloped)
             self._nodes.append((grid.offset + own, places, heads, desired))
 
     def _share_on(self, level: int, now: float) -> FloatArray:

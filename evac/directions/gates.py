@@ -43,7 +43,7 @@ class Gates(Saved):
         width = np.array([one.width for row in rows for one in row])
         flow = np.full(len(width), THROUGH_DOORS)
         for portal in building.portals:
-            if any(building.levels[level].slope > 0.0 for level in portal.levels):
+            if any(building.levels[level].climb.any() for level in portal.levels):
                 flow[portal.index] = ON_STAIRS
         self._capacity = width * flow
         reach = 0.501 * grids.lattice.spacing  # which no path avoids

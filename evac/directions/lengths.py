@@ -181,7 +181,7 @@ def make_ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
         twin=_twins(grids),
         cost=cost,
         stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
-        uphill=np.array([level.uphill for level in grids.building.levels], dtype=np.float64),
+        uphill=np.array([level.climb for level in grids.building.levels], dtype=np.float64),
         cosine=np.array([math.cos(level.slope) for level in grids.building.levels]),
         spacing=grids.lattice.spacing,
     )

@@ -52,7 +52,7 @@ def make_world(building: Building, fields: Fields) -> World:
         link_open=link_open,
         link_from=np.full(building.n_closable, -1, np.int32),
         doors=len(doors),
-        uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
+        uphill=np.array([level.climb for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
         backed=walls_behind_exits(building),
         linked=linked,

@@ -128,12 +128,21 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
     found = dict[str, tuple[float, float]]()
     for line in (one for one in flows if one.kind != "line"):
-        stair = next((level.stair for level in map(building.levels.__getitem__, line.levels) if level.stair), None)
+        stair = next(
+            (
+                level.stair
+                for level in map(building.levels.__getitem__, line.levels)
+                if level.stair and not level.is_ramp
+            ),
+            None,
+        )
         what = f"{line.kind} {line.name!r}" if stair is None else f"stair {stair!r}"
         limit = LABORATORY if stair is None else STAIRS
         for way in (line.forward, ~line.forward):
             _, first = np.unique(line.person[way], return_index=True)
-            flow = (line.flow_of(np.flatnonzero(way)[np.sort(first)]) or 0.0) / line.width
+            is_new = np.zeros(len(way), np.bool_)
+            is_new[np.flatnonzero(way)[first]] = True
+            flow = (line.flow_of(is_new) or 0.0) / line.width
             if flow > limit:
                 found[what] = max(found.get(what, (flow, limit)), (flow, limit))
     return tuple(
@@ -146,12 +155,14 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
 def queue_warnings(results: "Results") -> tuple[str, ...]:
     """Return a line for each exit that few people left by while it was open and others waited close to it."""
     lines, queues = [], {queue.place: queue for queue in results.queues}
-    for exit_ in results.building.exits if results.trajectory is not None else ():
-        queue, time = queues.get(f"before exit {exit_.name!r}"), results.trajectory.time
-        if queue is None:
+    trajectory = results.trajectory
+    for exit_ in results.building.exits:
+        queue = queues.get(f"before exit {exit_.name!r}")
+        if queue is None or trajectory is None:
             continue
+        time = trajectory.time
         queued = np.flatnonzero(queue.near >= QUEUE * max(1.0, exit_.width))
-        queued = queued[[results.trajectory.building_at(at).is_open(exit_) for at in time[queued].tolist()]]
+        queued = queued[[trajectory.building_at(at).is_open(exit_) for at in time[queued].tolist()]]
         seconds = float(np.diff(time, prepend=time[0])[queued].sum())
         left = results.crowd.exit_time[results.crowd.exit_used == exit_.index]
         flow = np.isin(np.searchsorted(time, left), queued).sum() / max(seconds, QUEUE_SPAN) / exit_.width

@@ -5,6 +5,7 @@ import pytest
 from shapely import box
 
 import evac
+from evac.cli.check import show_building
 from evac.contract.registry import Registry
 from evac.report.of_run import banner, main_results
 from evac.simulation.simulation import Simulation
@@ -169,3 +170,19 @@ def test_routes_that_follow_the_crowd_avoid_slopes_too():
         steep = [level.index for level in simulation.building.levels if level.slope > 0.2]
         assert not np.isin(crowd.level[crowd.group == 1], steep).any()
     assert simulation.ended == "everybody out"
+
+
+@pytest.mark.parametrize(("rise", "ramp", "speed"), [(1.0, 0.125, 1.3), (1.0, 0.0, 0.7), (2.0, 0.125, 0.7)])
+def test_ramps_are_walked_at_the_speed_on_the_level_up_to_one_in_eight(rise, ramp, speed, capsys):
+    plan = evac.Plan()
+    plan.storey("low", [box(0, 0, 6, 3)])
+    plan.storey("high", [box(18, 0, 24, 3)], z=rise)
+    plan.stair("way", "low", [(6, 0.5), (6, 2.5)], "high", [(18, 0.5), (18, 2.5)])
+    plan.exit("out", "low", [(0, 0.5), (0, 2.5)])
+    one = {"name": "one", "positions": [[21, 1.5]], "level": "high", "speed": 1.3, "speed_down": 0.7, "tau": 0.2}
+    case = evac.load({"building": plan, "contact": {"model": "nsm2"}, "people": [one]}, {"building.ramp": ramp})
+    simulation = evac.Simulation(case)
+    on_flight = np.diff(simulation.run().crossings[2])[0]
+    assert on_flight == pytest.approx(np.hypot(12.0, rise) / speed, rel=0.02)
+    show_building(simulation.building, is_verbose=False)
+    assert f"{'ramp' if speed == 1.3 else 'stair'} 1:{12 / rise:g}" in capsys.readouterr().out

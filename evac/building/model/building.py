@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
@@ -42,6 +43,8 @@ class Level:
         Angle with the horizontal [rad].
     z_min, z_max : float
         Heights of its lowest and highest vertex [m].
+    is_ramp : bool
+        Whether people walk on this slope at their speed on the level.
     """
 
     index: int
@@ -54,6 +57,12 @@ class Level:
     slope: float
     z_min: float
     z_max: float
+    is_ramp: bool = False
+
+    @property
+    def climb(self) -> FloatArray:
+        """Return `uphill`, or zero where people walk at their speed on the level, (2,)."""
+        return np.zeros(2) if self.is_ramp else self.uphill
 
 
 @dataclass(frozen=True)

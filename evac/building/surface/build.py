@@ -1,5 +1,6 @@
 """Conversion of a surface mesh to a `Building`."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -75,7 +76,10 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
     building = Building(
         source=source,
         vertices=surface.vertices,
-        levels=level_set.levels,
+        levels=tuple(
+            replace(level, is_ramp=0.0 < math.tan(level.slope) <= options.ramp * (1.0 + 1e-9))
+            for level in level_set.levels
+        ),
         portals=find_portals(surface, table, level_set),
         exits=tagged_exits,
         areas=areas,

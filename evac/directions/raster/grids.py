@@ -109,7 +109,7 @@ def use_towards(level: Level, segments: FloatArray) -> int:
 
     On a slope, a link in the lower half is reached by walking down, one in the upper half by walking up.
     """
-    if not np.any(level.uphill):
+    if not np.any(level.climb):
         return FLAT
     heights = shapely.get_coordinates(level.polygon) @ level.uphill
     middle = 0.5 * (heights.min() + heights.max())
