@@ -88,31 +88,6 @@ def test_lists_doors_and_what_was_assumed(evac, tmp_path, capsys):
     assert any("'inner'" in " ".join(line) for line in assumed)
 
 
-<<<<<<< HEAD
-=======
-GAP = """
-[[building.plan.storeys]]
-name = "f"
-polygons = ["{ground}"]
-[[building.plan.exits]]
-name = "x"
-storey = "f"
-segment = [[12, 0.5], [12, 1.7]]
-[[people]]
-name = "slim"
-level = "f"
-positions = [[1, 1]]
-radius = 0.2
-[[people]]
-name = "wide"
-level = "f"
-positions = [[2, 1], [2, 2]]
-radius = 0.25
-[contact]
-model = "nsm2"
-"""
-
-
 def test_who_can_reach_only_a_refuge_is_named(evac, tmp_path, capsys):
     case = tmp_path / "case.toml"
     case.write_text("""
@@ -142,27 +117,6 @@ model = "nsm2"
     assert "All can reach an exit but 1 of 'wheels', who can reach only a refuge." in capsys.readouterr().out
 
 
-ROUND = "POLYGON ((0 0, 12 0, 12 8, 0 8, 0 0), (6 0.45, 6 6.9, 6.1 6.9, 6.1 0.45, 6 0.45))"
-APART = "POLYGON ((0 0, 12 0, 12 8, 6.1 8, 6.1 0.45, 6 0.45, 6 8, 0 8, 0 0))"
-
-
-@pytest.mark.parametrize(("ground", "warnings"), [(ROUND, 1), (APART, 2)])
-def test_warns_of_a_gap_that_some_fit_through_and_of_people_without_another(evac, tmp_path, capsys, ground, warnings):
-    case = tmp_path / "case.toml"
-    case.write_text(GAP.format(ground=ground))
-    assert evac("check", case) == 0
-    out, err = capsys.readouterr()
-    lines = err.splitlines()
-    assert len(lines) == warnings
-    assert "0.45 m wide, a wall for 2 of 3 people" in lines[0]
-    times = {row[0]: row[3:] for row in (_lines(out, "slim")[0], _lines(out, "wide")[0])}
-    assert ("All can reach an exit" in out) == (warnings == 1)
-    if warnings == 2:
-        assert "people.wide: 2 of 2 people (0.50 m wide)" in lines[1]
-        assert "inf" in times["wide"][0]
-
-
->>>>>>> 83da6ecf (People who arrive through a doorway walk on; check names who can reach only a refuge)
 def states(path, capsys):
     """The status of `evac check`, and the first word of the state of each file that it lists."""
     status = main(["check", str(path)])
