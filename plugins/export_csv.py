@@ -6,7 +6,7 @@ from pathlib import Path
 
 from evac.analysis.tables import motion_table
 from evac.export.exporter import Exporter
-from evac.folder.tables import cell_of
+from evac.folder.textfiles import cell_of
 from evac.trajectory.trajectory import Trajectory
 
 

@@ -8,7 +8,7 @@ from typing_extensions import TypedDict
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building
-from evac.folder.jsonfile import Amount, Count
+from evac.folder.textfiles import Amount, Count
 
 #: Share of the people who pass before, and of those who pass after, the interval in which a flow counts as steady.
 MARGIN = 0.2

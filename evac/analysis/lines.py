@@ -16,7 +16,7 @@ from evac.analysis.measures import records
 from evac.analysis.occupancy import Moves
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Portal
-from evac.folder.jsonfile import Amount, Count
+from evac.folder.textfiles import Amount, Count
 from evac.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:

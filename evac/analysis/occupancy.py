@@ -9,7 +9,7 @@ from typing_extensions import TypedDict
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
-from evac.folder.jsonfile import Amount, Count
+from evac.folder.textfiles import Amount, Count
 from evac.trajectory.trajectory import Trajectory
 
 

@@ -13,8 +13,7 @@ from evac.base.errors import BuildingError, EvacError, ResultError, in_order
 from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
-from evac.folder.files import CHECKPOINT_NAME, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME
-from evac.folder.manifest import COMPLETE, read_manifest
+from evac.folder.files import CHECKPOINT_NAME, COMPLETE, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
 from evac.folder.resultfolder import is_within
 
 if TYPE_CHECKING:
@@ -174,7 +173,7 @@ def _check_checkpoint(path: Path) -> str:
 
 def _check_study(path: Path, is_complete: bool) -> str:
     """Verify the rows of a study, and their number by its summary."""
-    from evac.folder.jsonfile import read_json
+    from evac.folder.textfiles import read_json
     from evac.study.study import read_study
 
     study = read_study(path)

@@ -16,9 +16,20 @@ from pathlib import Path, PurePath
 from typing import Any, Self
 
 from evac.base.errors import ResultError, usable_path
-from evac.folder.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, sync_folder, writing
+from evac.folder.files import (
+    COMPLETE,
+    MANIFEST_NAME,
+    RUNNING,
+    RUNS_PARQUET_NAME,
+    RUNS_STREAM_NAME,
+    TEMPORARY,
+    mark,
+    read_manifest,
+    sync_file,
+    sync_folder,
+    writing,
+)
 from evac.folder.lock import locked
-from evac.folder.manifest import COMPLETE, MANIFEST_NAME, RUNNING, TEMPORARY, mark, read_manifest
 
 #: Name of the file of a case in its folder.
 CASE_NAME = "case.toml"

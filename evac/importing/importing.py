@@ -24,8 +24,8 @@ from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
+from evac.folder.files import RUNNING, mark, read_manifest
 from evac.folder.lock import locked
-from evac.folder.manifest import RUNNING, mark, read_manifest
 from evac.folder.resultfolder import is_empty
 from evac.importing.documents import MOST_OPENINGS, PLAN_HEAD, case_text, report_text
 from evac.importing.rooms import Opening, Room, fill, find_openings, find_rooms, with_missing

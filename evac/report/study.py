@@ -18,8 +18,7 @@ from evac.base.arrays import FloatArray
 from evac.base.distributions import as_text
 from evac.base.errors import ResultError, in_order
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
-from evac.folder.jsonfile import checked, read_json
-from evac.folder.tables import read_columns
+from evac.folder.textfiles import checked, read_columns, read_json
 from evac.report import figures
 from evac.report.pages import APPENDIX, BLANK, Cell, Head, Labels, Section, files_section, fixed, page, section
 from evac.report.sections import (

@@ -18,9 +18,8 @@ from evac.building.model.building import Building
 from evac.building.model.links import building_at
 from evac.directions.routes import Route
 from evac.folder.files import CROSSINGS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
-from evac.folder.jsonfile import checked, read_json
 from evac.folder.resultfolder import find_result
-from evac.folder.tables import read_columns
+from evac.folder.textfiles import checked, read_columns, read_json
 from evac.people.population import Group
 from evac.physics.state import Crowd, make_crowd
 from evac.results.recordedcase import CaseTable, GroupTable, Record, recorded_case, with_infinity

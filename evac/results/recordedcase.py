@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 from evac.base.errors import ResultError
-from evac.folder.jsonfile import Amount
+from evac.folder.textfiles import Amount
 
 if TYPE_CHECKING:
     from evac.case.case import Case

@@ -34,8 +34,7 @@ from evac.folder.files import (
     TRAJECTORY_NAME,
     writing,
 )
-from evac.folder.jsonfile import Amount, Count, adapter, plain, write_json
-from evac.folder.tables import write_csv
+from evac.folder.textfiles import Amount, Count, adapter, plain, write_csv, write_json
 from evac.people.places import PeopleAt
 from evac.people.population import Group
 from evac.physics.state import Crowd

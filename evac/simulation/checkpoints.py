@@ -21,8 +21,8 @@ from evac.case.trust import named_files, run_plugin_files
 from evac.folder.checkpoint import Header, read_checkpoint, write_checkpoint
 from evac.folder.digests import differences, digest_of_data, digest_of_file
 from evac.folder.files import CHECKPOINT_NAME
-from evac.folder.jsonfile import checked, plain
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
+from evac.folder.textfiles import checked, plain
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED
 from evac.jit.loading import host

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from evac.base.errors import ResultError, RunWarning, SimulationError, usable_path
-from evac.folder.files import replacing, writing
-from evac.folder.manifest import COMPLETE, mark, read_manifest
+from evac.folder.files import COMPLETE, mark, read_manifest, replacing, writing
 from evac.jit.loading import cores
 from evac.report.pages import Cell, rendered, write_page
 from evac.standard import tests as standard

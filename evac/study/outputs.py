@@ -24,11 +24,10 @@ from evac.folder.files import (
     SUMMARY_NAME,
     SWEEP_PICTURE_NAME,
     WORST_REPLAY_NAME,
+    note_written,
     writing,
 )
-from evac.folder.jsonfile import plain, write_json
-from evac.folder.manifest import note_written
-from evac.folder.tables import write_csv
+from evac.folder.textfiles import plain, write_csv, write_json
 from evac.results.results import versions
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation

@@ -34,12 +34,12 @@ from evac.folder.files import (
     RUNS_PARQUET_NAME,
     RUNS_STREAM_NAME,
     STUDY_NAME,
+    note_written,
     replacing,
     sync_file,
     writing,
 )
-from evac.folder.jsonfile import plain
-from evac.folder.manifest import note_written
+from evac.folder.textfiles import plain
 from evac.results.ending import FAILED
 from evac.results.results import versions
 from evac.simulation.assembly import providers

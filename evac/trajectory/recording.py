@@ -1,8 +1,7 @@
 """The recorders of a run: starting, calling and finishing them, and their state for checkpoints."""
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +11,7 @@ from numpy.typing import NDArray
 from evac.base.errors import EvacError, ResultError, plugin_code
 from evac.base.saved import part_of, state_of
 from evac.folder.digests import RunningDigest
-from evac.folder.files import sync_file, writing
-from evac.folder.manifest import MANIFEST_NAME, note_written, read_manifest
+from evac.folder.files import MANIFEST_NAME, note_written, read_manifest, sync_file, writing
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -179,7 +177,7 @@ class Recording:
     ) -> None:
         """Truncate the files to their lengths at the checkpoint, and restore the recorders."""
         restored: list[Recorder] = []
-        with _truncated(self._folder, files):
+        with nullcontext() if self._folder is None else _truncated(self._folder, files):
             try:
                 for recorder in self.recorders:
                     what = f"recorder {recorder.name!r}: restore"
@@ -201,24 +199,22 @@ class Recording:
 
 
 @contextmanager
-def _truncated(folder: Path | None, files: Mapping[str, int]) -> Iterator[None]:
+def _truncated(folder: Path, files: Mapping[str, int]) -> Iterator[None]:
     """Truncate files to lengths [bytes]; if the code within fails, as a recorder may, append what was cut off again."""
     cut: list[tuple[Path, int, bytes]] = []
-    if folder is not None:
-        check_lengths(folder, files)
-        for name, length in files.items():
-            with writing(name, folder), (folder / name).open("rb") as file:
-                file.seek(length)
-                cut.append((folder / name, length, file.read()))
+    for name, length in files.items():
+        path = folder / name
+        with writing(name, path.parent), path.open("r+b") as file:
+            file.seek(length)
+            cut.append((path, length, file.read()))
+            file.truncate(length)
     try:
-        for path, length, _ in cut:
-            with writing(path.name, path.parent):
-                os.truncate(path, length)
         yield
     except BaseException:
         for path, length, end in cut:
-            os.truncate(path, length)
-            with path.open("ab") as file:
+            with path.open("r+b") as file:
+                file.truncate(length)
+                file.seek(length)
                 file.write(end)
         raise
 
@@ -240,15 +236,10 @@ def reading(simulation: "Simulation", what: str, plugin: Any) -> Iterator[None]:
 def check_lengths(folder: Path, files: Mapping[str, int]) -> None:
     """Check that files exist in a folder and have at least certain lengths [bytes]."""
     for name, length in files.items():
-        try:
-            size = (folder / name).stat().st_size
-        except OSError:
+        path = folder / name
+        size = path.stat().st_size if path.is_file() else None
+        if size is None or size < length:
+            what = "removed" if size is None else f"truncated: {length} bytes were written, {size} are left"
             raise ResultError(
-                f"{folder / name}: the file was removed during the run; run the case again, and do not change the "
-                "folder until it has ended"
-            ) from None
-        if size < length:
-            raise ResultError(
-                f"{folder / name}: the file was truncated during the run: {length} bytes were written, {size} are "
-                "left; run the case again, and do not change the folder until it has ended"
+                f"{path}: the file was {what}; run the case again, and do not change the folder until it has ended"
             )

@@ -14,8 +14,7 @@ from evac.base.change import Change
 from evac.base.errors import SimulationError
 from evac.building.model.cells import LevelField
 from evac.folder.digests import sealed
-from evac.folder.files import writing
-from evac.folder.manifest import check_replaceable, note_written
+from evac.folder.files import check_replaceable, note_written, writing
 from evac.physics.state import Crowd
 from evac.trajectory.header import FIELDS, FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY
 

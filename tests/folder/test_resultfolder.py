@@ -5,12 +5,15 @@ import os
 import re
 from contextlib import suppress
 
+import numpy as np
 import pytest
 
-from evac.base.errors import ResultError
-from evac.folder.files import replacing
-from evac.folder.manifest import COMPLETE, MANIFEST_NAME, RUNNING, mark, note_written
+import evac
+from evac.base.errors import PluginError, ResultError
+from evac.cli.main import main
+from evac.folder.files import COMPLETE, MANIFEST_NAME, RUNNING, mark, note_written, replacing
 from evac.folder.resultfolder import ResultFolder, find_result
+from evac.results.ending import Stopped
 
 SUMMARY = json.dumps({"versions": {"evac": "1"}, "plugin_files": ["inside.csv", "sub/more.csv"]})
 
@@ -227,3 +230,102 @@ def test_a_link_stays_a_link(tmp_path):
     assert (tmp_path / "r").is_symlink()
     assert contents(tmp_path / "disk" / "r")["people.csv"] == "new"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["disk", "r"]
+
+
+@pytest.fixture
+def case():
+    return evac.load("square_room", {"output.picture": False, "output.animation": False})
+
+
+def test_a_folder_that_is_removed_during_the_run_ends_it(tmp_path, case):
+    earlier = tmp_path / "r"
+    evac.run(case, earlier)
+    before = (earlier / "summary.json").read_bytes()
+
+    def remove(progress):
+        if 0.95 < progress.time < 1.05:
+            for path in (tmp_path / "r.running").iterdir():
+                path.unlink()
+            (tmp_path / "r.running").rmdir()
+        assert progress.time < 1.2
+
+    with pytest.raises(ResultError, match=r"r\.running: .*removed"):
+        evac.run(case, earlier, progress=remove)
+    assert (earlier / "summary.json").read_bytes() == before
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_a_trajectory_that_is_cut_or_removed_during_the_run_is_noticed(tmp_path, case, cut):
+    def damage(progress):
+        if 0.95 < progress.time < 1.05:
+            path = tmp_path / "r.running" / "trajectory.evac"
+            path.write_bytes(b"") if cut else path.unlink()
+
+    with pytest.raises(ResultError, match=r"trajectory\.evac"):
+        evac.run(case, tmp_path / "r", progress=damage)
+
+
+def test_a_failed_run_leaves_an_earlier_result_alone(tmp_path, case):
+    evac.run(case, tmp_path / "r")
+    before = (tmp_path / "r" / "summary.json").read_bytes()
+
+    def fail(progress):
+        if progress.time > 1.0:
+            raise PluginError("odd")
+
+    with pytest.raises(PluginError, match="odd") as caught:
+        evac.run(case, tmp_path / "r", progress=fail)
+    assert any("r.running" in note for note in caught.value.__notes__)
+    assert (tmp_path / "r" / "summary.json").read_bytes() == before
+    assert json.loads((tmp_path / "r.running" / "summary.json").read_text())["ended"] == "failed"
+
+
+def test_two_runs_into_one_folder_are_kept_apart(tmp_path, case):
+    def second(progress):
+        with pytest.raises(ResultError, match=f"r: .* {os.getpid()} "):
+            evac.run(case, tmp_path / "r")
+        raise Stopped
+
+    evac.run(case, tmp_path / "r", progress=second)
+    assert len(np.loadtxt(tmp_path / "r" / "people.csv", delimiter=",", skiprows=1, usecols=0)) == 20
+
+
+SHORT = ["--set", "simulation.duration=0.3", "output.picture=false", "output.replay=false", "output.animation=false"]
+
+#: Files of somebody else in and beside a result ``r``.
+OWN = ("r/report.html", "r/map_density.png", "r/picture.png", "r/replay.html", "r/export/trajectory.csv")
+OWN += ("r/.evac-notes/a.md", "r.importing.md", "data/manifest.jsonl", "data/report.html")
+COMMANDS = (
+    *("report r", "map r --of density", "render r --out r/picture.png --view plan --size 100 100", "replay r"),
+    *("export r --to csv", f"run square_room --out r {' '.join(SHORT)}", "report r --out data/rep.html"),
+    "export r --to geojson --out data/exp",
+)
+
+
+def tree(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_files_of_somebody_else_survive_every_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "square_room", "--out", "r", *SHORT]) == 3
+    for name in OWN:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("mine")
+    status = [main(command.split()) for command in COMMANDS]
+    assert status == [2, 2, 2, 2, 2, 3, 0, 0]
+    after = tree(tmp_path)
+    assert {name: after[name] for name in OWN} == dict.fromkeys(OWN, b"mine")
+    assert set(after) - set(OWN) == {
+        *(f"r/{name}" for name in ("manifest.jsonl", "summary.json", "people.csv", "egress.csv", "flows.csv")),
+        *("r/trajectory.evac", "data/rep.html", "data/exp"),
+    }
+
+
+@pytest.mark.parametrize("name", ["summary.json", "people.csv", "trajectory.evac"])
+def test_a_pipe_in_a_result_ends_nothing(tmp_path, name):
+    evac.run(evac.load("square_room", {"simulation.duration": 0.3, "output.picture": False}), tmp_path / "r")
+    (tmp_path / "r" / name).unlink()
+    os.mkfifo(tmp_path / "r" / name)
+    assert main(["replay", str(tmp_path / "r"), "--out", str(tmp_path / "q.html")]) == 2
+    assert (tmp_path / "r" / name).is_fifo()

@@ -11,7 +11,7 @@ from shapely import box
 
 import evac
 from evac.base.errors import EvacError, ResultError
-from evac.folder.jsonfile import plain
+from evac.folder.textfiles import plain
 
 #: What is not written: the objects of the process, and what the loop needs for its next step.
 LIVE = {"case_or_reader", "building_or_none", "crowd", "groups", "noticed", "advised"}

@@ -5,7 +5,7 @@ import csv
 import pytest
 
 import evac
-from evac.folder.tables import cell_of, read_columns, text_of_cell
+from evac.folder.textfiles import cell_of, read_columns, text_of_cell
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
-"""JSON files of result folders: written as a whole, and checked once when they are read back."""
+"""JSON and CSV files of result folders: written as a whole, and checked once when they are read back."""
 
+import csv
+import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -12,8 +14,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 from evac.base.errors import ResultError
 from evac.folder.files import content_of, replacing
 
-#: Greatest depth of tables and lists in each other, so that code that follows them does not end in an error.
-MOST_NESTED = 60
+#: First characters of formulas in spreadsheet programs, and the apostrophe, which marks a quoted text.
+FORMULAS = ("=", "+", "-", "@", "\t", "\r", "'")
 
 Count = Annotated[int, Field(ge=0)]
 Amount = Annotated[float, Field(ge=0.0)]
@@ -56,14 +58,7 @@ def read_json(path: Path) -> dict[str, Any]:
         raise ResultError(f"{path}: cannot be read: {error}; run the case again") from error
     if not isinstance(data, dict):
         raise ResultError(f"{path}: holds no table; run the case again")
-    if _is_nested(data, MOST_NESTED):
-        raise ResultError(f"{path}: is nested deeper than {MOST_NESTED} tables; run the case again")
     return data
-
-
-def _is_nested(value: Any, deeper_than: int) -> bool:
-    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return deeper_than == 0 or any(_is_nested(item, deeper_than - 1) for item in items)
 
 
 @cache
@@ -87,3 +82,43 @@ def first_fault(error: ValidationError) -> str:
     """Return the first key that was refused, and why."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
     return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+
+
+def cell_of(value: Any) -> Any:
+    """Return a value for a cell of a CSV file: an apostrophe before texts that programs would take for formulas.
+
+    Texts that start with an apostrophe get another one, so that `text_of_cell` is the inverse.
+
+    >>> cell_of("=1+1"), cell_of("'a"), cell_of("hall"), cell_of(-1.5)
+    ("'=1+1", "''a", 'hall', -1.5)
+    """
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value
+
+
+def text_of_cell(cell: str) -> str:
+    """Return the text that `cell_of` has written as a cell."""
+    return cell.removeprefix("'")
+
+
+def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a CSV file with a header; texts are quoted as by `cell_of`."""
+    with replacing(path, "the results") as new, new.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(map(cell_of, columns))
+        writer.writerows(map(cell_of, row) for row in rows)
+
+
+def read_columns(path: Path, wanted: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return the columns of a CSV file as text."""
+    try:
+        head, *rows = list(csv.reader(io.StringIO(content_of(path).decode(), newline=""))) or [[]]
+    except (OSError, ValueError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ResultError(f"{path}: cannot be read: {why}; run the case again") from error
+    missing = [name for name in wanted if name not in head]
+    if missing:
+        raise ResultError(f"{path}: column {missing[0]!r} is missing; run the case again")
+    for number, row in enumerate(rows, 2):
+        if len(row) != len(head):
+            raise ResultError(f"{path}: row {number} has {len(row)} fields instead of {len(head)}; run the case again")
+    return {name: [text_of_cell(row[index]) for row in rows] for index, name in enumerate(head)}
