@@ -1,7 +1,6 @@
 """Failures of checks, all of one form: ``plugin: check, what is examined: what is wrong; remedy``.
 
-A check calls `require` within a block of `examining` or `scene`, and is called by `run_check`. Exceptions that the
-plugin raises become failures too.
+A check calls `require` within a block of `examining` or `scene`, and is called by `run_check`.
 """
 
 from collections.abc import Callable, Iterator
@@ -34,10 +33,7 @@ def require_close(first: ArrayLike, second: ArrayLike, tolerance: float, failure
 
 @contextmanager
 def examining(what: str, remedy: str = "correct the plugin") -> Iterator[None]:
-    """Name what is examined in failures, and turn other exceptions into failures; the innermost block counts.
-
-    The remedy is that of exceptions that state none.
-    """
+    """Name what is examined in failures, the innermost block first, and turn exceptions without a remedy into such."""
     try:
         yield
     except (KeyboardInterrupt, GeneratorExit):
@@ -59,11 +55,7 @@ def scene(title: str) -> AbstractContextManager[None]:
 
 
 def run_check(plugin: Any, check: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a check of a plugin class and return its result.
-
-    The `PluginError` of a failed check names plugin, check, what was examined, file, line, and the remedy. Its cause is
-    the exception that the plugin raised, if there is one.
-    """
+    """Run a check of a plugin class and return its result; the cause of a failure is the exception of the plugin."""
     try:
         with examining("the class"):
             return check(*arguments)
@@ -72,5 +64,5 @@ def run_check(plugin: Any, check: Callable[..., Any], *arguments: Any) -> Any:
         name = next((name for name in names if isinstance(name, str) and name), repr(plugin))
         wrong, _, remedy = failure.args[0].rpartition("; ")
         where = "" if ", line " in wrong or place == "no file" else f" ({place})"
-        text = f"{name}: {check.__name__}, {failure.place}: {wrong}{where}; {remedy}"
-        raise PluginError(text) from failure.__cause__
+        what = f"{name}: {check.__name__}, {failure.place}"
+        raise PluginError(f"{what}: {wrong}{where}; {remedy}") from failure.__cause__

@@ -121,7 +121,7 @@ PAIR, PERSON = "scene 'two people at a gap of", "scene 'a person at a gap of"
 BROKEN = [
     Broken(Constant, "check_force", PAIR, r"N, beyond its cutoff\(\) of 1.000 m; return zero"),
     Broken(Eastward, "check_force", PAIR, "rotate .* by .* N; use the given normal"),
-    Broken(Singular, "check_force", f"{PAIR} 0.000", "must be finite there"),
+    Broken(Singular, "check_force", f"{PAIR} 0.000", "division by zero", ZeroDivisionError),
     Broken(TowardsWalls, "check_force", f"{PERSON} 0.000", "must be finite there"),
     Broken(Endless, "check_force", "the class", "returns inf; return a distance"),
     Broken(Denied, "check_force", PAIR, r"is_needed\(\) is False, but the force is .* N"),

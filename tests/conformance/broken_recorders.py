@@ -60,7 +60,7 @@ HALVED = "scene '20 ticks of .*, resumed in the middle"
 
 BROKEN = [
     Broken(Meddles, "check_recorder", WITHOUT, "read-only; only read the simulation", ValueError),
-    Broken(Counts, "check_recorder", WITH, r"recorder 'counts' has the attributes calls .* state\(\)"),
+    Broken(Counts, "check_recorder", WITHOUT, r"recorder 'counts' has the attributes calls .* state\(\)"),
     Broken(CountsAnew, "check_recorder", HALVED, r"calls\.txt differs .*; state\(\) must"),
     Broken(Appends, "check_recorder", HALVED, r"appends\.txt differs"),
     Broken(odd(CountsAnew, start=raising), "check_recorder", WITHOUT, "partner", KeyError),
